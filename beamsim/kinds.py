@@ -19,9 +19,9 @@ class Kind(NamedTuple):
     called: str
     analysis: str  # function of a scenario that computes it
     result: str  # its class
+    screen: str  # function of a result: what is printed first
+    views: str  # what its table tells beyond the entries of its summary
     figures: str  # function of a result: its matplotlib figures by name
-    views: str = ""  # what its table tells beyond the entries of its summary
-    screen: str = ""  # function of a result: what is printed first, by default its table
 
 
 KINDS = {
@@ -29,58 +29,64 @@ KINDS = {
         "run", "the result of `beamsim run`",
         analysis="beamsim.trust.checked:run",
         result="beamsim.analyses.run.result:RunResult",
-        views="beamsim.cli.run_report:VIEWS",
-        screen="beamsim.cli.screens:run_screen",
+        screen="beamsim.cli.motions:run_screen",
+        views="beamsim.cli.motions:RUN_VIEWS",
         figures="beamsim.plots.run:run_figures",
     ),
     "sweep": Kind(
         "sweep", "a sweep of one design by `beamsim sweep`",
         analysis="beamsim.trust.checked:sweep",
         result="beamsim.analyses.sweep.result:SweepResult",
-        views="beamsim.cli.sweep_report:VIEWS",
-        screen="beamsim.cli.screens:sweep_screen",
+        screen="beamsim.cli.motions:sweep_screen",
+        views="beamsim.cli.motions:SWEEP_VIEWS",
         figures="beamsim.plots.sweep:sweep_figures",
     ),
     "continuation": Kind(
         "sweep", "a continuation by `beamsim sweep`",
         analysis="beamsim.trust.checked:continuation",
         result="beamsim.analyses.continuation.result:ContinuationResult",
-        views="beamsim.cli.continuation_report:VIEWS",
+        screen="beamsim.cli.branches:continuation_screen",
+        views="beamsim.cli.branches:CONTINUATION_VIEWS",
         figures="beamsim.plots.continuation:continuation_figures",
     ),
     "designs": Kind(
         "sweep", "a design study by `beamsim sweep`",
         analysis="beamsim.analyses.designs.analysis:design_study",
         result="beamsim.analyses.designs.result:DesignsResult",
-        views="beamsim.cli.designs_report:VIEWS",
+        screen="beamsim.cli.studies:design_screen",
+        views="beamsim.cli.studies:DESIGN_VIEWS",
         figures="beamsim.plots.designs:design_figures",
     ),
     "identify-stiffness": Kind(
         "identify-stiffness", "the result of `beamsim identify-stiffness`",
         analysis="beamsim.analyses.identify.analysis:identify_stiffness",
         result="beamsim.analyses.identify.result:IdentificationResult",
-        views="beamsim.cli.identification_report:VIEWS",
+        screen="beamsim.cli.measured:identification_screen",
+        views="beamsim.cli.measured:IDENTIFICATION_VIEWS",
         figures="beamsim.plots.identification:identification_figures",
     ),
     "nnm": Kind(
         "nnm", "the result of `beamsim nnm`",
         analysis="beamsim.trust.checked:nnm",
         result="beamsim.analyses.nnm.result:NormalModeResult",
-        views="beamsim.cli.nnm_report:VIEWS",
+        screen="beamsim.cli.branches:nnm_screen",
+        views="beamsim.cli.branches:NNM_VIEWS",
         figures="beamsim.plots.nnm:nnm_figures",
     ),
     "compare": Kind(
         "compare", "the result of `beamsim compare`",
         analysis="beamsim.analyses.compare.analysis:compare",
         result="beamsim.analyses.compare.result:Comparison",
-        views="beamsim.cli.comparison_report:VIEWS",
+        screen="beamsim.cli.measured:comparison_screen",
+        views="beamsim.cli.measured:COMPARISON_VIEWS",
         figures="beamsim.plots.comparison:comparison_figures",
     ),
     "compare-modes": Kind(
         "compare-modes", "the result of `beamsim compare-modes`",
         analysis="beamsim.analyses.compare_modes:compare_modes",
         result="beamsim.analyses.compare_modes:ModeComparison",
-        views="beamsim.cli.comparison_report:VIEWS_OF_MODES",
+        screen="beamsim.cli.measured:modes_screen",
+        views="beamsim.cli.measured:MODE_VIEWS",
         figures="beamsim.plots.comparison:mode_comparison_figures",
     ),
 }  # fmt: skip

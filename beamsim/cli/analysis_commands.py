@@ -103,6 +103,7 @@ def nnm(
     json: Json = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     compare_with: Annotated[
         list[ComparedMethod] | None,
         typer.Option("--compare", help="Compare another method with the exact mode; repeatable."),
@@ -113,7 +114,7 @@ def nnm(
     from beamsim.cli.simulation import analysed
 
     methods = [method.value for method in compare_with or ()]
-    given = Given(case, set_, output, Reporting(not no_plots, json, quiet))
+    given = Given(case, set_, output, Reporting(not no_plots, json, quiet, verbose=verbose))
     analysed("nnm", given, "following the mode of", compare=methods)
 
 
@@ -124,12 +125,13 @@ def identify_stiffness(
     json: Json = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
     """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
     from beamsim.cli.comparisons import identify
 
-    identify(Given(case, set_, output, Reporting(not no_plots, json, quiet)))
+    identify(Given(case, set_, output, Reporting(not no_plots, json, quiet, verbose=verbose)))
 
 
 def compare(
@@ -166,6 +168,7 @@ def compare(
     json: Json = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
     """Overlay a run or sweep with measured signals. Prints differences of harmonics, phase aligned; of sweeps peaks."""
@@ -174,7 +177,7 @@ def compare(
     pairing = {"channel": channel, "place": probe, "quantity": quantity, "unit": unit, "axis_unit": axis_unit}
     of_runs = {"harmonics": harmonics, "last": last}
     of_sweeps = {"curve": curve, "detector": detector, "reference": reference, "begin": begin, "cycles": cycles}
-    given = Given(result, None, output, Reporting(not no_plots, json, quiet))
+    given = Given(result, None, output, Reporting(not no_plots, json, quiet, verbose=verbose))
     compare_signals(given, measured, pairing, of_runs, of_sweeps)
 
 
@@ -195,12 +198,13 @@ def compare_modes(
     json: Json = False,
     no_plots: NoPlots = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     debug: Debug = False,
 ) -> None:
     """Pair measured with computed modes by their MAC. Prints frequencies, differences and MAC."""
     from beamsim.cli.comparisons import compare_shapes
 
-    given = Given(case, set_, output, Reporting(not no_plots, json, quiet))
+    given = Given(case, set_, output, Reporting(not no_plots, json, quiet, verbose=verbose))
     limits = {"least_mac": least_mac, "most_difference": most_difference}
     compare_shapes(given, measured, "closed" if closed else "open", limits)
 

@@ -14,7 +14,6 @@ from beamsim.cli.options import Reporting
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.cli.report import table_rows
-from beamsim.cli.screens import screen_text
 from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind
@@ -112,7 +111,7 @@ def _plots(kind: str, result: Result, target: Path, reporting: Reporting, interr
 
 def _print(kind: str, result: Result, files: Sequence[Path], reporting: Reporting) -> None:
     """Print the result of a command as JSON, as its first screen or as a table, with the files written."""
-    first = bool(KINDS[kind].screen) and not (reporting.json or reporting.quiet or reporting.verbose)
+    first = not (reporting.json or reporting.quiet or reporting.verbose)
     for warning in () if first else result.warnings:
         say(f"beamsim: warning: {warning}")
     if reporting.json:
@@ -120,7 +119,7 @@ def _print(kind: str, result: Result, files: Sequence[Path], reporting: Reportin
         more = {"wall_time_s": result.wall_time_s, "files": [str(path) for path in files]}
         print_json({**about, **result.summary, **more})
     elif first:
-        print(screen_text(result, named(KINDS[kind].screen)(result), [str(file) for file in files]))
+        print(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
     elif not reporting.quiet:
         written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
         print_table(result.title, [*table_rows(kind, result), *written])

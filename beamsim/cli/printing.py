@@ -1,16 +1,166 @@
-"""What commands print on standard output: tables, lists of files, JSON."""
+"""The printer of commands: values as lines, tables, a first screen, lists of files, JSON.
+
+A value is a text, a number, a list, a mapping by name, a record (a mapping by what is told), records by name, or a list
+of records. Label and unit of what a record tells follow from its name: ``mean_peak_force_n`` is a mean peak force in N.
+"""
 
 from __future__ import annotations
 
 import shutil
 import sys
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from json import dumps
 from pathlib import Path
 from typing import Any
 
 from beamsim.fields import plain
+from beamsim.plots.style import amount, is_known, scale_for
+
+WIDTH = 160  # characters, above which records stand side by side instead of below each other
+VALUES_SHOWN = 6  # of a list
+NONE = "-"
+UNITS = {
+    "_n_per_m": "N/m", "_m_s2": "m/s^2", "_n_s": "N s", "_m_s": "m/s", "_m3": "m^3", "_percent": "%", "_deg": "deg",
+    "_pa": "Pa", "_hz": "Hz", "_db": "dB", "_m": "m", "_n": "N", "_g": "g", "_s": "s", "_j": "J", "_w": "W",
+}  # fmt: skip
+"""Of endings of names; longer ones first."""
+
+
+def words(name: str) -> str:
+    """A name without its unit.
+
+    >>> words("mean_peak_force_n"), words("contact_share")
+    ('mean peak force', 'contact share')
+    """
+    return name.removesuffix(next((end for end in UNITS if name.endswith(end)), "")).replace("_", " ")
+
+
+def percent(share: float, digits: int = 3) -> str:
+    """A share in percent."""
+    return f"{100 * share:.{digits}g} %"
+
+
+def counted(number: int, noun: str) -> str:
+    """A number of things.
+
+    >>> counted(1, "mode"), counted(2, "mode")
+    ('1 mode', '2 modes')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def told(name: str, value: Any, unit: str = "") -> str:
+    """The text of a value that has this name, with the unit of the name if no other is given; empty where not known.
+
+    >>> told("peak_force_n", 2.5), told("contact_share", 0.25), told("stable", True), told("rate_hz", [1.0, 2.0])
+    ('2.5 N', '25 %', 'yes', '1, 2 Hz')
+    """
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
+    if not is_known(value):
+        return ""
+    unit = unit or next((of for end, of in UNITS.items() if name.endswith(end)), "1")
+    if isinstance(value, (list, tuple)):
+        if any(isinstance(item, str) for item in value):
+            return ", ".join(map(str, value))
+        if any(isinstance(item, (list, tuple)) for item in value):
+            return "; ".join(told(name, item, unit) for item in value[:VALUES_SHOWN])
+        scale = scale_for(unit, [item for item in value if is_known(item)])
+        shown = [f"{item * scale.factor:.4g}" if is_known(item) else NONE for item in value[:VALUES_SHOWN]]
+        return f"{', '.join(shown)}{', …' if len(value) > VALUES_SHOWN else ''} {scale.unit}".strip()
+    return percent(value) if "share" in name else amount(value, unit)
+
+
+def lines(name: str, value: Any, unit: str = "", change: Callable[[str], str] = lambda _: "") -> list[str]:
+    """A value as lines.
+
+    Parameters
+    ----------
+    name : of the value.
+    value : text, lines of text, number, numbers, mapping by name (if it has a unit or texts), record, or records by
+        name or in a list.
+    unit : of the numbers; empty if each has its own.
+    change : by name in a mapping, by record (by "" of the value itself), what is said of its change; empty for nothing.
+    """
+    if isinstance(value, (list, tuple)) and all(isinstance(item, str) for item in value):
+        return list(value)
+    if isinstance(value, (list, tuple)) and all(isinstance(item, Mapping) for item in value):
+        return _table(value, change)
+    if not isinstance(value, Mapping):
+        return [text for text in ["; ".join(filter(None, (told(name, value, unit), change(""))))] if text]
+    if value and all(isinstance(item, Mapping) for item in value.values()) and not unit:
+        return _table([{"": path, **record} for path, record in _records(value)], change)
+    if unit or all(isinstance(item, str) for item in value.values()):
+        texts = [(path, told(name, item, unit)) for path, item in _flat(value)]
+        return aligned([(path, "; ".join(filter(None, (text, change(path))))) for path, text in texts], gap=2)
+    return _record(value)
+
+
+def aligned(rows: Sequence[Sequence[str]], gap: int = 3) -> list[str]:
+    """Rows of cells as lines, the cells in columns."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
+    between = " " * gap
+    return [between.join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _records(value: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Records by their names, which may have several levels."""
+    for name, item in value.items():
+        called = f"{path} {name}".strip()
+        if item and all(isinstance(each, Mapping) for each in item.values()):
+            yield from _records(item, called)
+        else:
+            yield called, item
+
+
+def _flat(value: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Values by their names, which may have several levels."""
+    for name, item in value.items():
+        called = f"{path} {name}".strip()
+        if isinstance(item, Mapping):
+            yield from _flat(item, called)
+        else:
+            yield called, item
+
+
+def _record(record: Mapping[str, Any]) -> list[str]:
+    """What a record tells: in one line if that is short, else one below the other; records in it as tables."""
+    single = {name: told(name, item) for name, item in record.items() if not _is_table(item)}
+    texts = [(words(name), text) for name, text in single.items() if text]
+    line = ", ".join(f"{name} {text}" for name, text in texts)
+    shown = [line] if 0 < len(line) <= WIDTH else aligned(texts, gap=2)
+    for name, item in record.items():
+        if item and _is_table(item):
+            shown += [f"{words(name)}:", *(f"  {each}" for each in lines(name, item))]
+    return shown
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, Mapping) or (
+        isinstance(value, (list, tuple)) and any(isinstance(v, Mapping) for v in value)
+    )
+
+
+def _table(records: Sequence[Mapping[str, Any]], change: Callable[[str], str]) -> list[str]:
+    """Records below each other under headings; side by side if that is too wide and the narrower way.
+
+    What no record tells is left out.
+    """
+    flat = [dict(_flat(record)) for record in records]
+    texts = [{name: told(name, item) for name, item in record.items() if not _is_table(item)} for record in flat]
+    for text in texts:
+        text["change"] = change(text[""]) if "" in text else ""
+    columns = [
+        name for name in dict.fromkeys(name for text in texts for name in text) if any(t.get(name) for t in texts)
+    ]
+    rows = [[words(name) for name in columns], *([text.get(name) or NONE for name in columns] for text in texts)]
+    if len({*columns} - {"", "change"}) == 1 and "" in columns:
+        return aligned(rows[1:])  # the one thing that is told has the name of the entry
+    below, beside = aligned(rows), aligned(list(zip(*rows, strict=True)))
+    return below if max(map(len, below)) <= max(WIDTH, *map(len, beside)) else beside
 
 
 def print_json(values: Mapping[str, Any]) -> None:

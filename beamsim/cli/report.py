@@ -1,7 +1,7 @@
 """Summaries as tables.
 
-The entries of a summary (`Result.SUMMARY`) give order, labels and units of the table, which `beamsim.cli.tables`
-prints. What the summary does not say by itself is told by views, in a module for each kind of result.
+The entries of a summary (`Result.SUMMARY`) give order, labels and units of the table, which `beamsim.cli.printing`
+prints. What the summary does not say by itself is told by views, which are where the first screen of each kind is.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Any
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.values import limit_label, limit_unit
-from beamsim.cli.printing import table_text
-from beamsim.cli.tables import aligned, counted, lines, percent, told, words
+from beamsim.cli.printing import aligned, counted, lines, percent, table_text, told, words
 from beamsim.kinds import KINDS, named
+from beamsim.outcomes import Outcome
 from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
 from beamsim.scenario.quantities import amplitude_unit
 
@@ -32,14 +32,14 @@ class Labelled(dict[str, Any]):
 
 Views = Mapping[str, Callable[[Any, Any], Any]]
 """By entry of a summary what is printed of its value, made of the result and the value: `Labelled`, or what
-`beamsim.cli.tables.lines` takes."""
+`beamsim.cli.printing.lines` takes."""
 
 
 def table_rows(kind: str, result: Result) -> Iterator[Row]:
     """Label and text of every row of a result's table: first the status if there is more to say than complete."""
     if result.outcome.message or result.outcome.parts:
         yield from _labelled("status", result.outcome.displayed(scale_for).statements)
-    views = SHARED | named(KINDS[kind].views) if KINDS[kind].views else SHARED
+    views = SHARED | named(KINDS[kind].views)
     for entry in type(result).SUMMARY:
         if entry.label and entry.name in result.summary:
             value, unit = result.summary[entry.name], entry.unit
@@ -107,15 +107,6 @@ def change_text(change: float, doubtful: bool, after_parting: bool = False) -> s
     elif change > ALLOWED_CHANGE:
         size = f"{size}, within the standard error of its mean"
     return f"{ONE_OF_MANY}, {size}" if after_parting else size
-
-
-def pair(values: Sequence[float]) -> str:
-    """Two observed orders; one that could not be observed is called unknown.
-
-    >>> pair([1.998, float("nan")])
-    '2.00 and unknown'
-    """
-    return " and ".join("unknown" if math.isnan(value) else f"{value:.2f}" for value in values[:2])
 
 
 def together(*entries: str) -> Callable[[Result, Any], dict[str, dict[str, Any]]]:
@@ -186,16 +177,15 @@ def _base_correction(result: Result, share: float) -> str:
     return f"{amount(result.summary['base_correction_m_s2'], 'm/s^2')}, {percent(share)} of the level" if share else ""
 
 
-def stress_text(summary: Mapping[str, Any]) -> str:
-    """The largest bending stress, on which body if there are several, and where."""
+def stress_text(summary: Mapping[str, Any], stress: str) -> str:
+    """The largest bending stress, which is given as text, on which body if there are several, and where."""
     body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
     y = summary.get("largest_bending_stress_across_m", math.nan)
-    across = "" if math.isnan(y) else f", y = {length_text(y)}"
-    value = amount(summary["largest_bending_stress_pa"], "Pa")
-    return f"{value} at {body}x = {length_text(summary['largest_bending_stress_position_m'])}{across}"
+    across = "" if math.isnan(y) else f", y = {_length(y)}"
+    return f"{stress} at {body}x = {_length(summary['largest_bending_stress_position_m'])}{across}"
 
 
-def length_text(metres: float) -> str:
+def _length(metres: float) -> str:
     """A place along a body."""
     return amount(metres, "m") if metres else "0"
 
@@ -283,14 +273,28 @@ def _convergence(result: Result, changes: Mapping[str, Any]) -> Iterator[str]:
         yield f"values marked '{ONE_OF_MANY}' depend on what follows"
 
 
+def _solver(result: Result, time: float) -> str:
+    """What the solver did, and how long it took."""
+    counts = {"cycles": "cycle", "events": "contact event", "breakpoints_passed": "passed breakpoint"}
+    did = [counted(result.summary[name], noun) for name, noun in counts.items() if result.summary.get(name)]
+    return ", ".join([*did, f"processor time {amount(time, 's')}"])
+
+
+def ended(outcome: Outcome) -> str:
+    """How a part of a computation ended, without saying of it that it is complete."""
+    return "; ".join(text for text in outcome.displayed(scale_for).statements if text != "complete")
+
+
 SHARED: Views = {
+    "processor_time_s": _solver,
     "convergence": lambda result, changes: list(_convergence(result, changes)),
     "margins": margins,
     "open_frequencies_hz": _natural_frequencies,
     "reduction_bound": _reduction,
     "base_correction_share": _base_correction,
     "gapping": _gapping,
-    "largest_bending_stress_pa": lambda result, _: stress_text(result.summary),
+    "largest_bending_stress_pa": lambda result, stress: stress_text(result.summary, amount(stress, "Pa")),
     "energy_error": lambda _, error: f"{error:.2g}",
+    "largest_residual": lambda _, residual: f"{residual:.2g}",
 }
 """Of the entries that several analyses share."""

@@ -1,55 +1,60 @@
-"""The first screen of a result: what an engineer decides by. The rest is behind ``--verbose`` and in ``info``."""
+"""The first screen of a result: what an engineer decides by. The rest is behind ``--verbose`` and in ``info``.
+
+It has a title with the outcome and how sure it is, one table of places, curves, branches, cases or parameters, a few
+lines of what decides, and the files. What stands there is said by a function for each kind (`beamsim.kinds`).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from beamsim.analyses.result import Result
-from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.sweep.result import SweepResult
 from beamsim.analyses.values import STANDARD_GRAVITY, limit_label
-from beamsim.cli.report import length_text, predicted
-from beamsim.cli.sweep_report import at_frequency, notch_texts
-from beamsim.cli.tables import NONE, aligned, counted, percent
+from beamsim.cli.printing import NONE, aligned, counted, percent
+from beamsim.cli.report import ended, predicted
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.quantities import amplitude_unit
 
-SHOWN = 4  # outputs, and levels of contacts
+SHOWN = 4  # of what there may be many of: outputs, levels of contacts, cases
 DIGITS = 3  # at most; fewer where the convergence supports no more
 
 
-class Screen(NamedTuple):
+@dataclass(frozen=True)
+class Screen:
     """What is printed of a result below its title."""
 
     verdict: str  # beside the title
-    headings: tuple[str, ...]  # of the columns; the first has none
-    rows: tuple[tuple[str, ...], ...]
-    lines: tuple[str, ...]
+    rows: Sequence[Mapping[str, str]]  # by heading; the first heading is empty
+    lines: Sequence[str]
+
+    def text(self, result: Result, files: Sequence[str]) -> str:
+        """The screen; columns in which nothing is are left out.
+
+        Parameters
+        ----------
+        result : with its title, outcome and warnings.
+        files : written by the command, the result file first.
+        """
+        lines = ["  ".join(filter(None, (result.title or files[0], self.verdict)))]
+        if statements := ended(result.outcome):
+            lines += [f"{text[:1].upper()}{text[1:]}" for text in statements.split("; ")]
+        headings = [
+            name
+            for name in dict.fromkeys(name for row in self.rows for name in row)
+            if any(row.get(name, NONE) not in ("", NONE) for row in self.rows)
+        ]
+        cells = [[row.get(name) or NONE for name in headings] for row in self.rows]
+        lines += aligned([headings, *cells]) if headings else []
+        lines += self.lines
+        notes = f"{counted(len(result.warnings), 'note')} (-v shows them); " if result.warnings else ""
+        plots = f", {counted(len(files) - 1, 'plot')}" if len(files) > 1 else ""
+        return "\n".join([*lines, f"{notes}{files[0]}{plots}"])
 
 
-def screen_text(result: Result, screen: Screen, files: Sequence[str]) -> str:
-    """A result's first screen.
-
-    Parameters
-    ----------
-    result : with its title, outcome and warnings.
-    screen : of the result.
-    files : written by the command, the result file first.
-    """
-    head = f"{result.title or files[0]}  "
-    lines = [head + screen.verdict]
-    statements = result.outcome.displayed(scale_for).statements
-    lines += [f"{text[:1].upper()}{text[1:]}" for text in statements if text != "complete"]
-    lines += aligned([screen.headings, *screen.rows]) if screen.rows else []
-    lines += screen.lines
-    notes = f"{counted(len(result.warnings), 'note')} (-v shows them); " if result.warnings else ""
-    plots = f", {counted(len(files) - 1, 'plot')}" if len(files) > 1 else ""
-    return "\n".join([*lines, f"{notes}{files[0]}{plots}"])
-
-
-class Printed:
+class Numbers:
     """Numbers of a summary as text, to the digits that their convergence supports, with marks.
 
     Parameters
@@ -63,7 +68,7 @@ class Printed:
         self._met: set[str] = set()
         self.largest_change = 0.0
 
-    def number(self, value: float, unit: str, entry: str, place: str = "", size: float | None = None) -> str:
+    def text(self, value: float, unit: str, entry: str, place: str = "", size: float | None = None) -> str:
         """A number with its unit.
 
         Parameters
@@ -82,10 +87,7 @@ class Printed:
             self.largest_change = max(self.largest_change, change)
         mark = " *" if key in self._doubtful else " ~" if key in self._after else ""
         self._met |= {mark.strip()}
-        si = STANDARD_GRAVITY if unit == "g" else 1.0
-        scale = scale_for("m/s^2" if unit == "g" else unit, si * (value if size is None else size))
-        shown = _rounded(value * si * scale.factor, si * scale.factor * abs(size or value), digits_of(change))
-        return f"{shown} {scale.unit}{mark}".rstrip()
+        return rounded(value, unit, digits_of(change), size) + mark
 
     def legend(self) -> Iterator[str]:
         """What the marks mean that were printed."""
@@ -104,14 +106,32 @@ def digits_of(change: float | None) -> int:
     return DIGITS if change is None or change <= 0.0 else min(max(math.ceil(-math.log10(change)), 1), DIGITS)
 
 
-def _rounded(value: float, size: float, digits: int) -> str:
-    """A value with as many decimals as its size has in so many digits."""
-    decimals = digits - 1 - math.floor(math.log10(size)) if size > 0.0 else 0
-    return f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}"
+def rounded(value: float, unit: str, digits: int = DIGITS, size: float | None = None) -> str:
+    """A value with as many decimals as its size has in so many digits, and with its unit.
+
+    Parameters
+    ----------
+    value : in ``unit``.
+    unit : SI, or g.
+    digits : significant digits.
+    size : magnitude that chooses prefix and decimals, by default that of the value.
+    """
+    si = STANDARD_GRAVITY if unit == "g" else 1.0
+    size = float(f"{abs(value if size is None else size):.{digits}g}")
+    scale = scale_for("m/s^2" if unit == "g" else unit, si * size)
+    size *= si * scale.factor
+    decimals = digits - 1 - math.floor(math.log10(size)) if 0.0 < size < math.inf else 0
+    return f"{round(value * si * scale.factor, decimals) + 0.0:.{max(decimals, 0)}f} {scale.unit}".rstrip()
 
 
-def _verdict(result: Result, change: float) -> str:
-    """Whether the values can be trusted, in a few words; ``change`` is the largest that is printed."""
+def sureness(result: Result, change: float) -> str:
+    """Whether the values can be trusted, in a few words.
+
+    Parameters
+    ----------
+    result : with its outcome and summary.
+    change : the largest with a finer model of the values that are printed.
+    """
     summary = result.summary
     model, doubtful = summary.get("convergence_model") or {"reason": "not known"}, summary.get("doubtful")
     if not result.complete:
@@ -130,7 +150,7 @@ def _verdict(result: Result, change: float) -> str:
     return f"{said}, energy error {error:.0e}" if is_known(error) else said
 
 
-def _limits(compared: Mapping[str, Mapping[str, Any]]) -> dict[str, list[str]]:
+def limits_by_place(compared: Mapping[str, Mapping[str, Any]]) -> dict[str, list[str]]:
     """By place the verdict on each limit."""
     verdicts: dict[str, list[str]] = {}
     for name, item in compared.items():
@@ -141,20 +161,26 @@ def _limits(compared: Mapping[str, Mapping[str, Any]]) -> dict[str, list[str]]:
     return verdicts
 
 
-def _modes(result: RunResult | SweepResult) -> Iterator[str]:
-    """The first natural frequency with its damping, contacts open and closed."""
-    modes = result.modes
-    elastic = [k for k, f in enumerate(modes.open_frequencies_hz[: modes.kept_modes]) if f > 0.0]
+def limit_lines(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """A line for each limit, with the place of its value."""
+    for at, texts in limits_by_place(compared).items():
+        yield from (f"{text}{f' at {at}' if at else ''}" for text in texts)
+
+
+def modes(result: Any) -> Iterator[str]:
+    """The first natural frequency of a result with modes, with its damping, contacts open and closed."""
+    table = result.modes
+    elastic = [k for k, f in enumerate(table.open_frequencies_hz[: table.kept_modes]) if f > 0.0]
     if not elastic:
         return
     k = elastic[0]
-    ratio = float(modes.damping_ratios[k])
+    ratio = float(table.damping_ratios[k])
     damping = f" ({percent(ratio, 2)})" if is_known(ratio) else ""
-    text = f"first mode {modes.open_frequencies_hz[k]:.3g} Hz open{damping}"
-    yield f"{text}, {modes.closed_frequencies_hz[k]:.3g} Hz closed" if result.scenario.located_snubbers else text
+    text = f"first mode {table.open_frequencies_hz[k]:.3g} Hz open{damping}"
+    yield f"{text}, {table.closed_frequencies_hz[k]:.3g} Hz closed" if result.scenario.located_snubbers else text
 
 
-def _contact_levels(result: RunResult | SweepResult) -> Iterator[str]:
+def contact_levels(result: Result) -> Iterator[str]:
     """From which level on the linear motion opens or closes each snubber, where that is not with every motion."""
     unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
     texts = [
@@ -165,89 +191,3 @@ def _contact_levels(result: RunResult | SweepResult) -> Iterator[str]:
     yield from texts[:SHOWN]
     if len(texts) > SHOWN:
         yield f"{len(texts) - SHOWN} more contacts: -v shows from which level on they open or close"
-
-
-def _of_columns(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> tuple[tuple[str, ...], tuple[Any, ...]]:
-    """The columns in which something is."""
-    rows = list(rows)
-    kept = [k for k in range(len(headings)) if k == 0 or any(row[k] not in ("", NONE) for row in rows)]
-    return tuple(headings[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in rows)
-
-
-def run_screen(result: RunResult) -> Screen:
-    """Forces, contact, displacements, accelerations and limits by place."""
-    s, printed = result.summary, Printed(result.summary)
-    limits = _limits(s.get("margins", {}))
-    rows = [_place(s, printed, name, limits) for name in dict.fromkeys((*result.snubbers, *result.probes))]
-    headings, kept = _of_columns(("", "peak force", "in contact, times", "displacement", "acceleration", "limit"), rows)
-    facts, stress = list(_modes(result)), s.get("largest_bending_stress_pa")
-    if stress is not None and is_known(stress):
-        body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
-        where = f"{body}x = {length_text(s['largest_bending_stress_position_m'])}"
-        facts.insert(0, f"bending stress {printed.number(stress, 'Pa', 'largest_bending_stress_pa')} at {where}")
-    lines = [*(["; ".join(facts)] if facts else []), *_contact_levels(result)]
-    outputs = [
-        f"{name} {printed.number(peak, s['output_unit'][name], 'peak_output', name)}"
-        for name, peak in s.get("peak_output", {}).items()
-    ]
-    if outputs:
-        more = f" and {len(outputs) - SHOWN} more" if len(outputs) > SHOWN else ""
-        lines.append(f"peaks of outputs: {', '.join(outputs[:SHOWN])}{more}")
-    lines += [f"damage of {name} {body['damage']:.2g}" for name, body in s.get("fatigue", {}).items()]
-    shown = {row[0] for row in rows}
-    lines += [f"{text}{f' at {at}' if at else ''}" for at, texts in limits.items() if at not in shown for text in texts]
-    if compared := s.get("against"):
-        apart = percent(compared["largest_state_difference"], 2)
-        lines.append(f"{compared['method']}: displacements differ by at most {apart}{_until(result, compared)}")
-    lines += printed.legend()
-    return Screen(_verdict(result, printed.largest_change), headings, kept, tuple(lines))
-
-
-def _until(result: RunResult, compared: Mapping[str, Any]) -> str:
-    until = compared["agrees_until_s"]
-    whole = until >= result.time[-1]
-    return "" if whole else f" until {until:.4g} s, where the contact sequences diverge"
-
-
-def _place(s: Mapping[str, Any], printed: Printed, name: str, limits: Mapping[str, list[str]]) -> tuple[str, ...]:
-    """The row of a probe, of a snubber, or of both."""
-    force = contact = displacement = acceleration = NONE
-    if name in s["peak_force_n"]:
-        force = printed.number(s["peak_force_n"][name], "N", "peak_force_n", name)
-        contact = f"{percent(s['contact_share'][name])}, {s['contacts'][name]}"
-    if name in s["max_displacement_m"]:
-        low, high = (
-            printed.number(s[entry][name], "m", entry, name, s["peak_displacement_m"][name])
-            for entry in ("min_displacement_m", "max_displacement_m")
-        )
-        first, _, unit = low.partition(" ")
-        displacement = f"{first} to {high}" if high.partition(" ")[2].startswith(unit) else f"{low} to {high}"
-        acceleration = printed.number(s["peak_acceleration_g"][name], "g", "peak_acceleration_g", name)
-    return name, force, contact, displacement, acceleration, "; ".join(limits.get(name, ()))
-
-
-def sweep_screen(result: SweepResult) -> Screen:
-    """The largest values of each curve, with their frequency and place."""
-    s, printed = result.summary, Printed(result.summary)
-    of = (
-        ("peak_force_n", "force", "N"), ("peak_displacement_m", "displacement", "m"),
-        ("peak_acceleration_g", "acceleration", "g"),
-    )  # fmt: skip
-    rows = []
-    for name, curve in result.curves.items():
-        level = scale_for(curve.level_unit, curve.level)
-        row = [f"{curve.direction}, {curve.level * level.factor:.4g} {level.unit}".rstrip()]
-        for entry, field, unit in of:
-            values = s[entry].get(name, {})
-            place = max(values, key=lambda at: values[at], default="")
-            at = at_frequency(curve, field, place)
-            where = f", {place}" if len(values) > 1 else ""
-            row.append(f"{printed.number(values[place], unit, entry, f'{name} {place}')}{at}{where}" if at else NONE)
-        shares = s["contact_share"].get(name, {})
-        row.append(", ".join(percent(share) for share in shares.values()) or NONE)
-        rows.append(row)
-    headings, kept = _of_columns(("", "peak force", "displacement", "acceleration", "in contact"), rows)
-    limits = [f"{text} at {at}" for at, texts in _limits(s.get("margins", {})).items() for text in texts]
-    notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
-    lines = (*_modes(result), *_contact_levels(result), *notches, *limits, *printed.legend())
-    return Screen(_verdict(result, printed.largest_change), headings, kept, lines)

@@ -35,7 +35,7 @@ def info(path: Path, *, as_json: bool) -> None:
     with shown_in(result.scenario.display_scales):
         made_by = ("written", f"{result.created} by beamsim {result.beamsim_version} {KINDS[kind].command}")
         warnings = (("warning", warning) for warning in result.warnings)
-        print_table(f"{path}: {result.title}", [made_by, *table_rows(kind, result), *warnings])
+        print_table(": ".join(filter(None, (str(path), result.title))), [made_by, *table_rows(kind, result), *warnings])
 
 
 def plot(path: Path, output: Path | None, form: str, *, json: bool, quiet: bool) -> None:

@@ -152,12 +152,13 @@ def extent(low: float, high: float, unit: str) -> str:
     """A range as `amount` shows its ends, with the digits in which they differ; one number where they do not.
 
     >>> extent(20.0, 30.0, "Hz"), extent(20.26750001, 20.26750002, "Hz"), extent(1e-3, 1e-3, "m")
-    ('20 Hz to 30 Hz', '20.26750001 Hz to 20.26750002 Hz', '1 mm')
+    ('20 to 30 Hz', '20.26750001 to 20.26750002 Hz', '1 mm')
     """
     for digits in (4, 6, 8, 10):
         first, last = amount(low, unit, digits), amount(high, unit, digits)
         if first != last:
-            return f"{first} to {last}"
+            number, _, prefixed = first.rpartition(" ")
+            return f"{number if number and last.endswith(f' {prefixed}') else first} to {last}"
     return amount(low, unit)
 
 

@@ -480,6 +480,12 @@ def _quantity(scenario: ScenarioParts, place: Path) -> str:
     return getattr(excitation, "quantity", None) or "acceleration"
 
 
+def unit_of(scenario: ScenarioParts, path: str) -> str:
+    """SI unit of the number at a path; "1" for plain numbers."""
+    place = find_parameters(scenario, path)[0]
+    return _unit(scenario, place, field_type_at(scenario, place))
+
+
 def _unit(scenario: ScenarioParts, place: Path, field: q.FieldType | None) -> str:
     if isinstance(field, q.Quantity):
         return field.dimension.unit or "1"

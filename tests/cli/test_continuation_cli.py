@@ -127,7 +127,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
         assert sweep(BEAM, "-o", tmp_path / f"{name}.h5", "--set", how, "--no-plots", "-q").exit_code == 0
     curve = "sweep={kind: continuation, from: 78 Hz, to: 84 Hz}"
     laid = ["--overlay", tmp_path / "swept.h5", "--overlay", tmp_path / "stepped.h5"]
-    done = sweep(BEAM, "-o", tmp_path / "curve.h5", "--set", curve, *laid)
+    done = sweep(BEAM, "-o", tmp_path / "curve.h5", "--set", curve, *laid, "-v")
     assert done.exit_code == 0, done.output
     assert "swept up 2 g swept.h5" in " ".join(done.stdout.split())
     stored = open_result(tmp_path / "curve.h5")

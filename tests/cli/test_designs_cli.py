@@ -57,7 +57,7 @@ def assert_same_datasets(one, other):
 
 
 def test_a_study_leaves_its_file_and_maps_and_prints_margins(here):
-    done = invoke("sweep", "case.yaml", "--workers", 1)
+    done = invoke("sweep", "case.yaml", "--workers", 1, "-v")
     assert done.exit_code == 0, done.output
     assert set(os.listdir(here)) == {"case.yaml", "case.h5", "case_maps.png"}
     for text in ("grid of 2 x 3, each a run", "0 m to 0.3 mm, 3 values", "EXCEEDED", "of 6", "most with",
@@ -102,7 +102,7 @@ vary:
 """
     )
     (here / "case.yaml").write_text(text)
-    done = invoke("sweep", "case.yaml", "--workers", 1)
+    done = invoke("sweep", "case.yaml", "--workers", 1, "-v")
     assert done.exit_code == 0, done.output
     assert "Sobol' sample of 32" in done.stdout
     assert "sensitivity" in done.stdout
@@ -124,7 +124,7 @@ def test_objectives_that_cannot_be(here):
     assert done.exit_code == 2
     assert "vary.minimise = snubbers/top/peak_force names no response: no top; did you mean tip" in done.stderr
     done = invoke(
-        "sweep", "case.yaml", "--no-plots", "--workers", 1, "--set", "vary.minimise=rms_force"
+        "sweep", "case.yaml", "--no-plots", "--workers", 1, "-v", "--set", "vary.minimise=rms_force"
     )  # of random input
     assert "vary.minimise = rms_force: no case has such a response; they have " in done.stderr
     assert "best" not in done.stdout

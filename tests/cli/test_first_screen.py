@@ -1,10 +1,18 @@
-"""The first screen of a run and of a sweep: what is decided by, and nothing that is not sure."""
+"""The first screens: what is decided by, and nothing that is not sure."""
+
+import gzip
+from pathlib import Path
 
 import pytest
 import yaml
 from typer.testing import CliRunner
 
 from beamsim.cli.app import app
+from beamsim.kinds import KINDS, named
+from beamsim.plots.style import shown_in
+from beamsim.store.results import kind_of, open_result
+
+STORED = Path(__file__).parents[1] / "data" / "results"
 
 BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.05}}
 TIP = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "10 kN/m", "gap": "0.1 mm"}
@@ -72,3 +80,33 @@ def test_a_sweep_shows_its_curves(printed):
     assert [row.split("   ")[0].strip() for row in rows] == ["up, 1 g", "up, 2 g"]
     assert all(" Hz" in row and " mm" in row for row in rows)
     assert len(lines) < 12
+
+
+SHOWN = {
+    "continuation": ("400 mN   0.085 to 0.1 Hz", "1.44 m at 0.1 Hz, the other", "gap EXCEEDED, 258 %"),
+    "folds": ("47 of 106 points", "0.104, 0.1203 Hz", "100 mN, period 2", "folds in level: 30 to 300 mN"),
+    "designs": ("4 cases, each a run", "1.94 m (2 N/m, 0.2 m)", "EXCEEDED in 4 of 4 cases: 1.936 m at the other"),
+    "designs_zip": ("2 cases, each a swept sine", "1.87 N (6 N/m, below)", "5 more responses"),
+    "identify_nonlinear": ("tip gap", "15 µm", "19.83 µm", "19.5 to 20.15 µm", "misfit 2057 before, 27.16 after"),
+    "identify_snubber": ("153.6 kN/m   2.6 kN/m   148.7 to 158.8 kN/m", "with contact: 196.5, 448.6, 967.7 Hz"),
+    "identify_update": ("4.049 g", "3.811 to 4.302 g", "45 g"),
+    "nnm": ("mode 1: 101 points, all stable", "0.105 Hz"),
+    "compare": ("one velocity", "+0.00 dB"),
+    "compare_modes": ("lowest MAC 0.968", "mode 2, 351.01 Hz   +9.69 %"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_every_kind_says_first_what_is_decided_by(name, tmp_path):
+    path = tmp_path / f"{name}.h5"
+    path.write_bytes(gzip.decompress((STORED / f"{name}.h5.gz").read_bytes()))
+    result = open_result(path)
+    with shown_in(result.scenario.display_scales):
+        text = named(KINDS[kind_of(path)].screen)(result).text(result, [f"{name}.h5", "picture.png"])
+    for words in SHOWN[name]:
+        assert words in text, text
+    lines = text.splitlines()
+    assert lines[0].startswith(result.title)
+    assert lines[-1] == f"{name}.h5, 1 plot"
+    assert len(lines) <= 12
+    assert "complete:" not in text

@@ -26,7 +26,7 @@ def section(text):
 
 
 def test_prints_writes_and_draws(tmp_path):
-    done = invoke("identify-stiffness", CASE)
+    done = invoke("identify-stiffness", CASE, "-v")
     assert done.exit_code == 0, done.output
     assert "153.59 kN/m" in done.output
     assert "pinned" in done.output
@@ -244,7 +244,7 @@ def test_harmonics_of_round_off_have_no_difference(tmp_path, run_file, history):
     """A record of one sine was said to differ by 300 dB, with a phase, at each harmonic that it does not have."""
     time = np.asarray(history[0])
     _write(tmp_path / "lab.csv", time, np.sin(2 * np.pi * 65.0 * time))
-    done = invoke("compare", run_file, "lab.csv", "--no-plots")
+    done = invoke("compare", run_file, "lab.csv", "--no-plots", "-v")
     assert done.exit_code == 0, done.output
     lines = done.output.partition("harmonic ")[2].splitlines()
     assert " dB" in lines[1]

@@ -68,7 +68,7 @@ def test_nnm_writes_a_file_and_pictures(tmp_path):
 
 def test_nnm_table(tmp_path):
     shorter = ("--set", "nnm.continue_in.to=0.1", "--set", "reduction.modes=4")
-    done = invoke("nnm", CONFIGS / "nnm_first.yaml", *shorter, "-o", tmp_path, "--no-plots")
+    done = invoke("nnm", CONFIGS / "nnm_first.yaml", *shorter, "-o", tmp_path, "--no-plots", "-v")
     assert done.exit_code == 0
     assert "6:1 with mode 2" in done.stdout
     assert "5:1 with mode 2" in done.stdout

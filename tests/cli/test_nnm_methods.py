@@ -84,7 +84,7 @@ def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
 
 
 def test_expansion_writes_a_file(tmp_path):
-    done = invoke("nnm", CHAIN, "--set", "nnm.method=multiple_scales", "-o", tmp_path, "--no-plots")
+    done = invoke("nnm", CHAIN, "--set", "nnm.method=multiple_scales", "-o", tmp_path, "--no-plots", "-v")
     assert done.exit_code == 0
     assert "observed order frequency" in done.stdout
     stored = open_result(tmp_path / "nnm_chain_mass_5.h5")

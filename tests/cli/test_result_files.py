@@ -68,7 +68,8 @@ def test_info_and_plot(name, files, tmp_path):
     path = files(name)
     said = invoke("info", path)
     assert said.exit_code == 0, said.output
-    assert said.stdout.startswith(f"{path}: ")
+    title = beamsim.open_result(path).title
+    assert said.stdout.splitlines()[0] == (f"{path}: {title}" if title else str(path))
     assert "by beamsim " in said.stdout
     told = invoke("info", path, "--json")
     assert told.exit_code == 0, told.output

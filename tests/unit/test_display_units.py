@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from beamsim.cli.continuation_report import VIEWS
+from beamsim.cli.branches import CONTINUATION_VIEWS
 from beamsim.errors import ScenarioError
 from beamsim.orbits.branch import reached_end
 from beamsim.outcomes import Outcome, OutcomeKind, Where
@@ -47,7 +47,9 @@ def test_continuations_and_outcomes_use_them():
     """They were in SI units alone, whatever the scenario is written in."""
     grazing = {"kind": "grazing", "snubber": "tip", "parameter": 19.6133, "period_multiple": 1, "level": float("nan")}
     result = SimpleNamespace(unit="m/s^2", level_unit="m/s^2")
-    assert VIEWS["special_points"](result, [grazing]) == [{"kind": "grazing", "of": "tip", "at": "2 g", "level": ""}]
+    assert CONTINUATION_VIEWS["special_points"](result, [grazing]) == [
+        {"kind": "grazing", "of": "tip", "at": "2 g", "level": ""}
+    ]
     missing = Outcome.of(OutcomeKind.NOTED, "none", "no stable motion", at=Where([(9.80665, 19.6133)], "m/s^2"))
     whole = Outcome.of(OutcomeKind.COMPLETE, "end", "reached the end", missing, at=Where(0.0012, "m"))
     assert whole.displayed(scale_for).text == "complete: reached the end at 1.2 mm; no stable motion from 1 to 2 g"

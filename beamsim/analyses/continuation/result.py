@@ -67,7 +67,7 @@ class ForcedExpansionComparison:
 _SUMMARY = (
     STATUS,
     Entry("parameter", of="parameter"),
-    Entry("method", of="method"),
+    Entry("method", of="method", label="method"),
     Entry("points", "1", "points of all branches"),
     Entry("branches", "1", "number of branches", "branches"),
     Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy"),

@@ -1,9 +1,9 @@
-"""What the table of a design study tells beyond the entries of the summary."""
+"""What is printed of a design study: the first screen, and what the table tells beyond the entries of the summary."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from beamsim.analyses.designs.result import (
@@ -14,16 +14,82 @@ from beamsim.analyses.designs.result import (
     parameter_label,
     responses_of,
 )
-from beamsim.analyses.values import limit_label
+from beamsim.analyses.values import VALUES, limit_label
+from beamsim.cli.printing import counted
 from beamsim.cli.report import Labelled, Views, margins
+from beamsim.cli.screens import SHOWN, Screen, rounded
 from beamsim.plots.style import amount, extent, margin_text
 
 MOST_ROWS = 24
+MOST_BEST = 5
 
 _DESIGNS = {
     "grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of ", "sobol": "Sobol' sample of ",
     "draws": "ensemble of ",
 }  # fmt: skip
+
+
+def design_screen(result: DesignsResult) -> Screen:
+    """The best cases, or else the ranges of the responses with the cases at their ends; limits and who causes what."""
+    s = result.summary
+    lines = list(_limit_lines(result))
+    shown = [(name, s["responses"][name]) for name in _decisive(result) if name in s["responses"]]
+    shown = shown or list(s["responses"].items())
+    if "best" in s:
+        rows = [{"": f"{k}. best"} | row for k, row in enumerate(_best_rows(result, s["best"]), 1)][:SHOWN]
+        ranges = [
+            f"{_response_label(result, name)} {extent(of['smallest'], of['largest'], result.responses[name].unit)}"
+            for name, of in shown[:SHOWN]
+        ]
+        lines += [f"all cases: {', '.join(ranges)}"] if ranges else []
+    else:
+        rows = [_range_row(result, name, of) for name, of in shown[:MOST_BEST]]
+        more = len(s["responses"]) - len(rows)
+        lines += [f"{counted(more, 'more response')}: -v shows all"] if more else []
+    for name, shares in list(s.get("sensitivity", {}).items())[:SHOWN]:
+        ranked = sorted(shares, key=lambda path: -shares[path]["total_order"])[:SHOWN]
+        parts = ", ".join(f"{parameter_label(path)} {_share(shares[path]['total_order'])}" for path in ranked)
+        lines.append(f"variance of {_response_label(result, name)}: {parts}")
+    return Screen(_judged(result), rows, lines)
+
+
+def _judged(result: DesignsResult) -> str:
+    """How many cases there are and how many meet the limits."""
+    s = result.summary
+    said = f"{s['solved']} of {result.cases} cases" if s["solved"] < result.cases else counted(result.cases, "case")
+    failed = f", {s['failed']} FAILED" if s["failed"] else ""
+    passing = f", {_passing(result, s['passing'])}" if "passing" in s else ""
+    return f"{said}, each a {result.analysis.replace('_', ' ')}{failed}{passing}"
+
+
+def _limit_lines(result: DesignsResult) -> Iterator[str]:
+    for name, item in _margins(result, result.summary.get("margins", {})).items():
+        at = f" at {item['at']}" if item["at"] else ""
+        if item["verdict"] == "ok":
+            yield f"{name} ok in all cases: at most {item['value']}{at}, limit {item['limit']}"
+        else:
+            worst = f"{item['value']}{at}, limit {item['limit']}, {item['most with']}"
+            yield f"{name} EXCEEDED in {item['cases']} cases: {worst}"
+
+
+def _range_row(result: DesignsResult, name: str, of: Mapping[str, Any]) -> dict[str, str]:
+    """A response with its ends and the parameters there."""
+    row, unit = {"": _response_label(result, name)}, result.responses[name].unit
+    if "mean" in of:  # of a sample
+        return row | {key: rounded(of[key], unit) for key in ("smallest", "mean", "largest")}
+    varied = ", ".join(coordinate.label.split()[-1] for coordinate in result.coordinates)
+    for end in ("smallest", "largest"):
+        at = ", ".join(_parameters(result, of[f"{end}_at"]).values()) if of["smallest"] != of["largest"] else ""
+        row[f"{end} (at {varied})"] = f"{rounded(of[end], unit)}{f' ({at})' if at else ''}"
+    return row
+
+
+def _decisive(result: DesignsResult) -> list[str]:
+    """Names of the responses that limits and the objective ask for; without any of the peaks that could have limits."""
+    asked = [limited_response(name) for name in result.limits]
+    asked += filter(None, [Objective.of(result.scenario.vary).response])
+    asked = asked or [value.name for value in VALUES if value.followed]
+    return list(dict.fromkeys(r.name for name in asked for r in responses_of(result.responses, name)))
 
 
 def _cases(result: DesignsResult, cases: int) -> Labelled:
@@ -88,10 +154,7 @@ def _tolerances(_: DesignsResult, tolerances: Mapping[str, Any]) -> Labelled:
 def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> Labelled:
     """The range of each response over the realisations of the best case."""
     ranges = scatter["responses"]
-    compared = [limited_response(name) for name in result.limits]
-    decisive = [*compared, *filter(None, [Objective.of(result.scenario.vary).response])]
-    named = {response.name for name in decisive for response in responses_of(result.responses, name)}
-    shown = {name: item for name, item in ranges.items() if name in named} or ranges
+    shown = {name: item for name, item in ranges.items() if name in _decisive(result)} or ranges
     case = "the best case" if "best" in result.summary else "the case"
     return Labelled({"": f"of {case}", "responses of it": _extents(result, shown)})
 
@@ -113,10 +176,15 @@ def _extents(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) 
 
 def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Labelled:
     """The first of the best cases, one a row."""
+    rows = _best_rows(result, best)
+    return Labelled({f"best, {Objective.of(result.scenario.vary).text}": rows})
+
+
+def _best_rows(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     objective = Objective.of(result.scenario.vary)
     asked = next((response.unit for response in responses_of(result.responses, objective.response)), "1")
     rows = []
-    for item in best[:5]:
+    for item in best[:MOST_BEST]:
         row = _parameters(result, item["parameters"])
         if objective.response:
             row[objective.text.partition(" ")[2]] = amount(item["value"], asked)
@@ -124,7 +192,7 @@ def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Labelled:
             row["margin"] = margin_text(item["margin"], 1.0 if math.isfinite(item["margin"]) else 0.0)
             row["limit"] = limit_label(item["limit"])
         rows.append(row)
-    return Labelled({f"best, {objective.text}": rows})
+    return rows
 
 
 def _sensitivity(result: DesignsResult, indices: Mapping[str, Mapping[str, Any]]) -> Labelled:
@@ -154,7 +222,7 @@ def _response_label(result: DesignsResult, name: str) -> str:
     return " ".join([*shown, *path[-1:], quantity.removesuffix("_hz").replace("_", " ")])
 
 
-VIEWS: Views = {
+DESIGN_VIEWS: Views = {
     "cases": _cases,
     "passing": _passing,
     "best": _best,
@@ -163,5 +231,4 @@ VIEWS: Views = {
     "margins": _margins,
     "sensitivity": _sensitivity,
     "responses": _extents,
-    "processor_time_s": lambda _, time: f"processor time {amount(time, 's')}",
 }

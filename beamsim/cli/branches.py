@@ -1,0 +1,322 @@
+"""What is printed of periodic motions: continuations, nonlinear normal modes, and motions at phase resonance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.continuation.result import ContinuationResult
+from beamsim.analyses.nnm.result import NormalModeResult
+from beamsim.cli.printing import counted, percent
+from beamsim.cli.report import Labelled, Views, ended, in_units
+from beamsim.cli.screens import SHOWN, Numbers, Screen, limit_lines, rounded, sureness
+from beamsim.orbits.branch import special_name
+from beamsim.plots.style import amount, extent, is_known, level_text, scale_for
+
+MOST_ROWS = 12  # special points, branches
+
+
+# --- Continuation ----------------------------------------------------------------------------------------------------
+
+
+def continuation_screen(result: ContinuationResult) -> Screen:
+    """By level the largest displacement and where, the special points and how much of the branch is stable."""
+    s, numbers = result.summary, Numbers(result.summary)
+    levels = list(dict.fromkeys((branch.level, branch.period_multiple) for branch in result.branches))
+    rows = [_followed(result, numbers, *key) for key in levels[: 2 * SHOWN]]
+    lines = [f"{len(levels) - 2 * SHOWN} more levels and periods in the file"] if len(levels) > 2 * SHOWN else []
+    outputs = {name: of for name, of in _outputs(result, s.get("peak_output", {})).items() if of}
+    lines += [f"peak of {name} {of['peak']} at {of['at']}" for name, of in list(outputs.items())[:SHOWN]]
+    for curve in s.get("fold_curves", ()):
+        low, high = curve["smallest_parameter"], curve["largest_parameter"]
+        where = extent(curve["smallest_hz"], curve["largest_hz"], "Hz")
+        lines.append(f"folds in {result.second_parameter}: {extent(low, high, result.second_unit)}, at {where}")
+    for of in s.get("multiple_scales", ()):
+        orders = ", ".join(f"{order:.2f}" for order in of["observed_orders"])
+        lines.append(f"multiple scales: differences from the exact motions vanish with orders {orders}")
+    lines += limit_lines(s.get("margins", {}))
+    return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+
+
+def _followed(result: ContinuationResult, numbers: Numbers, level: float, period: int) -> dict[str, str]:
+    """The row of the branches of a level whose motions have the same period."""
+
+    def here(item: Mapping[str, Any]) -> bool:  # of files, whose level is nan or missing where it is the parameter
+        same = item["level"] == level or not is_known(item["level"])
+        return same and item.get("period_multiple", 1) == period
+
+    branches = [b for b in result.branches if (b.level == level or np.isnan(level)) and b.period_multiple == period]
+    points, stable = sum(b.parameter.size for b in branches), sum(int(b.stable.sum()) for b in branches)
+    ends = [float(pick(b.parameter)) for b in branches for pick in (np.min, np.max)]
+    peak = max((p for p in result.summary["peaks"] if here(p)), key=lambda p: p["value_m"], default=None)
+    row = {
+        "": f"{_level(result, level)['level']}{f', period {period}' if period > 1 else ''}".removeprefix(", "),
+        result.parameter: extent(min(ends), max(ends), result.unit),
+    }
+    if peak is not None:
+        place = f"{peak['probe']} level {peak['level']:.6g} period {period}"
+        size = numbers.text(peak["value_m"], "m", "peak_displacement_m", place)
+        row["largest displacement"] = f"{size} at {_parameter(peak['parameter'], result.unit, 4)}, {peak['probe']}"
+    row["stable"] = "all" if stable == points else f"{stable} of {points} points"
+    special: dict[str, list[float]] = {}
+    for point in filter(here, result.summary["special_points"]):
+        special.setdefault(special_name(point["kind"]), []).append(point["parameter"])
+    for kind, at in special.items():
+        scale = scale_for(result.unit, at)
+        more = f" and {len(at) - SHOWN} more" if len(at) > SHOWN else ""
+        row[kind] = f"{', '.join(f'{x * scale.factor:.4g}' for x in at[:SHOWN])} {scale.unit}{more}"
+    return row
+
+
+def _branches(result: ContinuationResult, count: int) -> list[dict[str, Any]]:
+    rows = []
+    for branch in result.branches[:MOST_ROWS]:
+        off = result.off_centre(branch)
+        mean = "" if off is None else f"the mean of {off[0]} reaches {amount(off[1], 'm', 3)}"
+        rows.append({
+            **_level(result, branch.level), "period": branch.period_multiple, "points": branch.parameter.size,
+            "stable": int(branch.stable.sum()), "broken symmetry": mean, "ended": ended(branch.outcome),
+        })  # fmt: skip
+    return [*rows, *_more(count)]
+
+
+def _more(count: int) -> list[dict[str, Any]]:
+    return [{"": f"and {count - MOST_ROWS} more in the file"}] if count > MOST_ROWS else []
+
+
+def _level(result: ContinuationResult, level: float) -> dict[str, str]:
+    return {"level": "" if np.isnan(level) else level_text(level, result.level_unit).removeprefix("level ")}
+
+
+def _parameter(value: float, unit: str, digits: int = 6) -> str:
+    """A value of what is varied: frequencies, which are compared, to all digits asked for."""
+    return f"{value:.{digits}g} Hz" if unit == "Hz" else amount(value, unit, digits)
+
+
+def _special_points(result: ContinuationResult, points: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Those of motions of the excitation's own period."""
+    own_period = [point for point in points if point["period_multiple"] == 1]
+    return [
+        {
+            "kind": special_name(point["kind"]), "of": point["snubber"],
+            "at": _parameter(point["parameter"], result.unit, 8), **_level(result, point["level"]),
+        }
+        for point in own_period[:MOST_ROWS]
+    ] + _more(len(own_period))  # fmt: skip
+
+
+def _peaks(result: ContinuationResult, peaks: Sequence[dict[str, Any]]) -> Labelled:
+    rows = [
+        {
+            "probe": peak["probe"], "displacement": amount(peak["value_m"], "m", 5),
+            "at": _parameter(peak["parameter"], result.unit), **_level(result, peak["level"]), "kind": peak["kind"],
+            "period": peak.get("period_multiple", 1),  # files of earlier versions have only motions of period 1
+        }
+        for peak in peaks
+    ]  # fmt: skip
+    curves = [
+        {"": "stepped" if curve.steady else "swept", "direction": curve.direction, **_level(result, curve.level),
+         "source": curve.source}
+        for curve in result.overlay.values()
+    ]  # fmt: skip
+    return Labelled({"": rows, "overlay": curves})
+
+
+def _folds(result: ContinuationResult, curves: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    units = dict.fromkeys(("smallest_parameter", "largest_parameter"), result.second_unit)
+    return [
+        in_units(curve, units, 5) | {"status": ended(branch.outcome)}
+        for curve, branch in zip(curves, result.fold_curves, strict=True)
+    ]
+
+
+def _outputs(result: ContinuationResult, peaks: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, str]]:
+    """By output its largest magnitude in the stable motions, where, and what it is."""
+    outputs = result.branches[0].outputs if result.branches else {}
+    return {
+        name: {
+            "peak": amount(peak["value"], outputs[name].unit), "at": _parameter(peak["parameter"], result.unit),
+            "of": outputs[name].quantity.replace("_", " "), "on": outputs[name].at,
+        }
+        for name, peak in peaks.items()
+    }  # fmt: skip
+
+
+CONTINUATION_VIEWS: Views = {
+    "peak_output": _outputs,
+    "branches": _branches,
+    "special_points": _special_points,
+    "peaks": _peaks,
+    "fold_curves": _folds,
+    "multiple_scales": lambda result, levels: [{**s, **_level(result, s["level"])} for s in levels],
+}
+
+
+# --- Nonlinear normal modes ------------------------------------------------------------------------------------------
+
+
+def nnm_screen(result: NormalModeResult) -> Screen:
+    """Forced motions at phase resonance where there are some, else the points of the backbone that decide."""
+    s, numbers = result.summary, Numbers(result.summary)
+    first, last = s["start"], s["end"]
+    stable = "all stable" if s["stable_points"] == s["points"] else f"{s['stable_points']} stable"
+    followed = f"mode {result.mode}: {s['points']} points, {stable}"
+    if "phase_resonance" in s:
+        rows = [_held(s["phase_resonance"], level) for level in s["phase_resonance"]["levels"]]
+        span = extent(first["frequency_hz"], last["frequency_hz"], "Hz")
+        followed += f", {span} at {extent(first['energy_j'], last['energy_j'], 'J')}"
+    else:
+        rows = [_on_backbone(result, numbers, name, s[name], name) for name in ("start", "end")]
+        for point in s.get("requested_points") or ():
+            place = f"{point['quantity']} {point['value']:.6g} branch {point['branch']}"
+            rows.append(_on_backbone(result, numbers, "asked for", point, place))
+    lines = [f"{followed}; linear frequency {rounded(s['linear_frequency_hz'], 'Hz')}", *_departures(result)]
+    return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+
+
+def _on_backbone(
+    result: NormalModeResult, numbers: Numbers, name: str, point: Mapping[str, Any], place: str
+) -> dict[str, str]:
+    """The row of a point: parameter, frequency and energy, and of a point asked for more.
+
+    Parameters
+    ----------
+    name : of the row.
+    point : of the summary.
+    place : of its frequency among the values that are compared with a finer model.
+    """
+    row = {
+        "": name,
+        "stiffness factor": f"{point['parameter']:.4g}" if result.parameter == "stiffness_factor" else "",
+        "frequency": numbers.text(point["frequency_hz"], "Hz", "frequency_hz", place),
+        "energy": rounded(point["energy_j"], "J"),
+    }
+    return row | ({"stable": "yes" if point["stable"] else "no"} if "stable" in point else {})
+
+
+def _departures(result: NormalModeResult) -> Iterator[str]:
+    """Where other branches leave the backbone, and how other methods differ."""
+    s, unit = result.summary, result.unit
+    tongues = s.get("internal_resonances", ())
+    if tongues:
+        at = [f"{_parameter(tongue['parameter'], unit, 3)} ({_cause(tongue)})" for tongue in tongues[:SHOWN]]
+        more = f" and {len(tongues) - SHOWN} more" if len(tongues) > SHOWN else ""
+        yield f"internal resonances at {result.parameter.replace('_', ' ')} {', '.join(at)}{more}"
+    counts = {"jumps": "jump", "grazings": "grazing contact", "special_points": "fold or branch point"}
+    found = {name: s.get(name) or 0 for name in counts}
+    sizes = {name: some if isinstance(some, int) else len(some) for name, some in found.items()}
+    if any(sizes.values()):
+        some = ", ".join(counted(sizes[name], noun) for name, noun in counts.items() if sizes[name])
+        yield f"along the backbone: {some}"
+    if full := s.get("full_period"):
+        branches = counted(len(full["never_at_rest"]), "branch").replace("branchs", "branches")
+        yield f"full period: {branches} of motions that are never at rest"
+    if of := s.get("multiple_scales"):
+        orders = ", ".join(f"{order:.2f}" for order in of["observed_order_frequency"])
+        yield f"multiple scales: differences of the frequency vanish with orders {orders}"
+    if of := s.get("thesis"):
+        apart = percent(of["largest_frequency_difference"], 2)
+        reached = f"{of['steps_reached']} of {of['steps']} steps, frequency within {apart} of the exact one"
+        yield f"relaxed minimisation: {reached}, {of['cost_ratio']:.3g} times the cost of shooting"
+
+
+def _cause(record: Mapping[str, Any]) -> str:
+    known = record["ratio"] and record["mode"]
+    return f"{record['ratio']}:1 with mode {record['mode']}" if known else "of high order, not traced"
+
+
+def _held(about: Mapping[str, Any], level: Mapping[str, Any]) -> dict[str, str]:
+    """The row of a level: the resonance found beside the mode that it should hold."""
+    row = {"": level_text(level["level"], about["unit"]).removeprefix("level ")}
+    if level["found"]:
+        row |= {
+            "resonance": rounded(level["frequency_hz"], "Hz", 4),
+            f"amplitude of {about['probe']}": rounded(level["amplitude_m"], "m"),
+            "stable": "yes" if level["stable"] else "no",
+        }  # fmt: skip
+    else:
+        row |= {"resonance": "not found"}
+    return row | {
+        "predicted resonance": rounded(level["predicted_frequency_hz"], "Hz", 4),
+        "predicted amplitude": rounded(level["predicted_amplitude_m"], "m"),
+        "predicted level": amount(level["level_for_amplitude"], about["unit"], 3) if level["found"] else "",
+    }
+
+
+def _along(result: NormalModeResult, record: Mapping[str, Any]) -> dict[str, Any]:
+    """A record with the values of what the path is followed in under its name; kinds and causes in words."""
+    path, unit = result.parameter, result.unit
+    told = {key.replace("parameter", path): value for key, value in record.items()}
+    told |= {key: special_name(value) for key, value in record.items() if key == "kind"}
+    if "ratio" in told:
+        told["cause"] = _cause({"ratio": told.pop("ratio"), "mode": told.pop("mode")})
+    if any(key.startswith(path) for key in told if key != path):  # its value stands there, with its unit
+        told.pop(path, None)
+    return in_units(told, dict.fromkeys((path, "start", "end"), unit), 6)
+
+
+def _each_along(result: NormalModeResult, records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    return [_along(result, record) for record in records]
+
+
+def _full_period(result: NormalModeResult, s: Mapping[str, Any]) -> dict[str, Any]:
+    branches = [
+        {**of, "start": _along(result, of["start"]), "end": _along(result, of["end"]), "status": ended(branch.outcome)}
+        for of, branch in zip(s["never_at_rest"], result.non_brake, strict=True)
+    ]
+    return {**s, "symmetry_breakings": _each_along(result, s["symmetry_breakings"]), "never_at_rest": branches}
+
+
+def _expansion(_: NormalModeResult, s: Mapping[str, Any]) -> dict[str, Any]:
+    """The expansion, and how exact motions differ at the largest factors: at first and at second order."""
+    columns = ("factor", "frequency_hz", "exact_frequency_hz", "frequency_difference", "initial_difference")
+    by_factor = [{name: s[name][k] for name in columns} for k in range(min(len(s["factor"]), 4))]
+    return {name: value for name, value in s.items() if name not in columns} | {"by factor": by_factor}
+
+
+def _phase_resonance(result: NormalModeResult, summary: Mapping[str, Any]) -> Labelled:
+    unit, found = summary["unit"], result.phase_resonance
+    levels = []
+    for k, level in enumerate(summary["levels"]):
+        curve = None if found is None else found.motions[k].curve
+        told = "" if curve is None or curve.outcome.complete else ended(curve.outcome)
+        levels.append(in_units(level, dict.fromkeys(("level", "level_for_amplitude"), unit), 5) | {"curve": told})
+    return Labelled({"": f"{summary['quantity']} as the level, compared at {summary['probe']}", "levels": levels})
+
+
+def _spectrum(result: NormalModeResult, drift: float) -> str:
+    if drift <= 1e-6:  # over the periods of the spectrum
+        return ""
+    return (
+        f"after {result.summary['motion_periods']} periods the state differs by {percent(drift)}: "
+        "the motion is unstable, and the spectral lines are broadened"
+    )
+
+
+def _share(result: NormalModeResult, smallest: float) -> str:
+    if smallest >= 0.5:  # of the energy in the mode
+        return ""
+    at = float(result.backbone.parameter[int(np.argmin(result.backbone.share))])
+    path = result.parameter.replace("_", " ")
+    return f"mode {result.mode} holds {percent(smallest)} of it at {path} {amount(at, result.unit)}"
+
+
+NNM_VIEWS: Views = {
+    "mode": lambda result, mode: (
+        f"mode {mode}, {result.summary['points']} points in {result.parameter.replace('_', ' ')}, "
+        f"{result.summary['stable_points']} of them stable"
+    ),
+    "start": _along,
+    "end": _along,
+    "internal_resonances": _each_along,
+    "jumps": _each_along,
+    "special_points": _each_along,
+    "requested_points": _each_along,
+    "full_period": _full_period,
+    "multiple_scales": _expansion,
+    "phase_resonance": _phase_resonance,
+    "motion_drift": _spectrum,
+    "smallest_share": _share,
+}

@@ -1,0 +1,343 @@
+"""What is printed of identifications and of comparisons with measurements: first screens, and what tables tell beyond
+the entries of the summary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.compare.result import ChannelComparison, Comparison, PeakPair
+from beamsim.analyses.compare_modes import ModeComparison
+from beamsim.analyses.designs.result import parameter_label
+from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
+from beamsim.cli.printing import counted, lines, percent, told
+from beamsim.cli.report import Labelled, Views
+from beamsim.cli.screens import SHOWN, Screen, rounded
+from beamsim.plots.style import amount, extent, scale_for
+from beamsim.scenario.parameters import unit_of
+
+# --- Identification --------------------------------------------------------------------------------------------------
+
+
+def identification_screen(result: IdentificationResult) -> Screen:
+    """What was found with its interval, and how well the model then has the measured frequencies."""
+    s = result.summary
+    rows = []
+    if (estimate := result.estimate) is not None:
+        std, (low, high) = estimate.standard_deviation, estimate.interval
+        row = {"": f"stiffness of {estimate.snubber}", "found": _found(estimate.stiffness, "N/m", std)}
+        rows.append(row | _scatter(std, low, high, "N/m", estimate.coverage))
+    estimated = [part for part in (result.update, result.nonlinear) if part is not None]
+    for part in estimated:
+        for p in part.parameters[: 2 * SHOWN]:
+            unit = unit_of(result.scenario, p.parameter)
+            row = {"": parameter_label(p.parameter), "before": amount(p.before, unit)}
+            row["found"] = _found(p.value, unit, p.standard_deviation) + (" at its bound" if p.at_bound else "")
+            rows.append(row | _scatter(p.standard_deviation, *p.interval, unit, s.get("coverage", 0.95)))
+    return Screen(_agreement(result), rows, list(_facts(result)))
+
+
+def _found(value: float, unit: str, deviation: float) -> str:
+    """A value to the digits that its standard deviation supports."""
+    known = math.isfinite(deviation) and deviation > 0.0 and value
+    return rounded(value, unit, max(round(math.log10(abs(value) / deviation)) + 2, 1) if known else 4)
+
+
+def _scatter(deviation: float, low: float, high: float, unit: str, coverage: float) -> dict[str, str]:
+    if not math.isfinite(deviation):
+        return {}
+    return {"\u00b1": rounded(deviation, unit, 2), f"{percent(coverage)} interval": extent(low, high, unit)}
+
+
+def _agreement(result: IdentificationResult) -> str:
+    """How far the largest measured frequency is from the model, with and without the stop."""
+    if not result.complete:
+        return "INCOMPLETE" if result.outcome.cut_short else "NOT RELIABLE"
+    tables = {"with contact": result.with_snubber, "without the stop": result.without_snubber}
+    worst = {
+        name: float(np.nanmax(np.abs(table.difference_percent)))
+        for name, table in tables.items()
+        if table is not None and np.any(np.isfinite(table.difference_percent))
+    }
+    within = " and ".join(f"{value:.2g} % {name}" for name, value in worst.items())
+    return f"frequencies within {within}" if within else ""
+
+
+def _facts(result: IdentificationResult) -> Iterator[str]:
+    """Frequencies, misfits and what the values depend on."""
+    s = result.summary
+    for name, table in (("with contact", result.with_snubber), ("without the stop", result.without_snubber)):
+        if table is not None and np.any(np.isfinite(table.measured_hz)):
+            computed, measured = (told("_hz", list(f)) for f in (table.predicted_hz, table.measured_hz))
+            yield f"frequencies {name}: {computed}; measured {measured}"
+    if result.mac is not None:
+        yield f"MAC of paired shapes: {told('', np.diagonal(result.mac).tolist())}"
+    for name in ("update_misfit", "nonlinear_misfit"):
+        if name in s:
+            yield f"misfit {_misfit(result, s[name])}"
+    if "starts_agreeing" in s:
+        agreeing, starts = s["starts_agreeing"]
+        freedom = counted(s["nonlinear_degrees_of_freedom"], "degree").replace("degrees", "degrees of freedom")
+        yield f"{agreeing} of {starts} starts reached the same minimum, {freedom}"
+    if result.update is not None and result.update.choices:
+        yield ", ".join(f"{parameter_label(path)} {choice}" for path, choice in result.update.choices.items())
+    if result.pad is not None:
+        branches = counted(result.pad.branch_stiffness.size, "relaxation time")
+        rest, misfit = _newtons(result.pad.stiffness), percent(result.pad.misfit, 2)
+        yield f"pad {rest} after a long rest, {branches}, misfit {misfit}"
+    if result.sensitivities:
+        parts = (f"{parameter_label(each.parameter)} {each.relative:+.2g} %" for each in result.sensitivities[:SHOWN])
+        yield f"1 % more changes the stiffness: {', '.join(parts)}"
+
+
+def _newtons(value: float) -> str:
+    return amount(value, "N/m", 5)
+
+
+def _updated(result: IdentificationResult, _: Any) -> Labelled | str:
+    update = result.update
+    if update is None:
+        return ""
+    supports = {text: f"misfit {misfit:.4g}" for text, misfit in update.alternatives[:4]}
+    return Labelled({
+        "": _parameters(update.parameters),
+        "supports chosen": update.choices,
+        "supports tried": supports,
+        "without, before": _frequencies(update.before),
+    })  # fmt: skip
+
+
+def _parameters(parameters: Sequence[ParameterEstimate]) -> list[dict[str, str]]:
+    known = [math.isfinite(p.standard_deviation) for p in parameters]
+    return [
+        {
+            "": p.parameter, "before": f"{p.before:.5g}", "found": f"{p.value:.5g}",
+            "standard deviation": f"{p.standard_deviation:.2g}" if scatters else "",
+            "from": f"{p.interval[0]:.5g}" if scatters else "", "to": f"{p.interval[1]:.5g}" if scatters else "",
+            "bound": "at its bound" if p.at_bound else "",
+        }
+        for p, scatters in zip(parameters, known, strict=True)
+    ]  # fmt: skip
+
+
+def _frequencies(table: FrequencyTable | None) -> list[dict[str, Any]]:
+    columns = ("mode", "predicted_hz", "measured_hz", "difference_percent")
+    values = () if table is None else zip(*(getattr(table, name).tolist() for name in columns), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in values]
+
+
+def _stiffness(result: IdentificationResult, stiffness: float) -> str:
+    s = result.summary
+    modes = ", ".join(map(str, s["fit_to"]))
+    return f"{_newtons(stiffness)} of {s['snubber']} (mode {modes}, {s['method']})"
+
+
+def _interval(result: IdentificationResult, interval: Sequence[float]) -> str:
+    if not math.isfinite(result.summary["standard_deviation_n_per_m"]):
+        return ""
+    return f"{_newtons(interval[0])} to {_newtons(interval[1])} ({percent(result.summary['coverage'])})"
+
+
+def _monte_carlo(result: IdentificationResult, deviation: float) -> dict[str, Any] | str:
+    if result.estimate is None or not math.isfinite(deviation):
+        return ""
+    low, high = result.summary["monte_carlo_interval_n_per_m"]
+    of = {"standard_deviation_n_per_m": deviation, "from_n_per_m": low, "to_n_per_m": high}
+    return of | {"samples": result.estimate.monte_carlo_samples}
+
+
+def _each_mode(result: IdentificationResult, stiffness: Sequence[float]) -> str:
+    modes = result.summary["fit_to"]
+    texts = (
+        f"mode {mode}: {_newtons(k) if math.isfinite(k) else 'out of reach'}"
+        for mode, k in zip(modes, stiffness, strict=True)
+    )
+    return ", ".join(texts) if len(modes) > 1 else ""
+
+
+def _reach(result: IdentificationResult, ranges: Sequence[Sequence[float]]) -> dict[str, str]:
+    texts = {}
+    for mode, (low, high) in zip(result.summary["fit_to"], ranges, strict=True):
+        upwards = f"to {high:.5g} Hz (pinned)" if math.isfinite(high) else "upwards without bound"
+        texts[f"mode {mode}"] = f"{low:.5g} Hz (free) {upwards}"
+    return texts
+
+
+def _table_slope(result: IdentificationResult, slope: float) -> list[str]:
+    at = result.table_slope
+    assert at is not None
+    return [
+        f"{_newtons(slope)} on segment {at.segment} of {at.segments}, under {amount(at.force, 'N', 4)}",
+        f"identified: {at.factor:.4g} of it; all forces so with force_deflection.scale times {at.factor:.4g}",
+    ]
+
+
+def _sensitivities(result: IdentificationResult, _: Any) -> list[dict[str, str]]:
+    return [
+        {
+            "1 % of": s.parameter,
+            "changes the stiffness by": f"{s.relative:+.3g} %",
+            "its uncertainty": percent(s.contribution, 2) if math.isfinite(s.contribution) else "",
+        }
+        for s in result.sensitivities[:6]
+    ]
+
+
+def _pad_branches(result: IdentificationResult, stiffness: Sequence[float]) -> list[dict[str, float]]:
+    times = result.summary["pad_relaxation_time_s"]
+    return [{"stiffness_n_per_m": k, "relaxation_time_s": tau} for k, tau in zip(stiffness, times, strict=True)]
+
+
+def _misfit(_: IdentificationResult, misfit: Sequence[float]) -> str:
+    return f"{misfit[0]:.4g} before, {misfit[1]:.4g} after"
+
+
+IDENTIFICATION_VIEWS: Views = {
+    "updated": _updated,
+    "update_misfit": _misfit,
+    "frequencies_without_hz": lambda result, _: _frequencies(result.without_snubber),
+    "mac": lambda _, mac: {f"shape {i}": told("", row) for i, row in enumerate(mac, 1)},
+    "stiffness_n_per_m": _stiffness,
+    "interval_n_per_m": _interval,
+    "monte_carlo_standard_deviation_n_per_m": _monte_carlo,
+    "stiffness_by_mode_n_per_m": _each_mode,
+    "reachable_hz": _reach,
+    "table_slope_n_per_m": _table_slope,
+    "pad_branch_stiffness_n_per_m": _pad_branches,
+    "pad_misfit": lambda _, misfit: f"{percent(misfit)} of the measured stiffness, root mean square",
+    "frequencies_with_hz": lambda result, _: _frequencies(result.with_snubber),
+    "sensitivities": _sensitivities,
+    "estimated": lambda result, _: _parameters(() if result.nonlinear is None else result.nonlinear.parameters),
+    "nonlinear_misfit": _misfit,
+    "starts_agreeing": lambda _, counts: f"{counts[0]} of {counts[1]} reached the same minimum",
+}
+
+
+# --- Comparison ------------------------------------------------------------------------------------------------------
+
+
+def comparison_screen(result: Comparison) -> Screen:
+    """By channel the first harmonic, or the highest peak of a sweep, measured and computed."""
+    rows = []
+    for c in result.channels[: 2 * SHOWN]:
+        rows.append({"": f"{c.place} {c.quantity.replace('_', ' ')}"})
+        for k in np.flatnonzero(c.order == 1)[:1]:
+            size = rounded(float(abs(c.measured[k])), c.unit), rounded(float(abs(c.predicted[k])), c.unit)
+            phase = c.phase_difference_deg[k]
+            rows[-1] |= dict(zip(("measured at 1 x", "computed"), size, strict=True)) | {
+                "difference": f"{c.difference_db[k]:+.2f} dB" if math.isfinite(c.difference_db[k]) else "",
+                "phase": f"{phase:+.1f} deg" if math.isfinite(phase) else "",
+            }  # fmt: skip
+        rows[-1]["histories"] = f"{percent(c.rms_difference)} rms" if math.isfinite(c.rms_difference) else ""
+    for each in result.sweeps[: 2 * SHOWN]:
+        rows.append({"": f"{each.place} {each.quantity.replace('_', ' ')}, {each.curve}", "FRAC": f"{each.frac:.3f}"})
+        for p in sorted(each.peaks, key=lambda p: -p.measured_level)[:1]:
+            rows[-1]["measured peak"] = f"{amount(p.measured_level, each.unit, 3)} at {p.measured_hz:.4g} Hz"
+            if math.isfinite(p.predicted_hz):
+                rows[-1]["computed"] = f"{amount(p.predicted_level, each.unit, 3)} at {p.predicted_hz:.4g} Hz"
+                rows[-1]["difference"] = f"{p.difference_db:+.2f} dB, {100 * p.frequency_difference:+.2f} %"
+    more = len(result.channels) + len(result.sweeps) - len(rows)
+    return Screen("", rows, [f"{counted(more, 'more channel')}: -v shows all"] if more else [])
+
+
+def modes_screen(result: ModeComparison) -> Screen:
+    """The pairs of modes."""
+    s = result.summary
+    lowest, apart = f"{s['lowest_mac']:.3f}", percent(s["largest_difference"])
+    verdict = f"contacts {result.contacts}, lowest MAC {lowest}, frequencies within {apart}"
+    rows = _pair_rows(s["pairs"])
+    more = [f"{counted(len(rows) - 2 * SHOWN, 'more mode')}: -v shows all"] if len(rows) > 2 * SHOWN else []
+    return Screen(verdict, rows[: 2 * SHOWN], more)
+
+
+def _channels(comparison: Comparison, _: Sequence[Any]) -> Labelled:
+    parts = Labelled()
+    for c in comparison.channels:
+        begins = f", the run from {amount(c.start_s, 's')} on" if c.start_s is not None else ""
+        differ = ""
+        if math.isfinite(c.rms_difference):
+            differ = f"histories differ by {percent(c.rms_difference)} rms after {_delay(c)}"
+        harmonics = lines("harmonics", _harmonics(c))
+        texts = [f"measured: {c.channel}{begins}", differ, *harmonics]
+        parts[f"{c.place} {c.quantity.replace('_', ' ')}"] = [text for text in texts if text]
+    return parts
+
+
+def _harmonics(c: ChannelComparison) -> list[dict[str, Any]]:
+    scale = scale_for(c.unit, np.abs(c.predicted), np.abs(c.measured))
+    rows = zip(c.order.tolist(), c.predicted, c.measured, c.difference_db, c.phase_difference_deg, strict=True)
+    return [
+        {
+            "harmonic": order,
+            "predicted": f"{abs(p) * scale.factor:.4g} {scale.unit}",
+            "measured": f"{abs(m) * scale.factor:.4g} {scale.unit}",
+            "difference": f"{d:+.2f} dB" if math.isfinite(d) else "one of them is round-off",
+            "phase": f"{a:+.1f} deg" if math.isfinite(a) else "",
+        }
+        for order, p, m, d, a in rows
+    ]
+
+
+def _delay(c: ChannelComparison) -> str:
+    periods = abs(c.delay_s) * (c.excitation_hz if math.isfinite(c.excitation_hz) else 1.0)
+    return "no delay" if periods < 1e-9 else f"a delay of {amount(c.delay_s, 's')}"
+
+
+def _sweeps(comparison: Comparison, _: Sequence[Any]) -> Labelled:
+    parts = Labelled()
+    for c in comparison.sweeps:
+        texts = [f"measured: {c.channel}, {c.detector} of {c.curve}"]
+        if c.begin_s is not None:
+            width = "" if c.bandwidth is None else f", bandwidth {100 * c.bandwidth:.3g} % of the frequency"
+            texts.append(f"tracked from {amount(c.begin_s, 's')} of the record{width}")
+        texts.append(f"FRAC {c.frac:.4f}" + ("" if c.has_phase else " (of amplitudes)"))
+        parts[f"{c.place} {c.quantity.replace('_', ' ')}"] = [*texts, *lines("peaks", _peaks(c.peaks, c.unit))]
+    if comparison.assurance is not None:
+        diagonal = np.diagonal(comparison.assurance.fdac)
+        lowest = f"lowest {np.min(diagonal):.3f} at {comparison.assurance.measured_hz[np.argmin(diagonal)]:.4g} Hz"
+        parts["FDAC"] = f"at equal frequencies {np.mean(diagonal):.3f} in the mean, {lowest}"
+    return parts
+
+
+def _peaks(peaks: Iterable[PeakPair], unit: str) -> list[dict[str, Any]]:
+    """What was measured and what is computed near it; of the computed peak nothing where none is near."""
+    rows = []
+    for p in peaks:
+        row = {"measured": f"{p.measured_hz:.2f} Hz", "level": amount(p.measured_level, unit), "Q": p.measured_q}
+        if math.isfinite(p.predicted_hz):
+            row |= {"predicted": f"{p.predicted_hz:.2f} Hz", "its level": amount(p.predicted_level, unit)}
+            row |= {"its Q": p.predicted_q, "difference": f"{100 * p.frequency_difference:+.2f} %"}
+            row["in level"] = f"{p.difference_db:+.2f} dB"
+        rows.append(row)
+    return rows
+
+
+def _pairs(result: ModeComparison, pairs: Sequence[Mapping[str, Any]]) -> Labelled:
+    shapes = f"of {result.source}, with those of the structure, contacts {result.contacts}"
+    return Labelled({"": _pair_rows(pairs), "shapes": shapes})
+
+
+def _pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    return [
+        {
+            "": f"mode {pair['number']}",
+            "measured": f"{pair['measured_hz']:.5g} Hz",
+            "computed": f"mode {pair['predicted']}, {pair['predicted_hz']:.5g} Hz"
+            if pair["predicted"]
+            else "none fits",
+            "difference": f"{100 * pair['difference']:+.2f} %" if pair["predicted"] else "",
+            "MAC": f"{pair['mac']:.3f}",
+        }
+        for pair in pairs
+    ]
+
+
+COMPARISON_VIEWS: Views = {"comparisons": _channels, "sweeps": _sweeps}
+MODE_VIEWS: Views = {
+    "pairs": _pairs,
+    "lowest_mac": lambda _, mac: f"{mac:.3f}",
+    "largest_difference": lambda _, difference: percent(difference),
+}
