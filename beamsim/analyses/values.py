@@ -15,10 +15,10 @@ import numpy as np
 from beamsim.fields import Entry
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import OF_OUTPUTS, Limits
+from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Floats
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
 DISPLACEMENT, ACCELERATION = ("probes", "displacement"), ("probes", "absolute_acceleration")
 FORCE, PENETRATION = ("snubbers", "force"), ("snubbers", "penetration")

@@ -1,8 +1,9 @@
 """The command line: load, call, save, print.
 
 Never here: computing, drawing, opening files.
-Begin with `app`, which lists the commands. Modules named ``..._commands`` hold what these are given, the others what
-they do; `conclusion` is what all analyses share: how a command ends, with which exit code.
+Begin with `app`, which has the commands with what they are given; the others hold what they do. `conclusion` is what
+all analyses share: how a command ends, with which exit code. `printing` is the printer; `motions`, `branches`,
+`studies` and `measured` say what is printed of each kind of result.
 """
 
 from __future__ import annotations

@@ -1,14 +1,421 @@
-"""The application: all commands. What they do is imported when they run, so that ``beamsim --help`` is instant."""
+"""The application: all commands, what they are given, each with the import of what does it.
+
+What they do is imported when they run, so that ``beamsim --help`` is instant.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import typer
 
 from beamsim import __version__
-from beamsim.cli import analysis_commands, case_commands, result_commands
 from beamsim.cli.failures import guarded
+from beamsim.cli.options import (
+    Case,
+    Check,
+    Debug,
+    Given,
+    Json,
+    NoPlots,
+    Output,
+    Overrides,
+    Quiet,
+    Reporting,
+    Stored,
+    Verbose,
+)
+from beamsim.kinds import TemplateKind
+
+
+class ComparedMethod(StrEnum):
+    """Methods of ``beamsim nnm --compare``."""
+
+    multiple_scales = "multiple_scales"
+    relaxed_minimisation = "relaxed_minimisation"
+    thesis = "thesis"  # old name of relaxed_minimisation
+
+
+def run(
+    case: Case,
+    set_: Overrides = None,
+    output: Output = None,
+    json: Json = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    check: Check = False,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            "--against",
+            metavar="reference[:RTOL]",
+            help="Compare with the reference integrator, at a relative tolerance of 1e-8 or as given.",
+        ),
+    ] = None,
+    debug: Debug = False,
+) -> None:
+    """Simulate a case. Writes a result file and plots, prints a summary."""
+    from beamsim.cli import conclusion
+
+    conclusion.run(Given(case, set_, output, Reporting(not no_plots, json, quiet, check, verbose)), against)
+
+
+def sweep(
+    case: Case,
+    set_: Overrides = None,
+    output: Output = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an interrupted sweep from its result file.")
+    ] = False,
+    json: Json = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", min=1, help="Number of threads (of processes for sweeps) for vary; by default one per core."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for vary, tcp://host:port.")
+    ] = None,
+    compare_with: Annotated[
+        Literal["multiple_scales"] | None,
+        typer.Option("--compare", help="Compare a continuation with the multiple-scales expansion."),
+    ] = None,
+    overlay: Annotated[
+        list[Path] | None, typer.Option("--overlay", help="Overlay a stored sweep on a continuation; repeatable.")
+    ] = None,
+    check: Check = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Sweep the frequency, or vary numbers of the case. Writes a result file and plots."""
+    from beamsim.cli.sweeps import swept
+
+    options = {
+        "workers": workers, "scheduler": scheduler, "resume": resume, "overlay": overlay, "compare": compare_with,
+    }  # fmt: skip
+    swept(Given(case, set_, output, Reporting(not no_plots, json, quiet, check, verbose)), options)
+
+
+def nnm(
+    case: Case,
+    set_: Overrides = None,
+    output: Output = None,
+    json: Json = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    compare_with: Annotated[
+        list[ComparedMethod] | None,
+        typer.Option("--compare", help="Compare another method with the exact mode; repeatable."),
+    ] = None,
+    debug: Debug = False,
+) -> None:
+    """Follow a nonlinear normal mode. In stiffness factor, energy or frequency. Writes a file and plots."""
+    from beamsim.cli.conclusion import analysed
+
+    methods = [method.value for method in compare_with or ()]
+    given = Given(case, set_, output, Reporting(not no_plots, json, quiet, verbose=verbose))
+    analysed("nnm", given, "following the mode of", compare=methods)
+
+
+def identify_stiffness(
+    case: Case,
+    set_: Overrides = None,
+    output: Output = None,
+    json: Json = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
+    from beamsim.cli.comparisons import identify
+
+    identify(Given(case, set_, output, Reporting(not no_plots, json, quiet, verbose=verbose)))
+
+
+def compare(
+    result: Stored,
+    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv or .h5.")],
+    channel: Annotated[str | None, typer.Option("--channel", help="Channel of the measurement.")] = None,
+    probe: Annotated[str | None, typer.Option("--probe", help="Probe (or snubber) to compare with.")] = None,
+    quantity: Annotated[str | None, typer.Option("--quantity", help="E.g. absolute_acceleration, force.")] = None,
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Unit of the measurement, e.g. g, where the file states none.")
+    ] = None,
+    axis_unit: Annotated[
+        str | None, typer.Option("--axis-unit", help="Unit of its times or frequencies, e.g. ms, likewise.")
+    ] = None,
+    harmonics: Annotated[int, typer.Option("--harmonics", min=1, help="Number of harmonics in the table.")] = 10,
+    last: Annotated[
+        float | None, typer.Option("--last", min=0.0, help="Use only the last part of the measurement, s.")
+    ] = None,
+    curve: Annotated[str | None, typer.Option("--curve", help="Curve of a sweep, e.g. up_0.")] = None,
+    detector: Annotated[
+        Literal["peak", "fundamental", "rms"] | None,
+        typer.Option("--detector", help="What the measurement of a sweep shows of each cycle."),
+    ] = None,
+    reference: Annotated[
+        str | None, typer.Option("--reference", help="Channel of the excitation, in a time history of a sweep.")
+    ] = None,
+    begin: Annotated[
+        float | None, typer.Option("--begin", help="Time of such a record at which the sweep begins, s.")
+    ] = None,
+    cycles: Annotated[
+        int, typer.Option("--cycles", min=1, help="Track such a record over so many cycles: bandwidth is f / cycles.")
+    ] = 1,
+    output: Output = None,
+    json: Json = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Overlay a run or sweep with measured signals. Prints differences of harmonics, phase aligned; of sweeps peaks."""
+    from beamsim.cli.comparisons import compare_signals
+
+    pairing = {"channel": channel, "place": probe, "quantity": quantity, "unit": unit, "axis_unit": axis_unit}
+    of_runs = {"harmonics": harmonics, "last": last}
+    of_sweeps = {"curve": curve, "detector": detector, "reference": reference, "begin": begin, "cycles": cycles}
+    given = Given(result, None, output, Reporting(not no_plots, json, quiet, verbose=verbose))
+    compare_signals(given, measured, pairing, of_runs, of_sweeps)
+
+
+def compare_modes(
+    case: Case,
+    measured: Annotated[Path, typer.Argument(metavar="SHAPES", help="Measured mode shapes: .csv, or .uff dataset 55.")],
+    set_: Overrides = None,
+    closed: Annotated[bool, typer.Option("--closed", help="Compute the modes with every snubber closed.")] = False,
+    least_mac: Annotated[
+        float | None,
+        typer.Option("--least-mac", min=0.0, max=1.0, help="Exit with code 4 if the MAC of a pair is lower."),
+    ] = None,
+    most_difference: Annotated[
+        float | None,
+        typer.Option("--most-difference", min=0.0, help="Exit with code 4 if frequencies differ by more, %."),
+    ] = None,
+    output: Output = None,
+    json: Json = False,
+    no_plots: NoPlots = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    debug: Debug = False,
+) -> None:
+    """Pair measured with computed modes by their MAC. Prints frequencies, differences and MAC."""
+    from beamsim.cli.comparisons import compare_shapes
+
+    given = Given(case, set_, output, Reporting(not no_plots, json, quiet, verbose=verbose))
+    limits = {"least_mac": least_mac, "most_difference": most_difference}
+    compare_shapes(given, measured, "closed" if closed else "open", limits)
+
+
+COMPUTING = (run, sweep, nnm, identify_stiffness, compare, compare_modes)
+
+
+def info(result: Stored, json: Json = False, debug: Debug = False) -> None:
+    """Print the contents of a result file."""
+    from beamsim.cli import stored
+
+    stored.info(result, as_json=json)
+
+
+def plot(
+    result: Stored,
+    output: Output = None,
+    form: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Picture format.")] = "png",
+    json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Plot a result file again without recomputing it."""
+    from beamsim.cli import stored
+
+    stored.plot(result, output, form, json=json, quiet=quiet)
+
+
+def export(
+    result: Stored,
+    form: Annotated[
+        Literal["csv", "uff", "mat"] | None,
+        typer.Option("--format", help="csv (mostly a folder of tables), uff or mat; default: by the name after -o."),
+    ] = None,
+    output: Output = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Write a result file in another format."""
+    from beamsim.cli import stored
+
+    stored.export(result, output, form, json=json, quiet=quiet)
+
+
+def report(
+    result: Stored,
+    output: Output = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Write one HTML file about a result. It has verdict, model, numbers, plots, animation, checks and scenario."""
+    from beamsim.cli import html_report
+
+    html_report.report(result, output, json=json, quiet=quiet)
+
+
+def animate(
+    result: Stored,
+    output: Output = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Write the motion of a result as a GIF and as HTML. It is slow around contact."""
+    from beamsim.cli import html_report
+
+    html_report.animate(result, output, json=json, quiet=quiet)
+
+
+ABOUT_RESULTS = (info, plot, export, report, animate)
+
+
+def validate(
+    case: Case,
+    set_: Overrides = None,
+    sketch: Annotated[
+        bool, typer.Option("--sketch", help="Draw the model: bodies, supports, masses, springs and stops.")
+    ] = False,
+    output: Output = None,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Check a case without running it. Reports every problem with file, line and remedy."""
+    from beamsim.cli import cases
+
+    cases.validate(case, set_ or (), output, sketch=sketch, as_json=json)
+
+
+def schema(output: Output = None, json: Json = False, debug: Debug = False) -> None:
+    """Print the JSON Schema of scenario files. Editors complete and check them by it."""
+    from beamsim.cli import cases
+
+    cases.write_schema(output)
+
+
+def new(
+    file: Annotated[Path, typer.Argument(metavar="CASE.YAML", help="File to write.")] = Path("case.yaml"),
+    kind: Annotated[TemplateKind, typer.Option("--kind", help="What to simulate.")] = TemplateKind.beam,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Write a commented scenario to start from. The schema by which editors check and complete it is put beside it."""
+    from beamsim.cli import cases
+
+    cases.write_template(file, kind, force=force, as_json=json)
+
+
+def check(case: Case, set_: Overrides = None, json: Json = False, debug: Debug = False) -> None:
+    """Check the matrices of each body. Mass, rigid motions, symmetry, frequencies. Exit code 3 if a check fails."""
+    from beamsim.cli import structures
+
+    structures.check(case, set_ or (), as_json=json)
+
+
+def export_structure(
+    case: Case,
+    set_: Overrides = None,
+    output: Output = None,
+    body: Annotated[str | None, typer.Option("--body", help="Write one body by itself, without its joints.")] = None,
+    modes: Annotated[
+        int | None,
+        typer.Option(
+            "--modes",
+            min=1,
+            help="Write a Craig-Bampton model with this many modes; its boundary is where something acts.",
+        ),
+    ] = None,
+    units: Annotated[
+        str, typer.Option("--units", help="Units of the files: SI, mm-t-s, mm-kg-ms, in-lbf-s, ... as in the scenario.")
+    ] = "SI",
+    binary: Annotated[bool, typer.Option("--binary", help="Write OP4 in binary instead of ASCII.")] = False,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Write the matrices of the structure. OP4 (default), MATLAB, MatrixMarket or NumPy files, and a table of nodes."""
+    from beamsim.cli import structures
+
+    form = structures.MatrixForm(body, modes, units, binary)
+    structures.export(case, set_ or (), output, form, as_json=json)
+
+
+def warmup(quiet: Quiet = False, json: Json = False, debug: Debug = False) -> None:
+    """Compile the numerical kernels beforehand, for images and installers. Prints the folder where they are kept."""
+    from beamsim.cli.warmup import compile_kernels
+
+    compile_kernels(shown=not (quiet or json), as_json=json)
+
+
+def _quantity(name: str, text: str) -> Any:
+    return typer.Option(name, metavar="QUANTITY", help=text)
+
+
+def pad(
+    modulus: Annotated[str | None, _quantity("--modulus", "Young's modulus of the pad, e.g. '5 MPa'.")] = None,
+    shape_factor: Annotated[
+        str | None, _quantity("--shape-factor", "Loaded over free area of a pad whose faces are held; 0 by default.")
+    ] = None,
+    area: Annotated[str | None, _quantity("--area", "Loaded area, e.g. '4 cm^2'.")] = None,
+    height: Annotated[str | None, _quantity("--height", "Height, e.g. '6 mm'.")] = None,
+    factor: Annotated[str, _quantity("--kappa", "Factor of the shape factor: 1 soft rubber, 0.5 hard.")] = "1",
+    bulk_modulus: Annotated[
+        str | None, _quantity("--bulk-modulus", "Bulk modulus, for thin pads, e.g. '1.1 GPa'.")
+    ] = None,
+    curve: Annotated[Path | None, typer.Option("--curve", help="CSV file of force over deflection.")] = None,
+    segments: Annotated[
+        int, typer.Option("--segments", min=1, max=50, help="Number of straight lines fitted to the curve.")
+    ] = 5,
+    stiffness: Annotated[str | None, _quantity("--stiffness", "Stiffness, e.g. '150 kN/m'.")] = None,
+    contact_time: Annotated[str | None, _quantity("--contact-time", "Duration of the contact, e.g. '3 ms'.")] = None,
+    restitution: Annotated[str | None, _quantity("--restitution", "Coefficient of restitution of the mass.")] = None,
+    dashpot: Annotated[str | None, _quantity("--dashpot", "Dashpot, e.g. '12 N s/m'.")] = None,
+    loss_factor: Annotated[str | None, _quantity("--loss-factor", "Loss factor at --frequency.")] = None,
+    frequency: Annotated[str | None, _quantity("--frequency", "Frequency of the loss factor, e.g. '120 Hz'.")] = None,
+    mass: Annotated[str | None, _quantity("--mass", "Mass that the pad stops, e.g. '50 g'.")] = None,
+    speed: Annotated[str | None, _quantity("--speed", "Speed of the mass, e.g. '0.3 m/s'.")] = None,
+    no_tension: Annotated[
+        bool, typer.Option("--no-tension", help="Write law: no_tension, of a pad that never pulls.")
+    ] = False,
+    name: Annotated[str, typer.Option("--name", help="Name of the snubber.")] = "pad",
+    position: Annotated[str, _quantity("--position", "Where the snubber is on the beam.")] = "100 %",
+    on_mass: Annotated[
+        int | None, typer.Option("--on-mass", help="Number of the mass of a chain, instead of --position.")
+    ] = None,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Find stiffness and damping of a snubber's pad. From a material, a measured curve or an impact; prints YAML."""
+    from beamsim.cli import pad as pads
+
+    texts = {
+        "modulus": modulus, "shape_factor": shape_factor, "area": area, "height": height, "factor": factor,
+        "bulk_modulus": bulk_modulus, "stiffness": stiffness, "contact_time": contact_time,
+        "restitution": restitution, "dashpot": dashpot, "loss_factor": loss_factor, "frequency": frequency,
+        "mass": mass, "speed": speed,
+    }  # fmt: skip
+    law = "no_tension" if no_tension else "kelvin_voigt"
+    snubber = {"name": name, "position": position, "on_mass": on_mass, "law": law}
+    pads.pad(texts, snubber, curve, segments, as_json=json)
+
+
+AROUND_CASES = (validate, schema, new, check, export_structure, pad, warmup)
+
 
 app = typer.Typer(
     name="beamsim",
@@ -35,5 +442,5 @@ def _options(
     pass
 
 
-for command in (*analysis_commands.COMMANDS, *result_commands.COMMANDS, *case_commands.COMMANDS):
+for command in (*COMPUTING, *ABOUT_RESULTS, *AROUND_CASES):
     app.command()(guarded(command))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from beamsim.analyses.result import Result
+from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import exceeded_limits
-from beamsim.cli.failures import say
-from beamsim.cli.interruption import Interruption, interruptible
-from beamsim.cli.options import Reporting
+from beamsim.cli.failures import Interruption, interruptible, say
+from beamsim.cli.options import Given, Reporting
+from beamsim.cli.preparation import located, prepared
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.cli.report import table_rows
@@ -20,6 +21,7 @@ from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import scale_for, shown_in
 from beamsim.store.results import write_result
+from beamsim.trust import checked
 
 _Result = TypeVar("_Result", bound=Result)
 Compute = Callable[[Progress, Interruption], _Result]
@@ -133,3 +135,46 @@ def exit_code(outcome: Outcome, signal: int = 0) -> int:
     (0, 143)
     """
     return 128 + signal if signal else EXIT_CODES[outcome.kind]
+
+
+def analysed(kind: str, given: Given, doing: str, **options: Any) -> None:
+    """Compute the result of a kind whose command has the same name.
+
+    Parameters
+    ----------
+    kind : of the result.
+    given : to the command.
+    doing : what is done with the case meanwhile, "simulating".
+    options : of the analysis.
+
+    Raises
+    ------
+    BeamsimError
+        As `concluded`.
+    """
+    scenario, target = prepared(kind, given)
+
+    def computed(progress: Progress, stop: Interruption) -> Result:
+        with located(scenario):
+            result: Result = named(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **options)
+            return result
+
+    concluded(kind, target, given.reporting, computed, f"{doing} {given.case.name}")
+
+
+def run(given: Given, against: str | None) -> None:
+    """Simulate a case, and compare it with the reference integrator where ``against`` says so, ``reference[:RTOL]``."""
+    if against is not None:
+        from beamsim.trust import reference  # which runs without it do not load
+
+        rtol = reference.tolerance_of(against)
+    scenario, target = prepared("run", given)
+    name = given.case.name
+
+    def simulated(progress: Progress, stop: Interruption) -> RunResult:
+        with located(scenario):
+            result = checked.run(scenario, progress, stop)
+            compared = against is not None and not result.outcome.interrupted
+            return reference.against(result, rtol, stop) if compared else result
+
+    concluded("run", target, given.reporting, simulated, f"simulating {name}", f"evaluating the motion of {name}")

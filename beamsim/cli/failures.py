@@ -1,4 +1,7 @@
-"""Conversion of exceptions to messages and exit codes (`beamsim.errors.ExitCode`)."""
+"""How commands end early: exceptions as messages and exit codes (`beamsim.errors.ExitCode`), Ctrl-C and SIGTERM.
+
+The first signal sets a flag, the second ends at once.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,12 @@ import errno
 import functools
 import io
 import os
+import signal
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
 from typing import ParamSpec
 
 import typer
@@ -112,3 +118,55 @@ def guarded(command: Callable[Parameters, None]) -> Callable[Parameters, None]:
             raise typer.Exit(code) from None
 
     return wrapper
+
+
+STOPPING = "beamsim: stopping, and saving what was found; press again to stop at once without saving"
+
+
+class Interruption:
+    """Whether a signal asked the command to end: what analyses call ``stop``."""
+
+    def __init__(self) -> None:
+        self.signal = 0  # its number, or 0; of two that of the second
+        self.at_once = False  # whether there was a second one
+
+    def __call__(self) -> bool:
+        """Whether one was received."""
+        return self.signal != 0
+
+
+@contextmanager
+def interruptible() -> Iterator[Interruption]:
+    """Yield a flag that the first SIGINT or SIGTERM in the block sets; the second ends the block at once.
+
+    Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
+    """
+    interruption = Interruption()
+    before = {
+        number: handler
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if callable(handler := signal.getsignal(number)) or handler == signal.SIG_DFL
+    }
+
+    def request(number: int, frame: FrameType | None) -> None:
+        interruption.at_once = interruption.signal != 0
+        interruption.signal = number
+        if interruption.at_once:
+            raise KeyboardInterrupt
+        say(STOPPING)
+
+    try:
+        for number in before:
+            signal.signal(number, request)
+        yield interruption
+    except StoppedEarlyError:  # what was found is kept
+        raise
+    except BaseException as error:
+        if not (interruption.at_once or isinstance(error, KeyboardInterrupt)):
+            raise
+        if interruption.signal == signal.SIGTERM:
+            sys.exit(ExitCode.TERMINATED)
+        raise KeyboardInterrupt from None  # libraries make errors of their own of it
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

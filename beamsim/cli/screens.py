@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from beamsim.analyses.result import Result
-from beamsim.analyses.values import STANDARD_GRAVITY, limit_label
+from beamsim.analyses.values import limit_label
 from beamsim.cli.printing import NONE, aligned, counted, percent
 from beamsim.cli.report import ended, predicted
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.quantities import amplitude_unit
+from beamsim.scenario.units import STANDARD_GRAVITY
 
 SHOWN = 4  # of what there may be many of: outputs, levels of contacts, cases
 DIGITS = 3  # at most; fewer where the convergence supports no more

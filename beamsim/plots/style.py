@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamsim.analyses.values import STANDARD_GRAVITY
+from beamsim.scenario.units import STANDARD_GRAVITY
 
 ROUND_OFF = 1e-15  # in SI units; nothing that is shown can be known so small
 _LONG_TIMES = (("years", 365.25 * 86400.0, 1.0), ("days", 86400.0, 2.0), ("h", 3600.0, 2.0), ("min", 60.0, 10.0))

@@ -37,6 +37,7 @@ class Dimension:
         return f"{'an' if self.name[0] in 'aeiou' else 'a'} {self.name}"
 
 
+STANDARD_GRAVITY = 9.80665  # m/s^2
 LARGEST = 1e30
 """Values outside 1/LARGEST to LARGEST (to its square for areas and the like) are no physical quantities."""
 

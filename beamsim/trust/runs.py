@@ -41,12 +41,13 @@ from beamsim.analyses.run.summary import (
     spectral_lines,
     static_figures,
 )
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, STANDARD_GRAVITY, searched
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Stop
 from beamsim.scenario import Run, Scenario
 from beamsim.scenario.run import OrbitStart
+from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem

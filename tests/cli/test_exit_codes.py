@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from beamsim.cli.conclusion import EXIT_CODES, conclude, exit_code
-from beamsim.cli.interruption import Interruption
+from beamsim.cli.failures import Interruption
 from beamsim.cli.options import Reporting
 from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind

@@ -14,7 +14,7 @@ from sampling import slow_after
 import beamsim
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.conclusion import exit_code
-from beamsim.cli.interruption import STOPPING, interruptible
+from beamsim.cli.failures import STOPPING, interruptible
 from beamsim.measurements.channels import read_tests
 from beamsim.outcomes import COMPLETE
 from beamsim.plots.nnm import nnm_figures

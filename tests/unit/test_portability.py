@@ -13,8 +13,7 @@ from beamsim import files
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.parallel import default_workers
 from beamsim.cli import use_utf8
-from beamsim.cli.failures import broken_pipe, discard_output
-from beamsim.cli.interruption import interruptible
+from beamsim.cli.failures import broken_pipe, discard_output, interruptible
 from beamsim.errors import ResultFileError
 from beamsim.store.studies import LOCKED_BYTE, opened_journal
 

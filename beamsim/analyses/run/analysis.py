@@ -27,11 +27,12 @@ from beamsim.analyses.run.result import RandomResponse, RunResult, ShockResponse
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STANDARD_GRAVITY, STRESS, largest
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import Stop, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
+from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem

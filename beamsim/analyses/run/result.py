@@ -8,7 +8,7 @@ import numpy as np
 
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.impact_result import Fatigue, FigureInterval, Impacts
-from beamsim.analyses.values import STANDARD_GRAVITY, VALUES
+from beamsim.analyses.values import VALUES
 from beamsim.fields import (
     Counter,
     Entry,
@@ -24,6 +24,7 @@ from beamsim.fields import (
     table,
 )
 from beamsim.inputs.drift import CorrectionSize
+from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.structural import ModeTable, SnubberNumbers
 from beamsim.typing import Bools, Complexes, Floats, Ints
 

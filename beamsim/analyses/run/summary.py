@@ -17,7 +17,6 @@ from beamsim.analyses.values import (
     DISPLACEMENT,
     FORCE,
     PENETRATION,
-    STANDARD_GRAVITY,
     STRESS,
     Extreme,
     Extremes,
@@ -28,6 +27,7 @@ from beamsim.analyses.values import (
 )
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.scenario import Scenario
+from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints

@@ -1,0 +1,201 @@
+"""What ``sweep`` does: a swept or stepped sine, a continuation, or many cases, stored as they are completed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from signal import SIGINT
+from typing import Any
+
+from beamsim import __version__
+from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
+from beamsim.analyses.continuation.overlay import with_overlay
+from beamsim.analyses.continuation.result import ContinuationResult
+from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
+from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.sweep.result import SweepResult
+from beamsim.cli.conclusion import conclude, concluded
+from beamsim.cli.failures import Interruption, interruptible, say
+from beamsim.cli.options import Given, Reporting
+from beamsim.cli.preparation import located, prepared
+from beamsim.cli.progress import Progress, progress_of
+from beamsim.errors import Problem, ResultFileError, ScenarioError, StoppedEarlyError
+from beamsim.scenario import Scenario
+from beamsim.store.results import holds, open_result, write_result
+from beamsim.store.studies import journal_path, opened_journal, stored_study
+from beamsim.trust import checked
+
+_NEEDS_VARY = "leave out the option, or add vary"
+_NEEDS_CONTINUATION = "leave it out, or use sweep: {kind: continuation}"
+# option -> kinds of sweep with that option; for others place (default: the option), message and remedy
+_OPTIONS = {
+    "workers": (("designs",), "vary", "is missing, but --workers applies to its cases", _NEEDS_VARY),
+    "scheduler": (("designs",), "vary", "is missing, but --scheduler applies to its cases", _NEEDS_VARY),
+    "resume": (("designs", "sweep"), "", "continues a swept or stepped sine, not a continuation", "leave it out"),
+    "overlay": (("continuation",), "", "overlays a sweep on a curve by continuation", _NEEDS_CONTINUATION),
+    "compare": (("continuation",), "", "compares with a curve of periodic motions", _NEEDS_CONTINUATION),
+}
+
+
+def swept(given: Given, options: Mapping[str, Any]) -> None:
+    """Sweep the frequency, follow the response or compute many cases, whichever the scenario asks for.
+
+    Parameters
+    ----------
+    given : to the command.
+    options : by name without dashes: workers, scheduler, resume, overlay, compare.
+
+    Raises
+    ------
+    ScenarioError
+        Where an option does not apply to the kind of sweep, and as `concluded`.
+    """
+    scenario, target = prepared("sweep", given)
+    reporting = given.reporting
+    kind = _kind(scenario)
+    for name, value in options.items():
+        allowed, path, message, remedy = _OPTIONS[name]
+        if value and kind not in allowed:
+            raise ScenarioError(Problem(path or f"--{name}", message, remedy))
+    if kind == "designs":
+        of_study = {name: options[name] for name in ("workers", "scheduler", "resume")}
+        sweep_designs(scenario, target, reporting, **of_study)
+    elif kind == "continuation":
+        continue_motions(scenario, target, reporting, options["overlay"] or (), expansion=bool(options["compare"]))
+    else:
+        _sweep_sine(scenario, target, reporting, resume=options["resume"])
+
+
+def _kind(scenario: Scenario) -> str:
+    """Kind of the result, as in `beamsim.kinds.KINDS`."""
+    if scenario.vary is not None:
+        return "designs"
+    return "continuation" if scenario.sweep is not None and scenario.sweep.kind == "continuation" else "sweep"
+
+
+def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool) -> None:
+    """Compute a swept or stepped sine, saving partial results."""
+
+    def computed(progress: Progress, stop: Interruption) -> SweepResult:
+        with located(scenario):
+            result = checked.sweep(
+                scenario, progress, stop=stop, save=lambda part: write_result(part, target),
+                resume=_earlier(target, scenario) if resume else None,
+            )  # fmt: skip
+        if not result.curves:  # it was interrupted before its first cycle
+            raise KeyboardInterrupt
+        return result
+
+    concluded("sweep", target, reporting, computed, "sweeping")
+
+
+def _earlier(path: Path | str, scenario: Scenario) -> SweepResult | None:
+    """The partial result of an interrupted sweep of the same scenario; None if there is no file.
+
+    Raises
+    ------
+    ResultFileError
+        If the file is of another scenario, or damaged.
+    """
+    if not Path(path).exists():
+        return None
+    stored: SweepResult = open_result(path, "sweep")
+    if getattr(stored, "scenario_yaml", "") != scenario.to_yaml():
+        raise ResultFileError(
+            f"{path}: contains a sweep of another scenario; leave out --resume, or choose another path with -o"
+        )
+    return stored
+
+
+def continue_motions(
+    scenario: Scenario, target: Path, reporting: Reporting, overlay: Sequence[Path], *, expansion: bool
+) -> None:
+    """Follow periodic motions, add the requested overlays, save and print.
+
+    Parameters
+    ----------
+    scenario : with a continuation.
+    target, reporting : as of `concluded`.
+    overlay : files of sweeps.
+    expansion : whether to compare with the multiple-scales expansion.
+
+    Raises
+    ------
+    BeamsimError
+        As `concluded`.
+    """
+    stored = [(path, open_result(path, "sweep")) for path in overlay]
+
+    def followed(progress: Progress, stop: Interruption) -> ContinuationResult:
+        result = checked.continuation(scenario, progress, stop)
+        for path, sweep in stored:
+            result = with_overlay(result, sweep, path.name)
+        with located(scenario):
+            return with_forced_expansion(result) if expansion and not result.outcome.interrupted else result
+
+    concluded("continuation", target, reporting, followed, "following periodic motions")
+
+
+def sweep_designs(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool, **options: Any) -> None:
+    """Compute all cases (or the missing ones), save and print.
+
+    Parameters
+    ----------
+    scenario : with ``vary``.
+    target, reporting : as of `conclude`.
+    resume : whether to keep the cases that are computed already.
+    options : workers and scheduler, as of `stored_study`.
+
+    Raises
+    ------
+    ScenarioError, ResultFileError
+        Before the computation.
+    StoppedEarlyError, NotTrustedError
+        If cases failed or workers ended unexpectedly; the partial result is saved.
+    LimitExceededError
+        With ``--check``.
+    """
+    plan = plan_designs(scenario)
+    check_cases(plan)
+    stored = _finished(plan, target) if resume else None
+    if stored is None:
+        _compute(plan, target, reporting, resume, options)
+        return
+    if not reporting.quiet:
+        say(f"beamsim: {target} is complete; there is nothing to compute")
+    with interruptible() as interrupted:
+        conclude("designs", stored, target, reporting._replace(plots=False), interrupted)
+
+
+def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
+    """The result in the file, if it is complete."""
+    if journal_path(target).exists() or not holds(target, "designs"):
+        return None
+    stored: Any = open_result(target, "designs")
+    same = stored.fingerprint == plan.fingerprint and stored.beamsim_version == __version__
+    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
+    return stored if same and stored.complete and dict(stored.limits) == limits else None
+
+
+def _compute(plan: DesignPlan, target: Path, reporting: Reporting, resume: bool, options: dict[str, Any]) -> None:
+    cases = len(plan.cases)
+    path = journal_path(target)
+    with opened_journal(path, plan.fingerprint, resume=resume) as journal, interruptible() as interrupted:
+        if journal.dropped:
+            say(f"beamsim: warning: starting again; --resume would have kept {journal.dropped} of {cases} cases")
+        elif journal.outcomes and not reporting.quiet:
+            say(f"beamsim: {len(journal.outcomes)} of {cases} cases are already computed")
+        try:
+            with progress_of(f"{cases} cases", shown=reporting.progress) as progress:
+                result = stored_study(plan, journal, target, progress=progress, stop=interrupted, **options)
+            if len(journal.outcomes) < cases:
+                raise KeyboardInterrupt
+        except BaseException as error:
+            if isinstance(error, ResultFileError) or not journal.outcomes:
+                raise
+            kept = f"{len(journal.outcomes)} of {cases} cases are in {target}; --resume computes the others"
+            if isinstance(error, KeyboardInterrupt):
+                raise StoppedEarlyError(f"interrupted; {kept}", 128 + (interrupted.signal or SIGINT)) from None
+            say(f"beamsim: {kept}")
+            raise
+        conclude("designs", result, target, reporting, interrupted)
