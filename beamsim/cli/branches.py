@@ -54,6 +54,7 @@ def _followed(result: ContinuationResult, numbers: Numbers, level: float, period
     row = {
         "": f"{_level(result, level)['level']}{f', period {period}' if period > 1 else ''}".removeprefix(", "),
         result.parameter: extent(min(ends), max(ends), result.unit),
+        "largest displacement": "",
     }
     if peak is not None:
         place = f"{peak['probe']} level {peak['level']:.6g} period {period}"
