@@ -33,7 +33,7 @@ def held():
 def test_predicted_and_found(held):
     result = held.phase_resonance
     assert result.complete
-    assert held.complete
+    assert held.outcome.complete
     assert result.unit == "m/s^2"
     assert result.probe == "tip"
     for m, level in zip(result.motions, (0.8, 1.4), strict=True):
