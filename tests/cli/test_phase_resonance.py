@@ -32,8 +32,8 @@ def held():
 
 def test_predicted_and_found(held):
     result = held.phase_resonance
-    assert result.complete
-    assert held.outcome.complete
+    assert result.outcome.complete
+    assert held.complete
     assert result.unit == "m/s^2"
     assert result.probe == "tip"
     for m, level in zip(result.motions, (0.8, 1.4), strict=True):
