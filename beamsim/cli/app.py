@@ -368,50 +368,28 @@ def _quantity(name: str, text: str) -> Any:
 
 def pad(
     modulus: Annotated[str | None, _quantity("--modulus", "Young's modulus of the pad, e.g. '5 MPa'.")] = None,
-    shape_factor: Annotated[
-        str | None, _quantity("--shape-factor", "Loaded over free area of a pad whose faces are held; 0 by default.")
-    ] = None,
     area: Annotated[str | None, _quantity("--area", "Loaded area, e.g. '4 cm^2'.")] = None,
     height: Annotated[str | None, _quantity("--height", "Height, e.g. '6 mm'.")] = None,
-    factor: Annotated[str, _quantity("--kappa", "Factor of the shape factor: 1 soft rubber, 0.5 hard.")] = "1",
-    bulk_modulus: Annotated[
-        str | None, _quantity("--bulk-modulus", "Bulk modulus, for thin pads, e.g. '1.1 GPa'.")
+    shape_factor: Annotated[
+        str | None, _quantity("--shape-factor", "Loaded over free area of a pad whose faces are held; 0 by default.")
     ] = None,
     curve: Annotated[Path | None, typer.Option("--curve", help="CSV file of force over deflection.")] = None,
     segments: Annotated[
         int, typer.Option("--segments", min=1, max=50, help="Number of straight lines fitted to the curve.")
     ] = 5,
-    stiffness: Annotated[str | None, _quantity("--stiffness", "Stiffness, e.g. '150 kN/m'.")] = None,
-    contact_time: Annotated[str | None, _quantity("--contact-time", "Duration of the contact, e.g. '3 ms'.")] = None,
-    restitution: Annotated[str | None, _quantity("--restitution", "Coefficient of restitution of the mass.")] = None,
-    dashpot: Annotated[str | None, _quantity("--dashpot", "Dashpot, e.g. '12 N s/m'.")] = None,
     loss_factor: Annotated[str | None, _quantity("--loss-factor", "Loss factor at --frequency.")] = None,
-    frequency: Annotated[str | None, _quantity("--frequency", "Frequency of the loss factor, e.g. '120 Hz'.")] = None,
-    mass: Annotated[str | None, _quantity("--mass", "Mass that the pad stops, e.g. '50 g'.")] = None,
-    speed: Annotated[str | None, _quantity("--speed", "Speed of the mass, e.g. '0.3 m/s'.")] = None,
-    no_tension: Annotated[
-        bool, typer.Option("--no-tension", help="Write law: no_tension, of a pad that never pulls.")
-    ] = False,
-    name: Annotated[str, typer.Option("--name", help="Name of the snubber.")] = "pad",
-    position: Annotated[str, _quantity("--position", "Where the snubber is on the beam.")] = "100 %",
-    on_mass: Annotated[
-        int | None, typer.Option("--on-mass", help="Number of the mass of a chain, instead of --position.")
-    ] = None,
+    frequency: Annotated[str | None, _quantity("--frequency", "Frequency of the dashpot, e.g. '65 Hz'.")] = None,
     json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Find stiffness and damping of a snubber's pad. From a material, a measured curve or an impact; prints YAML."""
+    """Find stiffness and dashpot of a snubber's pad. From its material or a measured curve; prints YAML."""
     from beamsim.cli import pad as pads
 
     texts = {
-        "modulus": modulus, "shape_factor": shape_factor, "area": area, "height": height, "factor": factor,
-        "bulk_modulus": bulk_modulus, "stiffness": stiffness, "contact_time": contact_time,
-        "restitution": restitution, "dashpot": dashpot, "loss_factor": loss_factor, "frequency": frequency,
-        "mass": mass, "speed": speed,
+        "modulus": modulus, "area": area, "height": height, "shape_factor": shape_factor, "loss_factor": loss_factor,
+        "frequency": frequency,
     }  # fmt: skip
-    law = "no_tension" if no_tension else "kelvin_voigt"
-    snubber = {"name": name, "position": position, "on_mass": on_mass, "law": law}
-    pads.pad(texts, snubber, curve, segments, as_json=json)
+    pads.pad(texts, curve, segments, as_json=json)
 
 
 AROUND_CASES = (validate, schema, new, check, export_structure, pad, warmup)
