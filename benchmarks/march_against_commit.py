@@ -26,8 +26,8 @@ MODULES = {  # where a name is, in checkouts of today and in older ones
     "ExactFlow": ("beamsim.flow.exact", "beamsim.dynamics.flow"),
     "simulate": ("beamsim.flow.transient", "beamsim.dynamics.transient"),
     "VariationalFlow": ("beamsim.flow.variational", "beamsim.dynamics.variational"),
-    "PeriodicForcing": ("beamsim.flow.passage", "beamsim.dynamics.variational"),
-    "Frequency": ("beamsim.flow.passage", "beamsim.dynamics.variational"),
+    "PeriodicForcing": ("beamsim.flow.periodic_flow", "beamsim.dynamics.variational"),
+    "Frequency": ("beamsim.flow.periodic_flow", "beamsim.dynamics.variational"),
     "sweep": ("beamsim.analyses.sweep.analysis", "beamsim.analyses.sweep"),
 }
 

@@ -17,20 +17,21 @@ from beamsim.flow.contact_state import (
     OutputOf,
     acting_loads,
     contact_modes,
+    held_contacts,
     state_matrices,
     tabulated,
 )
-from beamsim.flow.first_derivatives import (
+from beamsim.flow.kernels import Inputs, Tables
+from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
+from beamsim.flow.state_tables import (
     HIGHEST_DERIVATIVE,
     ROUND_OFF,
     USUAL_DERIVATIVE,
     FunctionsAtStart,
     InputsAtStart,
+    KnownState,
+    StateTables,
 )
-from beamsim.flow.held import held_contacts
-from beamsim.flow.kernels import Inputs, Tables
-from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
-from beamsim.flow.state_tables import KnownState, StateTables
 from beamsim.inputs.signal import CubicRecord, Signal, common_record
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints

@@ -8,12 +8,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.flow.endings import too_many_events
-from beamsim.flow.event_kernels import BEGINNING
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march_kernels import BUDGET, DONE, NEED_STATE, STUCK, Position, march
+from beamsim.flow.kernels import BEGINNING, BUDGET, DONE, NEED_STATE, STUCK, Position, march
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
 from beamsim.typing import Floats, Ints
+
+EVENT_LIMIT, NOT_FINITE = "event_limit", "not_finite"
+
+
+def too_many_events(time: float, events: int) -> Outcome:
+    """The outcome of a motion that has the largest number of contact events at a time in s."""
+    sentence = f"the limit of {events} contact events is reached"
+    return Outcome.of(OutcomeKind.STOPPED, EVENT_LIMIT, sentence, at=Where(time, "s"), events=events)
+
+
+def not_finite(time: float) -> Outcome:
+    """The outcome of a motion that cannot be represented after a time in s."""
+    return Outcome.of(
+        OutcomeKind.STOPPED, NOT_FINITE, "the motion leaves the range of floating-point numbers", at=Where(time, "s"),
+        remedy="check the initial motion and the size of the loads",
+    )  # fmt: skip
 
 
 class Log(NamedTuple):
@@ -99,7 +113,7 @@ class Motion:
 
         Returns
         -------
-        status, segments, events, evaluations : see `beamsim.flow.march_kernels.march`.
+        status, segments, events, evaluations : see `beamsim.flow.kernels.march`.
         """
         code, self.time, self.piece, self.state, self.guard, segments, events, evaluations = march(
             flow.tables(), flow.inputs(),

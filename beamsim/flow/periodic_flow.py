@@ -2,6 +2,8 @@
 
 Implemented in closed form (:mod:`beamsim.flow.variational`) and by Taylor series for cubic springs
 (:mod:`beamsim.flow.smooth_flow`).
+
+Shared by all flows of :mod:`beamsim.flow.periodic_flow`.
 """
 
 from __future__ import annotations
@@ -10,22 +12,331 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from functools import cached_property
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.flow.passage import (
-    ContactDirection,
-    Level,
-    Parameter,
-    Passage,
-    PeriodicForcing,
-    StructureDirection,
-    penetration_of_states,
-)
-from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.typing import Floats, Ints
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.typing import Complexes, Floats, Ints
+
+
+class WorkExceeded(ArithmeticError):
+    """A passage needed more events or evaluations than allowed (chattering)."""
+
+
+class NotFinite(ArithmeticError):
+    """A passage left the range of floating-point numbers."""
+
+
+def check_finite(y: Floats | Complexes) -> None:
+    """Refuse a state, or loads, that are not finite.
+
+    Raises
+    ------
+    NotFinite
+    """
+    if not np.all(np.isfinite(y)):
+        raise NotFinite("the motion leaves the range of floating-point numbers")
+
+
+def penetration_of_states(contacts: Contacts, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
+    """Penetration and its rate.
+
+    Parameters
+    ----------
+    contacts : m of them.
+    y : (nt, N) states.
+    base : (nt,) displacement, m, and velocity, m/s, of the base; None where it rests.
+
+    Returns
+    -------
+    delta, rate : (nt, m) m, m/s.
+    """
+    n, shape = contacts.shape.shape[1], -contacts.sign[:, None] * contacts.shape
+    delta, rate = y[:, :n] @ shape.T - contacts.gap, y[:, n : 2 * n] @ shape.T
+    if base is not None:
+        sign = -contacts.sign * contacts.felt
+        delta, rate = delta + np.multiply.outer(base[0], sign), rate + np.multiply.outer(base[1], sign)
+    return delta, rate
+
+
+@dataclass(frozen=True)
+class PeriodicForcing:
+    """H periodic loads, each ``level * Re(force (omega/reference)^power e^{i multiple omega t})``."""
+
+    multiple: Ints  # (H,) of the fundamental frequency, from 1
+    force: Complexes  # (H, n) generalised force for level 1 at the reference frequency
+    force_power: Floats  # (H,) r_h
+    base: Complexes  # (H,) base displacement, m, for level 1 at the reference frequency
+    base_power: Floats  # (H,)
+    reference: float  # omega_0, rad/s
+
+    @classmethod
+    def none(cls, size: int) -> PeriodicForcing:
+        """No excitation."""
+        empty = np.zeros(0)
+        return cls(
+            np.zeros(0, dtype=np.int64), np.zeros((0, size), dtype=complex), empty, empty.astype(complex),
+            empty, 1.0
+        )  # fmt: skip
+
+    @classmethod
+    def harmonic(cls, force: Floats, reference: float = 1.0) -> PeriodicForcing:
+        """One load vector times ``sin(omega t)``."""
+        return cls(
+            np.ones(1, dtype=np.int64), -1j * np.asarray(force, dtype=complex)[None, :], np.zeros(1),
+            np.zeros(1, dtype=complex), np.zeros(1), reference,
+        )  # fmt: skip
+
+    @property
+    def count(self) -> int:
+        """H."""
+        return int(self.multiple.size)
+
+    def at(self, omega: float, level: float) -> tuple[Complexes, Complexes, Complexes, Complexes]:
+        """Loads and base displacements at a frequency and level, and their derivatives by the frequency."""
+        ratio = omega / self.reference
+        force = self.force * (level * ratio**self.force_power)[:, None]
+        base = self.base * (level * ratio**self.base_power)
+        return force, base, force * (self.force_power / omega)[:, None], base * (self.base_power / omega)
+
+    def base_motion(self, omega: float, level: float, times: Floats) -> tuple[Floats, Floats]:
+        """The motion of the base.
+
+        Parameters
+        ----------
+        omega, level : rad/s, and factor of the loads.
+        times : (nt,) s.
+
+        Returns
+        -------
+        displacement, velocity : (nt,) m, m/s.
+        """
+        iw = 1j * self.multiple * omega
+        moving = self.at(omega, level)[1] * np.exp(np.multiply.outer(times, iw))
+        return moving.sum(axis=1).real, (moving * iw).sum(axis=1).real
+
+    @cached_property
+    def _rows(self) -> tuple[Ints, Complexes, Floats]:
+        """(L,) harmonic, (L,) phasor and (L, n) load of each signal: the real and imaginary parts that are not zero."""
+        parts = [
+            (h, c, row) for h, of in enumerate(self.force) for c, row in ((1.0, of.real), (1j, of.imag)) if row.any()
+        ]
+        load = np.array([row for _, _, row in parts]).reshape(len(parts), self.force.shape[1])
+        return (
+            np.array([h for h, _, _ in parts], dtype=np.int64),
+            np.array([c for _, c, _ in parts], dtype=complex),
+            load,
+        )
+
+    @cached_property
+    def _moves(self) -> Ints:
+        """Harmonics in which the base moves."""
+        return np.flatnonzero(self.base)
+
+    def signals(self, omega: float, level: float) -> Forcing:
+        """The same loads for :class:`beamsim.flow.exact.ExactFlow`; what they act on depends on neither number.
+
+        Raises
+        ------
+        NotFinite
+        """
+        amplitude, exponent = self._amplitudes(omega, level)
+        check_finite(amplitude)
+        check_finite(exponent)
+        start, count = np.zeros(1), self._rows[0].size
+        signals = [Signal(start, exponent[k : k + 1], amplitude[None, k : k + 1, None]) for k in range(count)]
+        base = Signal(start, exponent[count:], amplitude[None, count:, None]) if self._moves.size else None
+        return Forcing(self._rows[2], tuple(signals), base)
+
+    def _amplitudes(self, omega: float, level: float) -> tuple[Complexes, Complexes]:
+        """Amplitudes and exponents of the signals of the loads and then of the base."""
+        harmonic, phasor, _ = self._rows
+        ratio = omega / self.reference
+        force = phasor * (level * ratio ** self.force_power[harmonic])
+        base = self.base[self._moves] * (level * ratio ** self.base_power[self._moves])
+        multiple = np.append(self.multiple[harmonic], self.multiple[self._moves])
+        return np.concatenate([force, base]), np.asarray(1j * multiple * omega)
+
+    def rates_of_signals(self, omega: float, level: float, parameter: Frequency | Level) -> tuple[Complexes, Complexes]:
+        """Derivatives of the amplitudes and exponents of `signals`.
+
+        Parameters
+        ----------
+        omega, level : rad/s, and factor of the loads.
+        parameter : by which they are taken.
+
+        Returns
+        -------
+        amplitude, exponent : (L + B,) of the loads' signals and of the base's harmonics.
+        """
+        harmonic = self._rows[0]
+        if isinstance(parameter, Level):
+            amplitude = self._amplitudes(omega, 1.0)[0]
+            return amplitude, np.zeros_like(amplitude)
+        power = np.append(self.force_power[harmonic], self.base_power[self._moves])
+        multiple = np.append(self.multiple[harmonic], self.multiple[self._moves])
+        return self._amplitudes(omega, level)[0] * power / omega, np.asarray(1j * multiple)
+
+
+@dataclass(frozen=True)
+class Frequency:
+    """The parameter omega, rad/s."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """The parameter that multiplies all periodic loads."""
+
+
+@dataclass(frozen=True)
+class ContactDirection:
+    """A parameter p along which the contacts' numbers change: their derivatives by p (shape by its vector)."""
+
+    stiffness: Floats  # (m,) of laws made of one stiffness and one dashpot
+    dashpot: Floats  # (m,)
+    gap: Floats  # (m,)
+    shape: Floats  # (m, n)
+    along: Contacts | None = None  # contacts whose laws' forces are added
+    cubic: Floats | None = None  # (nc,) stiffness of cubic springs beside the contacts
+
+    @classmethod
+    def of(
+        cls,
+        contacts: Contacts,
+        stiffness: Any = 0.0,
+        dashpot: Any = 0.0,
+        gap: Any = 0.0,
+        shape: Any = 0.0,
+        along: Contacts | None = None,
+        cubic: Floats | None = None,
+    ) -> ContactDirection:
+        """A direction from numbers that are broadcast to all contacts.
+
+        Parameters
+        ----------
+        contacts : m of them.
+        stiffness, dashpot, gap : N/m, N s/m and m per unit of the parameter; (m,), or one for all.
+        shape : (m, n) per unit of the parameter.
+        along : contacts whose laws' forces are added.
+        cubic : (nc,) stiffness of cubic springs beside the contacts, N/m^3 per unit of the parameter.
+
+        Returns
+        -------
+        The direction, with an entry for each contact.
+        """
+
+        def spread(value: Any, like: Floats) -> Floats:
+            return np.array(np.broadcast_to(np.asarray(value, dtype=float), like.shape))
+
+        return cls(
+            spread(stiffness, contacts.gap),
+            spread(dashpot, contacts.gap),
+            spread(gap, contacts.gap),
+            spread(shape, contacts.shape),
+            along,
+            cubic,
+        )
+
+
+@dataclass(frozen=True)
+class StructureDirection:
+    """A parameter p along which the structure's matrices and loads change: their derivatives by p.
+
+    The mass matrix is one at p = 0.
+    """
+
+    stiffness: Floats  # (n, n) symmetric, 1/s^2
+    damping: Floats  # (n, n) symmetric, 1/s
+    mass: Floats  # (n, n) symmetric
+    load: Floats  # (n,) constant loads
+
+    @classmethod
+    def of(
+        cls,
+        size: int,
+        stiffness: Any = 0.0,
+        damping: Any = 0.0,
+        mass: Any = 0.0,
+        load: Any = 0.0,
+    ) -> StructureDirection:
+        """A direction from what changes; the rest does not.
+
+        Parameters
+        ----------
+        size : n.
+        stiffness, damping, mass : (n, n), or their diagonals (n,), per unit of the parameter.
+        load : (n,) constant loads per unit of the parameter.
+
+        Returns
+        -------
+        The direction, with whole matrices.
+        """
+
+        def matrix(value: Any) -> Floats:
+            value = np.asarray(value, dtype=float)
+            return np.array(value if value.ndim == 2 else np.diag(np.broadcast_to(value, size)))
+
+        return cls(
+            matrix(stiffness), matrix(damping), matrix(mass),
+            np.array(np.broadcast_to(np.asarray(load, dtype=float), size)),
+        )  # fmt: skip
+
+
+Direction = ContactDirection | StructureDirection
+Parameter = Frequency | Level | Direction
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """One carried state: where it ended, what happened, and the derivatives."""
+
+    start: Floats  # (N,) (q, q') and the contacts' internal states
+    end: Floats  # (N,)
+    transition: Floats  # (N, N) derivative by the start
+    parameters: Floats  # (N, P) derivative by the parameters at fixed times
+    slope: Floats  # (N,) time derivative at the end
+    duration: float  # s
+    time: Floats  # (G,) start of each segment, s
+    length: Floats  # (G,) s
+    phases: Ints  # (G, m) of the contacts in each segment
+    y: Floats  # (G, N) at each segment's start
+    event_time: Floats  # (E,) s
+    event_contact: Ints  # (E,)
+    event_phase: Ints  # (E,) of the contact after the event
+
+    @property
+    def signature(self) -> tuple[tuple[int, int], ...]:
+        """Order of events: contact and its new phase."""
+        return tuple(zip(self.event_contact.tolist(), self.event_phase.tolist(), strict=True))
+
+
+def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:
+    """The system with its contacts' numbers moved along a direction.
+
+    Parameters
+    ----------
+    system : stays as it is.
+    direction : derivatives of the numbers by a parameter.
+    amount : change of the parameter.
+
+    Returns
+    -------
+    The other system.
+    """
+    c = system.contacts
+    moved = replace(c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape)
+    if direction.along is not None:
+        pairs = zip(c.laws, direction.along.laws, strict=True)
+        moved = replace(moved, laws=tuple(law.plus(other, amount) for law, other in pairs))
+    if np.any(direction.stiffness) or np.any(direction.dashpot):
+        for j in np.flatnonzero((direction.stiffness != 0.0) | (direction.dashpot != 0.0)):
+            k, c_j = moved.laws[j].stiffness, moved.laws[j].dashpot
+            moved = moved.with_numbers(int(j), k + amount * direction.stiffness[j], c_j + amount * direction.dashpot[j])
+    return replace(system, contacts=moved)
 
 
 @dataclass

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.flow.contact_state import LinearOutput, OutputOf
-from beamsim.flow.endings import too_many_events
+from beamsim.flow.contact_state import LinearOutput, OutputOf, held_contacts
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.held import held_contacts
+from beamsim.flow.march import too_many_events
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
 from beamsim.typing import Bools, Floats, Ints
 

@@ -1,4 +1,4 @@
-"""The compiled pass along a motion that gives its derivatives; see :mod:`beamsim.flow.sensitivity`."""
+"""The compiled pass along a motion that gives its derivatives; see :mod:`beamsim.flow.variational`."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 No closed form exists: motion and variational equations are integrated by Taylor series of order 26 to round-off
 (:mod:`beamsim.flow.taylor_kernels`), twenty to eighty times faster than by DOP853 of SciPy at a tolerance of 1e-12. On
-a step the series is a polynomial, on which the search of the exact flow misses no contact (:mod:`.event_kernels`).
+a step the series is a polynomial, on which the search of the exact flow misses no contact (:mod:`.kernels`).
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.flow.event_kernels import BEGINNING
-from beamsim.flow.first_derivatives import HIGHEST_DERIVATIVE, ROUND_OFF, decisive
-from beamsim.flow.passage import (
+from beamsim.flow.kernels import BEGINNING
+from beamsim.flow.periodic_flow import (
     ContactDirection,
     Frequency,
     Level,
     Parameter,
     Passage,
+    PeriodicFlow,
     WorkExceeded,
     check_finite,
 )
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.state_tables import HIGHEST_DERIVATIVE, ROUND_OFF, decisive
 from beamsim.flow.taylor_kernels import (
     DONE,
     FULL,
@@ -97,7 +97,7 @@ class SmoothFlow(PeriodicFlow):
         )  # fmt: skip
 
     def _closed_at(self, arrays: Any, z: Floats, t: float) -> Bools:
-        """(m,) which contacts are closed at the start of a motion; see `beamsim.flow.first_derivatives.decisive`.
+        """(m,) which contacts are closed at the start of a motion; see `beamsim.flow.state_tables.decisive`.
 
         While penetration and rate are zero a contact has no force, so that the derivatives that decide do not depend on
         whether it is closed. Their parts are as large as those of motions with the modes' frequencies.

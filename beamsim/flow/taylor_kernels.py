@@ -10,7 +10,7 @@ series are Cauchy sums). The motion and its derivatives are C columns of one arr
 the motion, then what it is by P parameters, then by the start. Steps are as long as the last coefficients allow at
 round-off (À. Jorba and M. Zou, *Experimental Mathematics* 14, 2005). Between the ends of a step the series is the
 dense output. A penetration is a polynomial there, so that contacts are found by the search of all flows
-(:mod:`beamsim.flow.event_kernels`).
+(:mod:`beamsim.flow.kernels`).
 
 n is the number of coordinates, nc that of cubic springs, m of contacts, H of harmonics, P of parameters.
 """
@@ -23,8 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.compiled import kernel
-from beamsim.flow.event_kernels import NO_STEP, Guards, first_event, make_search
-from beamsim.flow.kernels import EPS
+from beamsim.flow.kernels import EPS, NO_STEP, Guards, first_event, make_search
 
 ORDER = 26
 MOST_LOOKS = 1000  # of the search in a step, which is cut there

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.flow.contact_state import ContactState, OutputOf
-from beamsim.flow.endings import not_finite
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
+from beamsim.flow.march import not_finite
 from beamsim.flow.moments import SegmentOutputs, blocks, equal_times, weighted_moments
 from beamsim.flow.state_tables import visited_states
 from beamsim.outcomes import Outcome

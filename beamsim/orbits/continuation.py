@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import brentq
 
-from beamsim.flow.passage import NotFinite
+from beamsim.flow.periodic_flow import NotFinite
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, reached_end, too_many_points
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats

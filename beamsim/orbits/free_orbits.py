@@ -30,8 +30,7 @@ import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.passage import Passage
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.period import cyclic, extrema_of

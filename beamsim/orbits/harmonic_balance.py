@@ -38,8 +38,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
-from beamsim.flow.passage import Passage, PeriodicForcing
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import Passage, PeriodicFlow, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow, floquet_multipliers
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz

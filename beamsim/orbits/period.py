@@ -13,11 +13,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from beamsim.flow.contact_state import LinearOutput
-from beamsim.flow.dense_extremes import NODES, polynomials
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import Extrema, Search
-from beamsim.flow.passage import Passage
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.extrema import NODES, Extrema, Search, polynomials
+from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.typing import Floats, Ints
 

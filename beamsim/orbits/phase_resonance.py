@@ -31,8 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import root_scalar
 
-from beamsim.flow.passage import Passage
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, correct
 from beamsim.orbits.period import gauss_panels

@@ -14,8 +14,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from beamsim.flow.passage import Direction, Frequency, Level, Parameter, Passage, StructureDirection
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import Direction, Frequency, Level, Parameter, Passage, PeriodicFlow, StructureDirection
 from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Branch, Settings, solve_at

@@ -17,8 +17,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.passage import Passage
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded
 from beamsim.orbits.continuation import (
     ContinuationProblem,

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.flow.passage import ContactDirection, Parameter, moved_system
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import ContactDirection, Parameter, PeriodicFlow, moved_system
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.system.equations import PiecewiseLinearSystem

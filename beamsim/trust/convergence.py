@@ -23,8 +23,8 @@ from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.errors import ScenarioError
 from beamsim.fields import figure_in_words
 from beamsim.flow.reference import ReferenceTrajectory
-from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transient import MotionInStretches
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.scenario import Scenario
 from beamsim.typing import Floats, Ints

@@ -6,8 +6,7 @@ from independent import Stop, Structure, integrate
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.flow.dense_extremes import NODES, polynomials
-from beamsim.flow.extrema import Search
+from beamsim.flow.extrema import NODES, Search, polynomials
 from beamsim.scenario import Scenario
 
 MASS, SPRING, CUBIC, DASHPOT = 1.0, 40.0, 300.0, 0.3

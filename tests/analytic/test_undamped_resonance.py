@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit

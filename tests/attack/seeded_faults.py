@@ -12,37 +12,37 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-KERNELS, SEARCH, MARCH = (f"beamsim/flow/{name}kernels.py" for name in ("", "event_", "march_"))
+KERNELS = "beamsim/flow/kernels.py"
 
 SEEDED = {
     "step towards a zero 40 % too long": (
-        SEARCH,
+        KERNELS,
         "return 2.0 * g / (root - slope)",
         "return 2.8 * g / (root - slope)",
     ),
     "bound on the curvature a tenth": (
-        SEARCH,
+        KERNELS,
         "            noise = EPS * (8.0 + r * tau) * level\n",
         "            noise = EPS * (8.0 + r * tau) * level\n            bound *= 0.1\n",
     ),
     "bound without the cross term of tau e^(lambda tau)": (
-        SEARCH,
+        KERNELS,
         "bound = (r2 * reach + 2.0 * r) * level",
         "bound = r2 * reach * level",
     ),
-    "bound without the last term of powers": (SEARCH, "+ p * (p - 1.0)) * rp * level", ") * rp * level"),
+    "bound without the last term of powers": (KERNELS, "+ p * (p - 1.0)) * rp * level", ") * rp * level"),
     "sign in the slope": (
-        SEARCH,
+        KERNELS,
         "value.real, value.imag, slope.real, slope.imag",
         "value.real, value.imag, slope.real, -slope.imag",
     ),
     "decay taken at the far end": (
-        SEARCH,
+        KERNELS,
         "math.exp(lam.real * (tau if lam.real < 0.0 else reach))",
         "math.exp(lam.real * reach)",
     ),
     "only the first contact is watched": (
-        SEARCH,
+        KERNELS,
         "    step, hit = reach - tau, NO_EVENT\n    for j in range(guards.count):",
         "    step, hit = reach - tau, NO_EVENT\n    for j in range(min(1, guards.count)):",
     ),
@@ -52,22 +52,22 @@ SEEDED = {
         "        y[tables.first[contact] + i] = -total",
     ),
     "segments outlast their series": (
-        MARCH,
+        KERNELS,
         "            whole = tables.horizon[state] >= H",
         "            whole = True",
     ),
     "breaks of the input are run over": (
-        MARCH,
+        KERNELS,
         "                stop = inputs.start[piece + 1]",
         "                pass",
     ),
     "the curvature is taken for that of the first term": (
-        SEARCH,
+        KERNELS,
         "            bound = r2 * level\n",
         "            bound = r2 * level if b == 0 else 0.0\n",
     ),
     "late by 1e9 times the round-off": (
-        SEARCH,
+        KERNELS,
         "        if lifted < tolerance:",
         "        if lifted < -1e9 * tolerance:",
     ),

@@ -12,7 +12,7 @@ from sampling import slow_after
 
 import beamsim
 from beamsim.analyses.run.motion import with_limit
-from beamsim.flow.endings import too_many_events
+from beamsim.flow.march import too_many_events
 from beamsim.kinds import TemplateKind
 from beamsim.scenario import template
 from beamsim.store.results import write_result

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import to_real

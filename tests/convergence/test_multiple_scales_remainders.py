@@ -8,7 +8,7 @@ from expansions import free_remainder, steady
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.forced import ResonantForcing

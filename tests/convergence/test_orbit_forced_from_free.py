@@ -6,7 +6,7 @@ import pytest
 from beamsim.contacts.equilibrium import CubicSprings, find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow

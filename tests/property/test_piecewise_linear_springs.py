@@ -11,7 +11,7 @@ from beamsim.analyses.nnm.analysis import nnm
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import FLOATS, UNBALANCED, CubicSprings, Springs, find_equilibrium
 from beamsim.contacts.laws import kelvin_voigt
-from beamsim.flow.passage import Frequency, Level, PeriodicForcing
+from beamsim.flow.periodic_flow import Frequency, Level, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system

@@ -7,7 +7,7 @@ import pytest
 from sampling import slow_after
 
 from beamsim.flow.contact_state import state_matrices
-from beamsim.flow.passage import (
+from beamsim.flow.periodic_flow import (
     ContactDirection,
     Frequency,
     Level,

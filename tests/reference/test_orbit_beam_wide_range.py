@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit

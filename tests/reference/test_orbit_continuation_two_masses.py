@@ -8,7 +8,7 @@ from sampling import slow_after
 from scipy.optimize import brentq
 
 from beamsim.analyses.continuation.folds import GrazingCurve, start_of_curve
-from beamsim.flow.passage import ContactDirection, PeriodicForcing, moved_system
+from beamsim.flow.periodic_flow import ContactDirection, PeriodicForcing, moved_system
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Branch, Settings, solve_at

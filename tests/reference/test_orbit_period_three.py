@@ -11,7 +11,7 @@ import pytest
 from independent import Beam, Stop, integrate
 
 import beamsim
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits import continuation

@@ -11,8 +11,8 @@ from beamsim.analyses.run.motion import memory_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
+from beamsim.flow.channels import MotionPart, fourier_integrals
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.fourier import MotionPart, fourier_integrals
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem

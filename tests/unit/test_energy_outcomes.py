@@ -14,8 +14,8 @@ from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.cli.conclusion import exit_code
-from beamsim.flow import stretches
-from beamsim.flow.endings import too_many_events
+from beamsim.flow import transient
+from beamsim.flow.march import too_many_events
 from beamsim.flow.transient import motion_of, simulate
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import load_scenario
@@ -38,7 +38,7 @@ def tampered(share, since, solver=simulate):
 
 @pytest.mark.parametrize(("share", "trusted"), [(0.0, True), (1e-8, True), (1e-4, False)])
 def test_lost_energy_is_an_outcome_with_its_time(monkeypatch, share, trusted):
-    monkeypatch.setattr(stretches, "motion_of", tampered(share, 0.05, motion_of))
+    monkeypatch.setattr(transient, "motion_of", tampered(share, 0.05, motion_of))
     result = beamsim.run(load_scenario(CASE, SHORT))
     assert result.outcome.trusted is result.outcome.complete is trusted
     assert (result.summary["energy_error"] <= LARGEST_ERROR) is trusted
@@ -69,7 +69,7 @@ def test_a_motion_that_overflows_is_kept_up_to_there(monkeypatch):
         later = motion.time[:, None] >= 0.05
         return replace(motion, y=np.where(later, np.inf, motion.y), final_y=motion.final_y * np.inf).up_to_finite()
 
-    monkeypatch.setattr(stretches, "motion_of", solver)
+    monkeypatch.setattr(transient, "motion_of", solver)
     result = beamsim.run(load_scenario(CASE, SHORT))
     assert result.outcome.code == "not_finite"
     end = result.outcome.place.value
@@ -108,7 +108,7 @@ def test_a_sweep_that_is_not_finite_has_an_outcome():
 
 @pytest.mark.parametrize(("share", "trusted"), [(0.0, True), (1e-8, True), (1e-4, False)])
 def test_a_case_of_a_study_whose_energy_is_lost_has_failed(monkeypatch, share, trusted):
-    monkeypatch.setattr(stretches, "motion_of", tampered(share, 0.05, motion_of))
+    monkeypatch.setattr(transient, "motion_of", tampered(share, 0.05, motion_of))
     result = beamsim.ensemble(load_scenario(CASE, SHORT), {"snubbers.tip.gap": [0.0]}, ["contacts"], workers=1)
     assert result.complete is trusted
     if not trusted:

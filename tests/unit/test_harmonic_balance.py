@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.orbits.aft import close_intervals, cubic, one_sided, to_complex, to_real, toeplitz
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.harmonic_balance import Condensation, ForcedBalance

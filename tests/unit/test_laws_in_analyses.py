@@ -11,7 +11,7 @@ from beamsim.analyses.identify.vibrations import steady_vibration
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.contacts.friction import drops
 from beamsim.errors import ScenarioError
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.orbits.branch import BranchPoint

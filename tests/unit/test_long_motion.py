@@ -8,7 +8,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run import exact_motion
 from beamsim.errors import ScenarioError
-from beamsim.flow import exact, stretches
+from beamsim.flow import exact, transient
 from beamsim.inputs import signal
 from beamsim.trust import convergence
 
@@ -29,7 +29,7 @@ def scenario(**run):
 def small_parts():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(signal, "PIECES_OF_A_BLOCK", 700)
-        for module in (stretches, exact_motion):
+        for module in (transient, exact_motion):
             patch.setattr(module, "CHECKPOINT_PIECES", 256)
         patch.setattr(exact_motion, "BYTES_A_PIECE", 12800)
         yield

@@ -5,7 +5,7 @@ import pytest
 
 from beamsim.analyses.run.energy import power_factors
 from beamsim.analyses.run.exact_motion import exact_flow
-from beamsim.flow.fourier import MotionPart, fourier_integrals
+from beamsim.flow.channels import MotionPart, fourier_integrals
 from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system

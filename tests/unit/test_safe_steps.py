@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from beamsim.flow import event_kernels
+from beamsim.flow import kernels
 
 pytestmark = pytest.mark.quick
 
-_safe_step = event_kernels.safe_step.py_func  # compiled code alone calls what it is compiled to
+_safe_step = kernels.safe_step.py_func  # compiled code alone calls what it is compiled to
 
 
 @pytest.mark.parametrize("slope", [-0.3, 0.0, 0.3])

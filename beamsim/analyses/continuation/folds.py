@@ -24,8 +24,7 @@ from beamsim.analyses.continuation.branches import Budget, joined, walk
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
-from beamsim.flow.passage import ContactDirection, Frequency, Parameter, Passage
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import ContactDirection, Frequency, Parameter, Passage, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits

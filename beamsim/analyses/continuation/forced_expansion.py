@@ -15,7 +15,7 @@ import numpy as np
 from beamsim.analyses.continuation.paths import periodic_forcing
 from beamsim.analyses.continuation.result import ContinuationResult, ForcedExpansionComparison
 from beamsim.errors import Problem, ScenarioError, locating
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion

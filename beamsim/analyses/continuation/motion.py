@@ -17,11 +17,9 @@ from beamsim.analyses.run.orbit_energy import balance_error, energy_error
 from beamsim.analyses.run.stepped_motion import SteppedChannels
 from beamsim.analyses.sweep.stepped import harmonic_loads
 from beamsim.analyses.values import DISPLACEMENT, LIMITED
-from beamsim.flow.channels import Observed, outputs_of
+from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.fourier import fourier_integrals
-from beamsim.flow.passage import Passage
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.flow.variational import VariationalFlow, motion_on
 from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.orbits.branch import BranchPoint

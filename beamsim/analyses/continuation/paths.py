@@ -18,8 +18,7 @@ from beamsim.analyses.continuation.motion import sine_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.snubbers import dashpot_from_ratio
 from beamsim.errors import Problem, ScenarioError, locating
-from beamsim.flow.passage import ContactDirection, PeriodicForcing
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import ContactDirection, PeriodicFlow, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.profiles import power_of

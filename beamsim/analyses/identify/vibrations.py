@@ -33,7 +33,7 @@ from beamsim.analyses.identify.fit import (
 )
 from beamsim.analyses.identify.result import NonlinearEstimate, TestFit
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError

@@ -11,8 +11,7 @@ from beamsim.analyses.branch import ModeBranch, OrbitMotion, SpecialPointResult,
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
-from beamsim.flow.passage import Passage
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings
 from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant

@@ -29,7 +29,7 @@ from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.run.orbit_energy import unbalanced
 from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.passage import PeriodicForcing
+from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import CLOSED_CURVE, Branch, Settings, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits

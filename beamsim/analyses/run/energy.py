@@ -12,9 +12,9 @@ import numpy as np
 
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput, OutputOf
-from beamsim.flow.endings import NOT_FINITE, not_finite
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.passage import penetration_of_states
+from beamsim.flow.march import NOT_FINITE, not_finite
+from beamsim.flow.periodic_flow import penetration_of_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.system.equations import PiecewiseLinearSystem

@@ -18,8 +18,8 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow, states_in_memory
-from beamsim.flow.stretches import CHECKPOINT_PIECES, MotionInStretches
 from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transient import CHECKPOINT_PIECES, MotionInStretches
 from beamsim.inputs.signal import StreamedSignal, common_record
 from beamsim.scenario import Run
 from beamsim.system.equations import ChannelSet, Key

@@ -28,11 +28,11 @@ from beamsim.analyses.run.result import (
 from beamsim.analyses.values import DISPLACEMENT, FORCE, STRESS, Extremes, largest, largest_pulls
 from beamsim.contacts.hardening import residual_crush
 from beamsim.contacts.snubbers import FRICTION
-from beamsim.flow.endings import EVENT_LIMIT
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.march import EVENT_LIMIT
 from beamsim.flow.reference import ReferenceTrajectory
-from beamsim.flow.stretches import MotionInStretches
 from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transient import MotionInStretches
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Run, Scenario
 from beamsim.system.equations import ChannelSet, Key

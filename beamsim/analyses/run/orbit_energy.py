@@ -13,8 +13,7 @@ import numpy as np
 
 from beamsim.analyses.branch import MotionBranch
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors, stored_energy
-from beamsim.flow.passage import Passage
-from beamsim.flow.periodic_flow import PeriodicFlow
+from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.variational import VariationalFlow

@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from beamsim.flow.fourier import MotionPart
+from beamsim.flow.channels import MotionPart
 from beamsim.typing import Complexes, Floats
 
 # Coefficients of w(u) = sum_j (-1)^j a_j cos(2 pi j u / T); importing scipy.signal would cost most of a second.

@@ -13,8 +13,7 @@ from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.records import MotionRecord, Record, SampledRecord, Window
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
-from beamsim.flow.channels import Observed
-from beamsim.flow.fourier import MotionPart
+from beamsim.flow.channels import MotionPart, Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario import Scenario, SpectrumSettings
 from beamsim.system.equations import ChannelSet

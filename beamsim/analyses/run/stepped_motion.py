@@ -14,8 +14,8 @@ from beamsim.analyses.run.motion import Histories, RunMotion, breakpoints, event
 from beamsim.analyses.run.result import EnergyHistory, Work
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, STRESS, Extreme, searched
 from beamsim.flow.channels import Observed
-from beamsim.flow.dense_extremes import DenseExtremes
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.extrema import DenseExtremes
 from beamsim.flow.reference import ReferenceTrajectory, TimeStepping, integrate
 from beamsim.scenario import Run
 from beamsim.system.equations import ChannelSet, Key, Rows

@@ -11,8 +11,7 @@ from beamsim.analyses.sweep.outputs import SweepOutputs
 from beamsim.analyses.sweep.result import Envelope, NotchedRange, Notching, NotchLimit, OutputEnvelope, SweepCurve
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.level_control import LevelControl
-from beamsim.flow.swept_motion import SweptLoads
+from beamsim.flow.swept_motion import LevelControl, SweptLoads
 from beamsim.inputs.profiles import Leg, Profile, power_of
 from beamsim.outcomes import Outcome, OutcomeKind, Where, never
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
