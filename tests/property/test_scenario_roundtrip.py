@@ -113,9 +113,12 @@ def test_changed_scenarios_never_end_in_a_traceback(path, data):
 def test_yaml_round_trip(path, title, factor):
     """Every number with a fraction of a shipped config changed, under any title."""
     tree = tree_of(path) | {"title": title}
+    orders = tree.get("sweep", {}).pop("orders", [])  # which are whole numbers or simple fractions
     for holder, key in list(places(tree)):
         if isinstance(holder[key], float):
             holder[key] *= factor
+    if orders:
+        tree["sweep"]["orders"] = orders
     assert comes_back(tree).title == title
 
 
