@@ -17,8 +17,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from beamsim.kinds import KINDS, named
-
-__version__ = "0.1.0"
+from beamsim.version import __version__
 
 if TYPE_CHECKING:
     from beamsim.analyses.compare.analysis import compare, pair_channels

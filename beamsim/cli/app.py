@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from beamsim import __version__
 from beamsim.cli.failures import guarded
 from beamsim.cli.options import (
     Case,
@@ -28,6 +27,7 @@ from beamsim.cli.options import (
     Verbose,
 )
 from beamsim.kinds import TemplateKind
+from beamsim.version import __version__
 
 
 class ComparedMethod(StrEnum):

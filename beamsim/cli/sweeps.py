@@ -7,7 +7,6 @@ from pathlib import Path
 from signal import SIGINT
 from typing import Any
 
-from beamsim import __version__
 from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
 from beamsim.analyses.continuation.overlay import with_overlay
 from beamsim.analyses.continuation.result import ContinuationResult
@@ -24,6 +23,7 @@ from beamsim.scenario import Scenario
 from beamsim.store.results import holds, open_result, write_result
 from beamsim.store.studies import journal_path, opened_journal, stored_study
 from beamsim.trust import checked
+from beamsim.version import __version__
 
 _NEEDS_VARY = "leave out the option, or add vary"
 _NEEDS_CONTINUATION = "leave it out, or use sweep: {kind: continuation}"

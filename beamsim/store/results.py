@@ -22,13 +22,13 @@ from typing import TYPE_CHECKING, Any, Self
 import h5py
 import numpy as np
 
-from beamsim import __version__
 from beamsim.errors import ResultFileError
 from beamsim.fields import plain
 from beamsim.files import replacing
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.measurements.read import scale_along
 from beamsim.store.flat import Item, Items, Reader, items_of, last, parent
+from beamsim.version import __version__
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result

@@ -15,7 +15,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from beamsim import __version__
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
@@ -25,6 +24,7 @@ from beamsim.files import check_writable
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.store.results import write_result
+from beamsim.version import __version__
 
 SAVED_EVERY_S = 30.0  # interval between updates of the result file
 
