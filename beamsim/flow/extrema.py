@@ -138,6 +138,11 @@ class Search:
         outputs : number of the outputs of `Waves`.
         windows : number W.
         squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
+
+        Returns
+        -------
+        Search
+            Of the K groups; without groups K is the number of outputs.
         """
         first = np.append(np.arange(outputs) if squares is None else squares, outputs)
         every = np.arange(first.size - 1)

@@ -115,7 +115,27 @@ class SmoothFlow(PeriodicFlow):
         return decisive(value, ROUND_OFF * parts)[0] > 0
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
-        """The state after ``duration``, with its derivatives; see :meth:`PeriodicFlow.carry`."""
+        """The state after ``duration``, with its derivatives.
+
+        Parameters
+        ----------
+        start, duration, t : see `PeriodicFlow.carry`.
+        parameters : frequency, level, or directions in which only stiffness and gap of the springs and contacts change.
+
+        Returns
+        -------
+        Passage
+            The motion with the derivatives of its end; its segments are the steps of the series.
+
+        Raises
+        ------
+        WorkExceeded
+            Where it takes more steps than allowed (chattering).
+        NotFinite
+            Where the motion leaves the range of floating-point numbers.
+        ValueError
+            Where a parameter changes a dashpot, a shape or the structure.
+        """
 
         # 128: of the compiled integration, for which its log has room
         N, m, P, room = self.size, self.system.contacts.count, len(parameters), 128

@@ -325,7 +325,26 @@ class VariationalFlow(PeriodicFlow):
         return flow
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
-        """The state after ``duration``, with its derivatives; see :meth:`PeriodicFlow.carry`."""
+        """The state after ``duration``, with its derivatives.
+
+        Parameters
+        ----------
+        start, duration, parameters, t : see `PeriodicFlow.carry`.
+
+        Returns
+        -------
+        Passage
+            The motion with the derivatives of its end.
+
+        Raises
+        ------
+        WorkExceeded
+            Where it takes more events or evaluations than allowed (chattering).
+        NotFinite
+            Where the motion leaves the range of floating-point numbers.
+        TypeError
+            Where there is no derivative by a parameter of this kind.
+        """
         self._carried[0] += 1
         exact = self.exact
         phases = exact.begin(start, t).phases

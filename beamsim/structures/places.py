@@ -243,7 +243,19 @@ def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
 
 
 def load_site_of(item: Any, body: str, sections: Mapping[str, Body]) -> LoadSite:
-    """Where a load of a scenario acts, at points or distributed; parameters as those of `site_of`."""
+    """Where a load of a scenario acts, at points or distributed.
+
+    Parameters
+    ----------
+    item : of the scenario; it has one place, two, or none where it is distributed.
+    body : meant where the load names none.
+    sections : the bodies by name, which tell where shares of their lengths are.
+
+    Returns
+    -------
+    Place | Link | Distributed
+        In metres; a distributed load without ends acts on the whole body.
+    """
     if item.places:
         return site_of(item, body, sections)
     body, ends = item.body or body, item.ends

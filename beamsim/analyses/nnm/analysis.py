@@ -88,10 +88,19 @@ def nnm(
     stop : called after every point; once it returns True the result holds the points so far, with the outcome
         "interrupted".
 
+    Returns
+    -------
+    NormalModeResult
+        The branches, one motion in time, and what they are compared with.
+
     Raises
     ------
     ScenarioError
-        Where the scenario asks for no mode, or for one that doesn't exist.
+        Where the scenario asks for no mode, for one that doesn't exist, or for one that cannot be followed or compared.
+    NotTrustedError
+        Where full-period shooting finds no motion to start from.
+    ValueError
+        Where ``compare`` names another method.
     """
     begin = clock.perf_counter()
     if scenario.nnm is None:

@@ -127,6 +127,11 @@ def non_brake_branch(
     reach : the parameter's range.
     settings : steps and tolerances.
     stop : asked after every point.
+
+    Returns
+    -------
+    OrbitBranch
+        Without points where no such motion is found within the range.
     """
     n, at, orbits = brake.n, origin.point.u, free_of(brake, origin.point.u)
     row = np.concatenate([np.zeros(n), origin.kick, np.zeros(2)])
@@ -174,6 +179,11 @@ def over_full_period(
     gaps : parameters of its points that a jump follows.
     report : called with the share of the path that is done.
     stop : asked after every point.
+
+    Returns
+    -------
+    OrbitBranch
+        A point for each one of the path, up to the first for which Newton's method does not come to the same motion.
     """
     orbits, reached, last = free_of(brake, points[0].u), list[BranchPoint](), list[BranchPoint]()
     outcome = reached_end(points[-1].parameter)
@@ -205,7 +215,19 @@ def over_full_period(
 
 
 def difference(orbits: FreeOrbits, point: BranchPoint, brake_point: BranchPoint) -> float:
-    """Largest of period and scaled state between a motion and the same by half-period shooting, relative."""
+    """Largest difference, of period and state, between a motion and the same by half-period shooting.
+
+    Parameters
+    ----------
+    orbits : shooting over the whole period.
+    point : the motion by it.
+    brake_point : the motion by half-period shooting.
+
+    Returns
+    -------
+    float
+        Relative; the state's against the scale of the unknowns.
+    """
     n = orbits.n
     state = point.u[: 2 * n] - np.concatenate([brake_point.u[:n], np.zeros(n)])
     period = abs(float(point.u[-2] / brake_point.u[-2]) - 1.0)
@@ -219,7 +241,26 @@ def follow_full_period(
     report: Report = None,
     stop: Stop = never,
 ) -> ModeBranches:
-    """Follow a half-period backbone again over the whole period, and the non-brake orbits that branch off."""
+    """Follow a half-period backbone again over the whole period, and the non-brake orbits that branch off.
+
+    Parameters
+    ----------
+    job : the parameter of the backbone.
+    branches : the backbone with its tongues and jumps, by half-period shooting.
+    settings : how many non-brake branches are followed, and their points.
+    report : called with the share of the backbone that is done.
+    stop : asked after every point.
+
+    Returns
+    -------
+    ModeBranches
+        With the backbone over the whole period, the non-brake branches, and the brake orbits from which these leave.
+
+    Raises
+    ------
+    NotTrustedError
+        Where not even the first motion of the backbone is found over the whole period.
+    """
     points = branches.backbone.points
     backbone = over_full_period(branches.problem, points, branches.gaps, report, stop)
     if not backbone.points:

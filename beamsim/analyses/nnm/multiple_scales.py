@@ -47,18 +47,27 @@ def expansion_path(
     factors: Floats | None = None,
     largest: float | None = None,
 ) -> ExpansionPath:
-    """Expand mode ``mode`` (from 1) at one energy for several stiffness factors.
+    """Expand a mode at one energy for several stiffness factors.
 
     Parameters
     ----------
     structure : without damping (see :func:`beamsim.analyses.nnm.analysis.conservative_system`).
+    mode : its number, from 1.
     energy : J; may be left out where the motion doesn't depend on it (no gaps, loads or cubic springs).
     factors : of all nonlinear springs' stiffness; by default by halves down into the expansion's reach and on.
     largest : the factor to begin with then, by default a third of the reach.
 
+    Returns
+    -------
+    ExpansionPath
+        Frequencies and initial vectors to the orders 0, 1 and 2 at each factor.
+
     Raises
     ------
-    ScenarioError : at internal resonances, without nonlinear springs, or where the energy is missing.
+    ScenarioError
+        At internal resonances, without nonlinear springs, or where the energy is missing.
+    ValueError
+        Where the structure is damped.
     """
     c = structure.dynamics.contacts.split()
     if np.any(structure.dynamics.damping) or c.damped:
@@ -111,8 +120,18 @@ def expansion_path(
 def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: ModeBranches | None = None) -> ExactPoints:
     """The exact motion at each factor of an expansion: that of a backbone, or by shooting from the expansion itself.
 
-    Without a motion of the backbone it must be close to the expansion. None where Newton's method ends on another
-    motion: in the tongue of an internal resonance, or one that is run through twice.
+    Without a motion of the backbone it must be close to the expansion.
+
+    Parameters
+    ----------
+    structure, path : the expansion.
+    branches : the backbone in the stiffness factor; without it all motions are found from the expansion.
+
+    Returns
+    -------
+    orbits : the shooting problem.
+    points : in the order of the factors; None where Newton's method finds none or ends on another motion, in the tongue
+        of an internal resonance or one that is run through twice.
     """
     family, mode = spring_family(structure), path.mode - 1
     orbits = BrakeOrbits(family, energy=path.energy) if branches is None else branches.problem
@@ -155,6 +174,11 @@ def compare_expansion(
     ----------
     structure, path : the expansion.
     exact : as of `exact_points`; by default found from the expansion.
+
+    Returns
+    -------
+    ExpansionComparison
+        NaN at factors without an exact motion.
     """
     modes = _modes_of(structure, *(exact_points(structure, path) if exact is None else exact))
     weight = np.sqrt(structure.dynamics.stiffness)

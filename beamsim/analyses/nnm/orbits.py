@@ -27,7 +27,19 @@ RATE = 512  # samples a period of what is carried on
 
 
 def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
-    """(nx,) a linear mode at the stations, with the largest deflection of another shape, and its sign."""
+    """A linear mode at the stations, scaled to be drawn beside another shape.
+
+    Parameters
+    ----------
+    field : (nx, n) deflection at the stations for a unit of each coordinate.
+    vector : (n,) coordinates of the mode.
+    like : (nx,) the other shape, m.
+
+    Returns
+    -------
+    (nx,) array
+        m, with the largest deflection of the other shape, and its sign.
+    """
     shape = field @ vector
     return np.asarray(
         shape / np.abs(shape).max() * float(np.abs(like).max()) * np.sign(float(shape @ like) or 1.0), dtype=float
@@ -42,10 +54,24 @@ def branch_result(
     special: tuple[SpecialPointResult, ...] = (),
     **more: Any,
 ) -> ModeBranch:
-    """A branch in SI numbers; ``brake`` is the problem of the backbone, ``more`` are further fields.
+    """A branch in SI numbers.
 
     Brake orbits, and those found over the whole period with their phase held, are given as they begin; a non-brake
     orbit at its slowest instant.
+
+    Parameters
+    ----------
+    system : of the motions.
+    job : the parameter of the branch, and the mode asked for.
+    brake : the problem of the backbone.
+    branch : of brake orbits, or of motions found over the whole period.
+    special : its special points.
+    more : further fields of `ModeBranch`.
+
+    Returns
+    -------
+    ModeBranch
+        With the energy error of each motion.
     """
     n, orbits = brake.n, branch.orbits
     states = np.array([orbit.state[: 2 * n] for orbit in orbits])
@@ -86,9 +112,20 @@ def branch_result(
 def special_points(
     system: StructuralSystem, job: ModePath, branches: ModeBranches, stop: Stop = never
 ) -> tuple[tuple[SpecialPointResult, ...], list[FailedSearch], bool]:
-    """Folds, branch points and grazings along a backbone, but not across its jumps; the searches that failed.
+    """Folds, branch points and grazings along a backbone, but not across its jumps.
 
-    The last value says whether ``stop`` ended the search.
+    Parameters
+    ----------
+    system : whose contacts graze.
+    job : the parameter of the backbone.
+    branches : with the backbone.
+    stop : asked before every step.
+
+    Returns
+    -------
+    special : the points, in the order of the backbone.
+    failed : the searches that ended in a numerical error.
+    stopped : whether ``stop`` ended the search.
     """
     special: list[SpecialPointResult] = []
     failed: list[FailedSearch] = []
@@ -108,8 +145,25 @@ def special_points(
 def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: float) -> OrbitMotion:
     """One motion over a period from a state, and its spectrum over 50 periods of the exact flow.
 
-    ``state`` is (2n,). The flow is carried on from period to period without being put back on the periodic motion: an
-    unstable one drifts away, and the spectrum then shows it.
+    The flow is carried on from period to period without being put back on the periodic motion: an unstable one drifts
+    away, and the spectrum then shows it.
+
+    Parameters
+    ----------
+    system : of the motion.
+    flow : of this system without damping and loads.
+    state : (2n,) coordinates and their velocities at the start.
+    period : s.
+
+    Returns
+    -------
+    OrbitMotion
+        From the state on, with its drift after the 50 periods.
+
+    Raises
+    ------
+    ArithmeticError
+        Where contacts chatter, or the motion grows beyond all numbers.
     """
     n = system.dynamics.size
     start = np.zeros(flow.size)

@@ -216,8 +216,16 @@ def hold_mode(
 
     Parameters
     ----------
+    scenario : with ``nnm.phase_resonance`` and a harmonic excitation.
     orbits, points : the backbone, of the structure without damping but built for this excitation.
     alike : whether motions of all amplitudes are the same up to a factor (no gap, no load, no cubic spring).
+    progress : called with the share of the levels that is done.
+    stop : asked after every level.
+
+    Returns
+    -------
+    PhaseResonanceResult
+        The levels predicted along the backbone, and a motion for each level up to the one after which it was stopped.
 
     Raises
     ------

@@ -35,9 +35,16 @@ def compare_relaxed(
     Parameters
     ----------
     job, branches : the backbone in the stiffness factor.
-    shooting_time_s : processor time of shooting so far.
+    shooting_time_s : processor time of shooting so far, s.
     settings : steps, tolerance and iterations.
     field : (nx, n) deflection at the stations for a unit of each coordinate.
+    progress : called with the share of the steps that is done.
+    stop : asked after every step.
+
+    Returns
+    -------
+    RelaxedComparison
+        Up to the first step that does not come below the tolerance, which is included, or to where it was stopped.
     """
     orbits, points = branches.problem, branches.backbone.points
     factors = np.linspace(job.first, job.last, settings.steps + 1)[1:]

@@ -342,7 +342,20 @@ def nnm_summary(
     processor_time_s: float,
     requested: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """The backbone, what leaves it and what it is compared with; not what repeats a field of the result."""
+    """The backbone, what leaves it and what it is compared with; not what repeats a field of the result.
+
+    Parameters
+    ----------
+    result : without a summary.
+    linear_frequency_hz : Hz, of the linear mode.
+    processor_time_s : s, of the exact motions.
+    requested : the points at energies and frequencies that were asked for, as plain values.
+
+    Returns
+    -------
+    dict
+        The entries of the summary; None for what the analysis has not done.
+    """
     backbone = result.backbone
     return {
         "points": int(backbone.parameter.size),
