@@ -297,33 +297,72 @@ def dataset(
 
     Complex numbers are two datasets, ``…_real`` and ``…_imag``; with `phase`, amplitude and ``…_phase_deg``. Truth
     values have `flags`, the meanings of false and true.
+
+    Parameters
+    ----------
+    unit, meaning : SI unit ("1" without one) and what the values are.
+    default, default_factory : as of `dataclasses.field`.
+    options : fields of `Dataset`.
+
+    Returns
+    -------
+    dataclasses.Field
     """
     return _field(Dataset(unit=unit, meaning=meaning, **options), default, default_factory)
 
 
 def axis(unit: str, meaning: str, *, default: Any = _REQUIRED, **options: Any) -> Any:
-    """An array that other datasets are along: a dimension scale."""
+    """An array that other datasets are along: a dimension scale.
+
+    Parameters
+    ----------
+    unit, meaning : SI unit ("1" without one) and what the values are.
+    default : as of `dataclasses.field`.
+    options : fields of `Dataset`.
+
+    Returns
+    -------
+    dataclasses.Field
+    """
     return _field(Dataset(unit=unit, meaning=meaning, scale=True, **options), default)
 
 
-def per_probe(
-    unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
-) -> Any:
+def per_probe(unit: str, meaning: str, **options: Any) -> Any:
     """An array (or a number, which becomes an attribute) for each probe, ``probes/<name>/<field>``."""
-    return _field(Dataset(unit=unit, meaning=meaning, per="probes", **options), default, default_factory)
+    return _field(Dataset(unit=unit, meaning=meaning, per="probes", **options))
 
 
-def per_snubber(
-    unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
-) -> Any:
-    """An array (or a number, which becomes an attribute) for each snubber, ``snubbers/<name>/<field>``."""
-    return _field(Dataset(unit=unit, meaning=meaning, per="snubbers", **options), default, default_factory)
+def per_snubber(unit: str, meaning: str, *, default_factory: Any = _REQUIRED, **options: Any) -> Any:
+    """An array (or a number, which becomes an attribute) for each snubber, ``snubbers/<name>/<field>``.
+
+    Parameters
+    ----------
+    unit, meaning : SI unit ("1" without one) and what the values are.
+    default_factory : as of `dataclasses.field`.
+    options : fields of `Dataset`.
+
+    Returns
+    -------
+    dataclasses.Field
+    """
+    return _field(Dataset(unit=unit, meaning=meaning, per="snubbers", **options), default_factory=default_factory)
 
 
 def attribute(
     unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
 ) -> Any:
-    """A number or text that belongs to the group, with the options of `Attribute`."""
+    """A number or text that belongs to the group, with the options of `Attribute`.
+
+    Parameters
+    ----------
+    unit, meaning : SI unit (empty for text) and what the value is.
+    default, default_factory : as of `dataclasses.field`.
+    options : fields of `Attribute`.
+
+    Returns
+    -------
+    dataclasses.Field
+    """
     return _field(Attribute(unit=unit, meaning=meaning, **options), default, default_factory)
 
 
@@ -333,27 +372,87 @@ def key(meaning: str) -> Any:
 
 
 def group(path: str, of: Any, *, default: Any = _REQUIRED, **options: Any) -> Any:
-    """A dataclass in the group ``path``, with the options of `Group`."""
+    """A dataclass in the group ``path``, with the options of `Group`.
+
+    Parameters
+    ----------
+    path : of the group below the one around it; empty for that one.
+    of : class of the dataclass.
+    default : as of `dataclasses.field`.
+    options : fields of `Group`.
+
+    Returns
+    -------
+    dataclasses.Field
+    """
     return _field(Group(path=path, of=of, **options), default)
 
 
-def named(folder: str, of: Any, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any) -> Any:
-    """A dataclass for each name, ``<folder>/<name>`` with the attributes ``name`` and ``index``; see `Members`."""
-    return _field(Members(folder=folder, of=of, labelled=True, **options), default, default_factory)
+def named(folder: str, of: Any, *, default_factory: Any = _REQUIRED, **options: Any) -> Any:
+    """A dataclass for each name, ``<folder>/<name>`` with the attributes ``name`` and ``index``; see `Members`.
+
+    Parameters
+    ----------
+    folder : group that holds those of the names.
+    of : class of the dataclasses.
+    default_factory : as of `dataclasses.field`.
+    options : fields of `Members`.
+
+    Returns
+    -------
+    dataclasses.Field
+    """
+    return _field(Members(folder=folder, of=of, labelled=True, **options), default_factory=default_factory)
 
 
 def members(folder: str, of: Any, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any) -> Any:
-    """A dataclass for each key of a mapping or member of a tuple, ``<folder>/<key>``; see `Members`."""
+    """A dataclass for each key of a mapping or member of a tuple, ``<folder>/<key>``; see `Members`.
+
+    Parameters
+    ----------
+    folder : group that holds those of the members.
+    of : class of the dataclasses.
+    default, default_factory : as of `dataclasses.field`.
+    options : fields of `Members`.
+
+    Returns
+    -------
+    dataclasses.Field
+    """
     return _field(Members(folder=folder, of=of, **options), default, default_factory)
 
 
 def table(path: str, of: Any, rows: Counter | None = None, *, default: Any = _REQUIRED, **options: Any) -> Any:
-    """A tuple of dataclasses as a table: counted by ``rows``, or by the field of a row that is an `axis`."""
+    """A tuple of dataclasses as a table: counted by ``rows``, or by the field of a row that is an `axis`.
+
+    Parameters
+    ----------
+    path : of the table.
+    of : class of a row.
+    rows : the axis along which rows are counted; None where a column is the axis.
+    default : as of `dataclasses.field`.
+    options : fields of `Table`.
+
+    Returns
+    -------
+    dataclasses.Field
+    """
     return _field(Table(path=path, of=of, rows=rows, **options), default)
 
 
 def ending(meaning: str, *, at: str = "", default: Any = _REQUIRED) -> Any:
-    """An `Outcome`: attributes ``status`` (text), ``outcome`` (code) and ``outcome_numbers`` (JSON)."""
+    """An `Outcome`: attributes ``status`` (text), ``outcome`` (code) and ``outcome_numbers`` (JSON).
+
+    Parameters
+    ----------
+    meaning : what ended.
+    at : group or dataset that carries the attributes, where it is not that of the dataclass.
+    default : as of `dataclasses.field`.
+
+    Returns
+    -------
+    dataclasses.Field
+    """
     return _field(Attribute(unit="", meaning=meaning, name="status", at=at, codec=OUTCOME), default)
 
 
@@ -372,6 +471,10 @@ def declared(cls: Any = None, *, kw_only: bool = False, along: Along = ()) -> An
     cls : the class.
     kw_only : whether fields are given by keyword only, so that those with a default may come first.
     along : the axes of its arrays that do not name theirs.
+
+    Returns
+    -------
+    The dataclass; without ``cls`` the decorator that makes it.
     """
     if cls is None:
         return lambda made: declared(made, kw_only=kw_only, along=along)

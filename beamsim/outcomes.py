@@ -80,7 +80,18 @@ class Where(NamedTuple):
         return f"{'from' if ranges else 'at'} {self}"
 
     def shown(self, convert: Callable[[float], float], unit: str, name: str) -> Where:
-        """The parameter of a branch in the unit that people read; any other place as it is."""
+        """The parameter of a branch in the unit that people read; any other place as it is.
+
+        Parameters
+        ----------
+        convert : from the parameter's own unit to the one that people read.
+        unit, name : that unit, and what people call the parameter.
+
+        Returns
+        -------
+        Where
+            The same place where it has a unit already.
+        """
         return Where(_each(self.value, convert), unit, name) if self.unit is None else self
 
     def displayed(self, scale: Callable[[str, list[float]], tuple[float, str]]) -> Where:
@@ -215,7 +226,18 @@ class Outcome:
         return replace(self, parts=(*self.parts, *parts), **fields)
 
     def shown(self, convert: Callable[[float], float], unit: str = "", name: str = "") -> Self:
-        """A copy in which the parameter of a branch, here and in the parts, is in the unit that people read."""
+        """A copy in which the parameter of a branch, here and in the parts, is in the unit that people read.
+
+        Parameters
+        ----------
+        convert : from the parameter's own unit to the one that people read.
+        unit, name : that unit, and what people call the parameter.
+
+        Returns
+        -------
+        Outcome
+            Places that have a unit already stay as they are.
+        """
         place = None if self.place is None else self.place.shown(convert, unit, name)
         return replace(self, place=place, parts=tuple(part.shown(convert, unit, name) for part in self.parts))
 

@@ -66,17 +66,37 @@ def path_text(path: Path) -> str:
 
 
 def fail(message: str, remedy: str = "", at: Path = (), show_value: bool = False) -> PydanticCustomError:
-    """Build the error a validator raises; ``at`` is the path below the value being validated.
+    """Build the error that a validator raises.
 
-    ``message`` follows the path of the value (``beam.length`` + ``must be ...``); with ``show_value`` the
-    value as it was written comes between them (``= -5 mm``).
+    Parameters
+    ----------
+    message : what is wrong; follows the path of the value (``beam.length`` + ``must be ...``).
+    remedy : what to do about it.
+    at : path below the value that is validated.
+    show_value : whether the value as it was written comes between path and message (``= -5 mm``).
+
+    Returns
+    -------
+    PydanticCustomError
+        To be raised by the caller.
     """
     context = {"message": message, "remedy": remedy, "at": at, "show_value": show_value}
     return PydanticCustomError("beamsim", "{message}", context)
 
 
 def problem(path: Path, message: str, remedy: str = "") -> Problem:
-    """A problem at a path of the scenario; its message follows that, as that of `fail`."""
+    """A problem at a path of the scenario.
+
+    Parameters
+    ----------
+    path : of the value.
+    message : what is wrong; follows the path, as that of `fail` does.
+    remedy : what to do about it.
+
+    Returns
+    -------
+    Problem
+    """
     return Problem(path_text(path), message, remedy)
 
 
@@ -92,7 +112,20 @@ def demand_rising(
     at: Callable[[int], Path],
     remedy: str = "list them from the lowest to the highest",
 ) -> None:
-    """Refuse numbers of a list that do not increase; ``at`` gives the path of the number of an index."""
+    """Refuse numbers of a list that do not increase.
+
+    Parameters
+    ----------
+    values : the numbers, in SI units.
+    unit : their unit, for the message.
+    at : path of a number, by its index.
+    remedy : what to do about it.
+
+    Raises
+    ------
+    PydanticCustomError
+        As `fail` builds it, at the first number that does not lie above the one before.
+    """
     for index, (one, two) in enumerate(pairwise(values), start=1):
         if not two > one:
             raise fail(f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, at(index))
@@ -359,19 +392,55 @@ def counted(number: int, noun: str, plural: str = "") -> str:
 
     >>> counted(1, "value"), counted(2, "mass", "masses")
     ('1 value', '2 masses')
+
+    Parameters
+    ----------
+    number : how many there are.
+    noun : what is counted, in the singular.
+    plural : by default the noun with an s.
+
+    Returns
+    -------
+    str
     """
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
 def suggestion(name: str, names: Iterable[str], otherwise: str) -> str:
-    """The remedy for an unknown name: the similar one, else ``otherwise`` with all of them."""
+    """The remedy for an unknown name.
+
+    Parameters
+    ----------
+    name : that was written.
+    names : that there are.
+    otherwise : what comes before all of them where none is similar ("the bodies are").
+
+    Returns
+    -------
+    str
+        The similar name as a question, else ``otherwise`` with all names.
+    """
     names = list(names)
     close = get_close_matches(name, names, n=1)
     return f"did you mean {close[0]}?" if close else f"{otherwise} {', '.join(names)}"
 
 
 def unknown(path: Path, name: str, kind: str, known: Iterable[str], otherwise: str = "") -> Iterator[Problem]:
-    """A problem where a name is none of those that are known; ``otherwise`` is the remedy where there is none."""
+    """A problem where a name is none of those that are known.
+
+    Parameters
+    ----------
+    path : where the name is written.
+    name : that was written.
+    kind : what it names, in the singular ("body").
+    known : the names that there are.
+    otherwise : the remedy where there are none.
+
+    Yields
+    ------
+    Problem
+        One, or none where the name is known.
+    """
     names = list(known)
     if name not in names:
         plural = kind.removesuffix("y") + ("ies" if kind.endswith("y") else "s")

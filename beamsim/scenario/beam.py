@@ -597,7 +597,16 @@ class BeamBody(Body):
         return not isinstance(position, tuple) and self.held_end(position) is not None
 
     def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
-        """What is wrong with a position; ``what`` does nothing on a support, and is empty for what may stand there."""
+        """What is wrong with a position on the beam.
+
+        Parameters
+        ----------
+        where, at, position, what : see `beamsim.scenario.body.Body.position_problems`.
+
+        Yields
+        ------
+        Problem
+        """
         if isinstance(position, tuple):
             remedy = "give the distance from its left end, position: 270 mm"
             yield problem(at, f"is a point [x, y] of a plate, but {path_text(where)} is a beam", remedy)
@@ -618,7 +627,16 @@ class BeamBody(Body):
             )
 
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
-        """Why no snubber can move to a position of the beam."""
+        """Why no snubber can move to a position of the beam.
+
+        Parameters
+        ----------
+        where, at, position : see `beamsim.scenario.body.Body.movable_problems`.
+
+        Yields
+        ------
+        Problem
+        """
         if self.metres(position) > self.length:
             yield from self.position_problems(where, at, position, "")
         if (held := self.held_end(position)) is not None:
@@ -629,7 +647,16 @@ class BeamBody(Body):
             )
 
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
-        """A polynomial with a deflection or slope that the supports prevent."""
+        """A polynomial with a deflection or slope that the supports prevent.
+
+        Parameters
+        ----------
+        where, at, numbers : see `beamsim.scenario.body.Body.start_problems`.
+
+        Yields
+        ------
+        Problem
+        """
         for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
             for what, order, held in (
                 ("deflection", 0, support in _HOLDS_DEFLECTION),

@@ -524,11 +524,34 @@ class Body(Schema):
         yield from ()
 
     def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
-        """What is wrong with a position on the body; ``what`` does nothing on a support, and is empty for what may."""
+        """What is wrong with a position on the body.
+
+        Parameters
+        ----------
+        where : path of the body.
+        at : path at which the position is written.
+        position : as it is written.
+        what : what sits there and does nothing on a support; empty for what may stand on one.
+
+        Yields
+        ------
+        Problem
+        """
         yield self._misplaced(where, at, "a beam")
 
     def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
-        """What is wrong with the number of a mass of the body."""
+        """What is wrong with the number of a mass of the body.
+
+        Parameters
+        ----------
+        where : path of the body.
+        at : path at which the number is written.
+        mass : the number, from 1.
+
+        Yields
+        ------
+        Problem
+        """
         yield self._misplaced(where, at, "a chain")
 
     def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
@@ -541,7 +564,18 @@ class Body(Schema):
         return problem(at, f"applies to {of}, but {this} is {self.called}", self.how_to_place)
 
     def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
-        """What is wrong with a position at which a mode shape was measured."""
+        """What is wrong with a position at which a mode shape was measured.
+
+        Parameters
+        ----------
+        where : path of the body.
+        at : path at which the position is written.
+        position : m along the body, or the number of a mass.
+
+        Yields
+        ------
+        Problem
+        """
         yield from self.position_problems(where, at, position, "")
 
     def in_folder(self, folder_of: Callable[..., FilePath]) -> Self:
@@ -549,7 +583,18 @@ class Body(Schema):
         return self
 
     def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
-        """Why no snubber can move to a position of the body, written at ``at``; by default that it is no beam."""
+        """Why no snubber can move to a position of the body; by default that it is no beam.
+
+        Parameters
+        ----------
+        where : path of the body.
+        at : path at which the position is written.
+        position : m.
+
+        Yields
+        ------
+        Problem
+        """
         message = f"= position moves along a beam, but the structure is {self.called}"
         yield problem((*at[:-1], "kind"), message, "follow gap or stiffness, or vary the place in a study")
 
@@ -558,13 +603,35 @@ class Body(Schema):
         return index
 
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
-        """What is wrong with the numbers of a displacement or velocity to start from; by default that there are any."""
+        """What is wrong with the numbers of a displacement or velocity to start from; by default that there are any.
+
+        Parameters
+        ----------
+        where : path of the body.
+        at : path at which the numbers are written.
+        numbers : as they are written, in SI units: coefficients of 1, x, x^2, ..., or one for each mass.
+
+        Yields
+        ------
+        Problem
+        """
         if numbers:
             remedy = "start from rest, the static equilibrium, a mode, or a released force"
             yield problem(at, f"gives a shape of a beam or chain, but the structure is {self.called}", remedy)
 
     def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
-        """Springs that a stiffness factor up to ``largest`` would give a negative slope."""
+        """Springs that a stiffness factor would give a negative slope.
+
+        Parameters
+        ----------
+        where : path of the body.
+        key : ``from`` or ``to`` of ``nnm.continue_in``, which gives the factor.
+        largest : the factor.
+
+        Yields
+        ------
+        Problem
+        """
         yield from ()
 
     def point_force_doubts(self, where: Path, position: WrittenPosition) -> Iterator[str]:

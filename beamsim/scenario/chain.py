@@ -98,7 +98,16 @@ class Chain(Body):
         return f"mass_{self.count}", AtPlace(mass=self.count)
 
     def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
-        """A number above that of the masses."""
+        """A number above that of the masses.
+
+        Parameters
+        ----------
+        where, at, mass : see `beamsim.scenario.body.Body.mass_problems`.
+
+        Yields
+        ------
+        Problem
+        """
         if mass > self.count:
             yield problem(
                 at,
@@ -107,7 +116,16 @@ class Chain(Body):
             )
 
     def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
-        """Mode shapes are measured at masses, given by their numbers."""
+        """Mode shapes are measured at masses, given by their numbers.
+
+        Parameters
+        ----------
+        where, at, position : see `beamsim.scenario.body.Body.shape_problems`.
+
+        Yields
+        ------
+        Problem
+        """
         if position not in range(1, self.count + 1):
             remedy = f"masses are numbered from 1 to {self.count}"
             yield problem(at, f"= {position:g} is not the number of a mass", remedy)
@@ -117,13 +135,31 @@ class Chain(Body):
         return 0
 
     def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
-        """Not one number a mass."""
+        """Not one number a mass.
+
+        Parameters
+        ----------
+        where, at, numbers : see `beamsim.scenario.body.Body.start_problems`.
+
+        Yields
+        ------
+        Problem
+        """
         if numbers and len(numbers) != self.count:
             given = f"has {counted(len(numbers), 'number')} for {counted(self.count, 'mass', 'masses')}"
             yield problem(at, given, "give one number per mass, or leave it out")
 
     def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
-        """The factor multiplies changes of slope; no slope of a softening spring may become negative."""
+        """The factor multiplies changes of slope; no slope of a softening spring may become negative.
+
+        Parameters
+        ----------
+        where, key, largest : see `beamsim.scenario.body.Body.factor_problems`.
+
+        Yields
+        ------
+        Problem
+        """
         springs = [(key, k, item) for key, items in self.own_lists.items() for k, item in enumerate(items)]
         for name, index, spring in springs:
             if not isinstance(spring, PiecewiseLinearSpring):

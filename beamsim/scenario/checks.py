@@ -134,7 +134,18 @@ def _body_named(scenario: ScenarioParts, at: Path, body: str | None, example: st
 
 
 def place_problems(scenario: ScenarioParts, path: Path, part: Schema) -> Problems:
-    """What is wrong with a place of a part of a scenario, written at a path."""
+    """What is wrong with the place of a part of a scenario.
+
+    Parameters
+    ----------
+    scenario : that has the bodies.
+    path : where the part is written.
+    part : a place, or what sits at one or between two.
+
+    Yields
+    ------
+    Problem
+    """
     if isinstance(part, AtPlace):
         yield from _place(scenario, path, (*path, "mass"), part)
     elif isinstance(part, Sited) and part.at is None:

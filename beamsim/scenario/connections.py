@@ -283,7 +283,18 @@ class Placed:
 
 
 def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> Placed:
-    """Where joints put bodies; of places without a body it is the default one."""
+    """Where joints put bodies.
+
+    Parameters
+    ----------
+    joints : in order.
+    bodies : by name.
+    default_body : name of the body of places that name none.
+
+    Returns
+    -------
+    Placed
+    """
     origin: dict[str, float] = {}
     group: dict[str, str] = {}
     apart: list[Apart] = []

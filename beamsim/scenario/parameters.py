@@ -60,6 +60,11 @@ def find_parameters(
     more : types of other values that it may name.
     at : where the path stands, for what `fail` builds.
 
+    Returns
+    -------
+    list of Path
+        In the order of the scenario.
+
     Raises
     ------
     PydanticCustomError

@@ -257,7 +257,16 @@ class PlateBody(Body):
                 yield problem((*where, "stiffeners", index), "begins and ends at the same point", "give it a length")
 
     def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
-        """What is wrong with a point; ``what`` does nothing on a support, and is empty for what may stand there."""
+        """What is wrong with a point of the plate.
+
+        Parameters
+        ----------
+        where, at, position, what : see `beamsim.scenario.body.Body.position_problems`.
+
+        Yields
+        ------
+        Problem
+        """
         if not isinstance(position, tuple):
             yield problem(
                 at,
@@ -282,7 +291,16 @@ class PlateBody(Body):
             )
 
     def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
-        """Measured mode shapes have one coordinate."""
+        """Measured mode shapes have one coordinate.
+
+        Parameters
+        ----------
+        where, at, position : see `beamsim.scenario.body.Body.shape_problems`.
+
+        Yields
+        ------
+        Problem
+        """
         yield problem(at, "is one coordinate, and the structure is a plate", "give measured frequencies without shapes")
 
     def point_force_doubts(self, where: Path, position: WrittenPosition) -> Iterator[str]:

@@ -177,7 +177,19 @@ class Limits(Schema):
 
 
 def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str) -> units.Dimension | None:
-    """Of an output on one of the bodies; None of rows of recovery matrices, which have units of their own."""
+    """The dimension of an output on one of the bodies.
+
+    Parameters
+    ----------
+    output : its section.
+    bodies : by name.
+    default_body : name of the body of places that name none.
+
+    Returns
+    -------
+    Dimension or None
+        None of rows of recovery matrices, which have units of their own.
+    """
     if output.kind == "bending_moment":
         body = bodies.get(output.place.body or default_body)
         return _MOMENT_PER_WIDTH if body is not None and body.body_kind == "plate" else _MOMENT

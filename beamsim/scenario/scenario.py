@@ -274,7 +274,18 @@ class Scenario(ScenarioParts):
         return self._source
 
     def with_source(self, source: str, text: Any = None, warnings: tuple[str, ...] = ()) -> Scenario:
-        """Return the same scenario with another name for output files, and the tree and warnings from reading it."""
+        """The same scenario under another name.
+
+        Parameters
+        ----------
+        source : name for output files.
+        text : the tree from which it was read.
+        warnings : about what was left out when it was read.
+
+        Returns
+        -------
+        Scenario
+        """
         copy = self.model_copy()
         copy._source = source
         copy._text = text

@@ -233,7 +233,19 @@ class PadData(Schema):
 
 
 def check_data(points: Any, kind: str, branches: int | None) -> None:
-    """Reject measurements that are out of order or too few; `points` are rows of frequency or time first."""
+    """Reject measurements of a pad that are out of order or too few.
+
+    Parameters
+    ----------
+    points : rows of frequency, Hz, or time, s, with what was measured there.
+    kind : dynamic or relaxation, the key under which they are.
+    branches : number of Maxwell branches to be fitted; None to find it.
+
+    Raises
+    ------
+    PydanticCustomError
+        As `fail` builds it, where they are too few for so many branches, are not in order, or have no loss at all.
+    """
     least = 2 if branches is None else branches + 1
     if len(points) < least:
         what = counted(len(points), "measurement")

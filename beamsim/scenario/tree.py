@@ -378,6 +378,11 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
     folder : base of relative paths.
     chain : the files that extend this one.
 
+    Returns
+    -------
+    WrittenMapping
+        The document with all that it extends, without ``extends``.
+
     Raises
     ------
     ScenarioError
@@ -417,7 +422,19 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
 
 
 def merge(base: Any, over: Any, key: str = "") -> Any:
-    """Return ``base`` with ``over`` merged into it; ``key`` is that of both."""
+    """Merge one part of a document into that of the document it extends.
+
+    Parameters
+    ----------
+    base : the part that is extended.
+    over : what is merged into it; it replaces a base of another kind or of a key in `REPLACED_WHOLE`, and all that is
+        no mapping.
+    key : of both.
+
+    Returns
+    -------
+    The merged part.
+    """
     if not isinstance(base, WrittenMapping) or not isinstance(over, WrittenMapping) or key in REPLACED_WHOLE:
         return over
     if over.get("kind") not in (None, base.get("kind")):

@@ -90,9 +90,18 @@ def _root() -> str:
 
 
 def sections_of(cls: type, kind: str = "", known: dict[Any, str] | None = None) -> Iterator[Section]:
-    """The groups declared by the class of a result, the root first.
+    """The groups that the class of a result declares.
 
-    ``known`` says where a class has been described; classes described here are added.
+    Parameters
+    ----------
+    cls : the class.
+    kind : of the result; named where a later section refers to a class that is described here.
+    known : where a class has been described; classes described here are added.
+
+    Yields
+    ------
+    Section
+        That of the root first.
     """
     inherited = {member.name for member in members_of(Result)} if cls is not Result else set()
     yield from _sections(cls, "/", {}, {} if known is None else known, inherited, kind)

@@ -35,7 +35,19 @@ _UNITS = {"": "", "1": "", "degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m"
 
 
 def export_target(folder: Path, stem: str, form: str) -> Path:
-    """Path of the folder of tables or of the file: ``<stem>_csv``, ``<stem>.uff`` or ``<stem>.mat``."""
+    """Path of the folder of tables, or of the file, that an export writes.
+
+    Parameters
+    ----------
+    folder : that holds it.
+    stem : of its name.
+    form : csv, uff or mat.
+
+    Returns
+    -------
+    Path
+        ``<stem>_csv``, ``<stem>.uff`` or ``<stem>.mat``.
+    """
     return folder / (f"{stem}_csv" if form == "csv" else f"{stem}.{form}")
 
 

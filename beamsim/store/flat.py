@@ -75,7 +75,7 @@ def last(path: str) -> str:
     return path.rpartition("/")[2]
 
 
-def nearest_axis(items: Items, path: str, name: str) -> str | None:
+def _nearest_axis(items: Items, path: str, name: str) -> str | None:
     """The scale of this name in the group of an item, else in the nearest group around it that has one."""
     group = path
     while group != "/":
@@ -236,7 +236,7 @@ class _Walk:
             if isinstance(axis, Counter):
                 axes.append(self._counted(here.counters, axis, self.items[path].values.shape[number]))
                 continue
-            found = nearest_axis(self.items, path, axis)
+            found = _nearest_axis(self.items, path, axis)
             if found is None:
                 raise KeyError(f"{path} has no axis {axis}")
             axes.append(found)
@@ -326,6 +326,18 @@ class Reader:
 
     def fields(self, cls: Any, path: str = "/", owners: tuple[Any, ...] = (), key: Any = None) -> dict[str, Any]:
         """The declared fields of a class, by name.
+
+        Parameters
+        ----------
+        cls : the class.
+        path : the group, or the array, that holds them.
+        owners : objects or mappings whose fields ``{field}`` in texts may stand for, the nearest first.
+        key : what the group is called by, for the field that is the `key`.
+
+        Returns
+        -------
+        dict
+            Fields that the items lack have their defaults.
 
         Raises
         ------
@@ -448,7 +460,7 @@ class Reader:
             raise ValueError(f"{path} has {item.values.ndim} dimensions, not {least}")
         for axis, size in zip(along, item.values.shape, strict=False):
             name = axis.name if isinstance(axis, Counter) else axis
-            scale = nearest_axis(self.items, path, name)
+            scale = _nearest_axis(self.items, path, name)
             if scale is not None and self.items[scale].values.shape != (size,):
                 raise ValueError(f"{path} has {size} values along {scale}")
         return item.values

@@ -51,12 +51,19 @@ def stored_study(
     target : the result file.
     workers, scheduler, progress, stop : as of `design_study`.
 
+    Returns
+    -------
+    DesignsResult
+        Of the cases solved now and before.
+
     Raises
     ------
     ResultFileError
         If the file cannot be written.
     NotTrustedError
         If workers end unexpectedly.
+    ScenarioError
+        If there are fewer workers than one.
     """
     begin = saved = clock.monotonic()
 
@@ -163,6 +170,11 @@ def opened_journal(path: Path, fingerprint: str, *, resume: bool) -> Iterator[Jo
     path : of the journal.
     fingerprint : hash of everything that the outcomes of the cases depend on.
     resume : keep the cases already solved; else start again.
+
+    Yields
+    ------
+    Journal
+        Locked and open, with the outcomes that are kept.
 
     Raises
     ------

@@ -394,7 +394,19 @@ def header_151(source: Source, description: str = "") -> dict[str, Any]:
 
 
 def trace_lines(number: int, name: str, lines: Sequence[Ints]) -> dict[str, Any]:
-    """The lines through the nodes of a body (data set 82): between two of them, as node 0, the pen is lifted."""
+    """The lines through the nodes of a body (data set 82): between two of them, as node 0, the pen is lifted.
+
+    Parameters
+    ----------
+    number : of the trace.
+    name : of the body.
+    lines : numbers of the nodes along each line.
+
+    Returns
+    -------
+    dict
+        As pyuff writes it.
+    """
     lifted = [part for line in lines for part in (np.zeros(1, dtype=np.int64), line)][1:]
     nodes = np.concatenate(lifted)
     return {"type": 82, "trace_num": number, "color": 0, "id": _ascii(name, 80), "n_nodes": nodes.size, "nodes": nodes}
@@ -404,7 +416,22 @@ def record_55(
     source: Source, mode: int, frequency_hz: float, damping_ratio: float, nodes: Ints, deflection: Floats,
     direction: str | Sequence[str] = "z",
 ) -> dict[str, Any]:  # fmt: skip
-    """A normal mode of unit modal mass: its deflection at nodes, in one direction or one for each (data set 55)."""
+    """A normal mode of unit modal mass (data set 55).
+
+    Parameters
+    ----------
+    source : what the file is of, and what wrote it.
+    mode : number of the mode, from 1.
+    frequency_hz, damping_ratio : of the mode.
+    nodes : (k,) numbers of the nodes.
+    deflection : (k,) of the mass-normalised mode there.
+    direction : of the deflection: one of all nodes, or one of each.
+
+    Returns
+    -------
+    dict
+        As pyuff writes it.
+    """
     along = np.broadcast_to(np.asarray(direction), nodes.shape)
     turning = not set(direction if not isinstance(direction, str) else (direction,)) <= set(DIRECTIONS[:3])
     components = DIRECTIONS if turning else DIRECTIONS[:3]
