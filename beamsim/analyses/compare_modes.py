@@ -92,7 +92,13 @@ def compare_modes(
 
     Parameters
     ----------
+    scenario : with the structure.
+    measured : shapes at two places or more, with their frequencies.
     contacts : whether the snubbers are open or all closed in the computed modes.
+
+    Returns
+    -------
+    ModeComparison
 
     Raises
     ------

@@ -97,6 +97,11 @@ def sweep(
     save : called with the partial result after the first level and repeatedly later, and before the comparison.
     resume : partial result of an interrupted sweep of the same scenario; its levels are not computed again.
 
+    Returns
+    -------
+    SweepResult
+        With ``convergence`` and ``doubtful`` in its summary, unless it was cut short.
+
     Raises
     ------
     ScenarioError
@@ -124,6 +129,11 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     progress : called with the fraction done.
     stop : asked between points whether to end; the result then holds those up to there.
 
+    Returns
+    -------
+    ContinuationResult
+        With ``convergence`` and ``doubtful`` in its summary, unless it was cut short.
+
     Raises
     ------
     ScenarioError
@@ -147,6 +157,11 @@ def nnm(
     progress : called with the fraction done.
     compare : other methods to compare with it: any of `beamsim.analyses.nnm.analysis.COMPARISONS`.
     stop : asked between points whether to end; the result then holds those up to there.
+
+    Returns
+    -------
+    NormalModeResult
+        With ``convergence`` and ``doubtful`` in its summary, unless it was cut short.
 
     Raises
     ------

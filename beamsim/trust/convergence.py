@@ -215,6 +215,10 @@ def sensitivity(
     motion : the events of the motion.
     diverged : s, where that of a finer model diverges from it, near which a disturbed one is likely to, too.
     disturbed : events of the motion with the stiffness changed by a share of itself, up to a time.
+
+    Returns
+    -------
+    DivergenceTimes
     """
     end, small = diverged, math.inf
     while small == math.inf and end < motion.end:
@@ -287,6 +291,10 @@ def solved_again(
     scenario : the case whose model has so many modes.
     modes : of that model.
     stop : asked after it whether it was interrupted.
+
+    Returns
+    -------
+    What ``solve`` returns; a `Convergence` with the reason where the finer model is no valid case, or was interrupted.
     """
     try:
         second = solve(finer(scenario, modes))

@@ -151,6 +151,11 @@ def checked_run(solution: Solution, shared: SharedBuilds, stop: Stop) -> RunResu
     solution : the run.
     shared : what its system was built from; a finer model may have the same matrices.
     stop : asked several times a second whether to give up.
+
+    Returns
+    -------
+    RunResult
+        With the comparison in summary, outcome, histories and spectra.
     """
     compared_s = solution.motion.compared_s
     checked = (
@@ -164,7 +169,16 @@ def checked_run(solution: Solution, shared: SharedBuilds, stop: Stop) -> RunResu
 
 
 def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Convergence:
-    """What a finer model changes in a run; parameters as of `checked_run`."""
+    """What a finer model changes in a run.
+
+    Parameters
+    ----------
+    solution, shared, stop : as of `checked_run`.
+
+    Returns
+    -------
+    Convergence
+    """
     begin, scenario, settings = clock.process_time(), solution.scenario, solution.scenario.run
     assert settings is not None
     first, derived = Model(settings, solution.system, solution.motion), DerivedValues.of(solution.result)
@@ -423,7 +437,19 @@ class DerivedValues:
         return figures
 
     def again(self, system: StructuralSystem, motion: Trajectory | Histories, parts: int = 1) -> list[Values]:
-        """The figures of another motion, in equal parts of what is analysed."""
+        """The figures of another motion.
+
+        Parameters
+        ----------
+        system : that moves.
+        motion : in closed form, or at its output times.
+        parts : number of equal parts of what is analysed; 1 for histories.
+
+        Returns
+        -------
+        list of Values
+            One for each part.
+        """
         of_parts = [
             _by_name({key: (*found_again(records[key], s), records[key].rms()) for key, s in self.spectra.items()})
             for records in self._records(system, motion, parts)

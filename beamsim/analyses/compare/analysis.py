@@ -37,13 +37,20 @@ def compare(
     harmonics: int = 10,
     last: float | None = None,
 ) -> Comparison:
-    """Compare pairs of (place, quantity, measured signal in SI units) with a run.
+    """Compare measured signals with a run.
 
     Parameters
     ----------
+    result : the run.
+    pairs : place, quantity, and measured signal in SI units.
     harmonics : number of harmonics in the table.
     last : use only this last part of measured histories, s; by default as long as the part of the run that is used:
         that of ``run.spectrum``, else the part in which its motion has settled.
+
+    Returns
+    -------
+    Comparison
+        With a `ChannelComparison` for each pair.
 
     Raises
     ------
@@ -63,7 +70,19 @@ def compare(
 
 
 def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
-    """(nt,) the computed history of a quantity at a probe or, for a force, at a snubber."""
+    """A history that was computed.
+
+    Parameters
+    ----------
+    result : the run.
+    place : a probe; for a force a snubber.
+    quantity : one of `QUANTITIES`.
+
+    Returns
+    -------
+    (nt,) array
+        SI units.
+    """
     return np.asarray(getattr(result.snubbers[place] if quantity == "force" else result.probes[place], quantity))
 
 
@@ -267,6 +286,20 @@ def pair_channels(
     With `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or unit says,
     else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
 
+    Parameters
+    ----------
+    result : a run or a sweep.
+    path : of the file.
+    place : probe or snubber; without it and `channel` those of all are paired.
+    quantity : of the channel; without it and `channel` all of `QUANTITIES` are paired.
+    channel : its name.
+    unit, axis_unit : of its values, and of its time or frequency, where the file does not say.
+
+    Returns
+    -------
+    list of tuple
+        Place, quantity and signal.
+
     Raises
     ------
     ScenarioError
@@ -387,6 +420,17 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
     All harmonics of a time history up to half the sample rate (60 at most) are fitted; the scatter of the residual,
     assumed white, gives the noise :math:`s \sqrt{2 / N}` of each part.
 
+    Parameters
+    ----------
+    signal : a time history, or a spectrum.
+    frequency_hz : of the first harmonic.
+    count : number of harmonics.
+    last : use only this last part of a time history, s; by default all of it.
+
+    Returns
+    -------
+    Harmonics
+
     Raises
     ------
     MeasurementError
@@ -448,10 +492,21 @@ def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> H
 
 
 def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
-    """Start of the longest last part of a history whose periods repeat, s, and the largest relative difference in it.
+    """The longest last part of a history whose periods repeat.
 
     Periods are compared with the last one or the last but one (a period-doubled motion), in the rms. Where the last
-    periods already differ by more, the part is the last half.
+    periods already differ by more than 1 %, the part is the last half.
+
+    Parameters
+    ----------
+    time, x : (nt,) the history, time in s.
+    period : of the excitation, s.
+
+    Returns
+    -------
+    float, float
+        Start of the part, s, and the largest relative difference of its periods; of fewer than four periods the start of
+        the history, and 0.
     """
     from scipy.interpolate import CubicSpline
 
@@ -477,7 +532,19 @@ def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
 
 
 def best_phase(measured: Harmonics, predicted: Complexes, sigma: Floats) -> float:
-    """The phase psi that brings predicted e^{i k psi} closest to the measured harmonics."""
+    """The phase psi that brings predicted e^{i k psi} closest to the measured harmonics.
+
+    Parameters
+    ----------
+    measured : h harmonics.
+    predicted : (h,) those of the prediction.
+    sigma : (h,) standard deviations of the measured ones.
+
+    Returns
+    -------
+    float
+        rad.
+    """
     psi = np.arange(_PHASES) * (2 * np.pi / _PHASES)
     weight = np.conj(measured.value) * predicted / sigma**2
 

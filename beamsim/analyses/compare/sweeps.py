@@ -47,17 +47,24 @@ def compare_sweep(
     detector: Detector | None = None,
     tracking: Tracking | None = None,
 ) -> Comparison:
-    """Compare pairs of (place, quantity, measured signal in SI units) with a curve of a sweep.
+    """Compare measured signals with a curve of a sweep.
 
     Signals are responses over frequency, or time histories of a swept sine with the range and rate of the computed one.
 
     Parameters
     ----------
+    result : the sweep.
+    pairs : place, quantity, and measured signal in SI units.
     curve : name of the curve; may be left out where there is one.
     detector : what was measured in each cycle: the largest magnitude, the amplitude of the fundamental, or the root
         mean square; by default the fundamental where phases were measured or a time history is tracked, else the
         largest magnitude.
     tracking : of time histories.
+
+    Returns
+    -------
+    Comparison
+        With a `SweptComparison` for each pair.
 
     Raises
     ------
@@ -115,7 +122,7 @@ def _settled(
             for (place, quantity, signal), where in zip(histories, wheres, strict=True)
         ]
     begin = beginning(curve, records) if tracking.begin is None else tracking.begin
-    check_beginning(curve, records, begin)
+    _check_beginning(curve, records, begin)
     return replace(tracking, begin=begin)
 
 
@@ -357,7 +364,7 @@ def beginning(curve: SweepCurve, records: Sequence[Followed]) -> float:
     return begin
 
 
-def check_beginning(curve: SweepCurve, records: Sequence[Followed], begin: float) -> None:
+def _check_beginning(curve: SweepCurve, records: Sequence[Followed], begin: float) -> None:
     """Refuse records whose frequency is not that of the sweep.
 
     Raises
@@ -379,6 +386,16 @@ def check_beginning(curve: SweepCurve, records: Sequence[Followed], begin: float
 
 def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> Tracked:
     """Fundamental, peak and rms of each cycle that lies in the record.
+
+    Parameters
+    ----------
+    curve : of the sweep, which says when each cycle begins.
+    signal : the record, a time history.
+    begin : time of the record at which the curve begins, s.
+
+    Returns
+    -------
+    Tracked
 
     Raises
     ------

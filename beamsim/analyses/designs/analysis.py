@@ -50,6 +50,10 @@ def design_study(
     stop : asked between cases, and within those of runs and swept sines, whether to end; the result then holds the
         cases that were solved.
 
+    Returns
+    -------
+    DesignsResult
+
     Raises
     ------
     ScenarioError

@@ -36,7 +36,18 @@ SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have st
 
 
 def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0) -> DesignsResult:
-    """The result of the cases that are solved, by index; they may be some of them only."""
+    """The result of the cases that are solved.
+
+    Parameters
+    ----------
+    plan : of the study.
+    outcomes : by index; may be those of some cases only.
+    wall_time_s : of the study, s.
+
+    Returns
+    -------
+    DesignsResult
+    """
     count = plan.realisations.count
     realised = _responses(plan, outcomes)
     responses = {
@@ -312,12 +323,20 @@ def _outcome(cases: int, missing: int, failures: tuple[CaseFailure, ...]) -> Out
 def best_cases(
     values: Floats | None, margins: Mapping[str, Response], passing: Bools, *, largest: bool
 ) -> list[dict[str, Any]]:
-    """The best of the cases that pass, best first: case, value of the objective, smallest margin and its limit.
+    """The best of the cases that pass.
 
     Parameters
     ----------
     values : (cases,) of the objective; None for the smallest margin.
+    margins : by name of the limit, each of the design's shape.
+    passing : of the design's shape, whether a case meets every limit.
     largest : whether large values are better.
+
+    Returns
+    -------
+    list of dict
+        At most 10, best first: case, value of the objective, and with limits the smallest margin and its limit. Empty
+        where there is neither an objective nor a limit.
     """
     names, each = list(margins), np.array([margin.values.ravel() for margin in margins.values()])
     smallest = each.min(axis=0) if names else None

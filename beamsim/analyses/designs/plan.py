@@ -184,6 +184,10 @@ def plan_draws(
     draws : by path of a number of the scenario its values, all equally many: SI numbers, or text with units.
     responses : quantities or names of responses that are computed, by default all.
 
+    Returns
+    -------
+    DesignPlan
+
     Raises
     ------
     ScenarioError
@@ -361,16 +365,39 @@ def listed_values(parameter: VariedParameter) -> list[Value]:
 
 
 def latin_hypercube(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:
-    """Columns of a Latin-hypercube sample, one a parameter."""
+    """A Latin-hypercube sample of the parameters.
+
+    Parameters
+    ----------
+    varied : with their ranges and distributions.
+    samples : number of cases.
+    seed : of the random numbers.
+
+    Returns
+    -------
+    list
+        A column of values for each parameter.
+    """
     from scipy.stats.qmc import LatinHypercube
 
     return _distributed(varied, LatinHypercube(len(varied), rng=np.random.default_rng(seed)).random(samples))
 
 
 def sobol(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:
-    """Columns for Sobol' indices: two independent samples A and B, then for each parameter A with its column of B.
+    """A sample for Sobol' indices: two independent samples A and B, then for each parameter A with its column of B.
 
     Source: A. Saltelli et al., Computer Physics Communications 181 (2010) 259-270.
+
+    Parameters
+    ----------
+    varied : k parameters with their ranges and distributions.
+    samples : n rows of A and of B.
+    seed : of the random numbers.
+
+    Returns
+    -------
+    list
+        A column of n (k + 2) values for each parameter.
     """
     from scipy.stats.qmc import Sobol
 

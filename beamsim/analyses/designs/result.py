@@ -329,9 +329,18 @@ class Objective(NamedTuple):
         return f"{'largest' if self.largest else 'smallest'} {self.response.replace('/', ' ').replace('_', ' ')}"
 
     def values(self, responses: Mapping[str, Response], shape: tuple[int, ...], quantile: float = 1.0) -> Floats | None:
-        """(cases,) the response at its worst place, by which a case is judged; None if there is no such response.
+        """The response at its worst place, by which each case is judged.
 
-        ``responses`` have the given shape, whose last axis is that of the realisations.
+        Parameters
+        ----------
+        responses : by name, of all realisations.
+        shape : of their values: that of the design, then the realisations.
+        quantile : of the realisations, by which a case is judged; 1 is the worst.
+
+        Returns
+        -------
+        (cases,) array or None
+            None where no response has that name and shape.
         """
         asked = [r.values.ravel() for r in responses_of(responses, self.response) if is_scalar(r, shape)]
         if not asked:
@@ -342,7 +351,19 @@ class Objective(NamedTuple):
 
 
 def judging(values: Floats, quantile: float, *, large_is_good: bool) -> Ints:
-    """(cases,) the realisation at the quantile of the values (cases, realisations), or one that is not known."""
+    """The realisation by which each case is judged.
+
+    Parameters
+    ----------
+    values : (cases, realisations).
+    quantile : of the values, from the good side.
+    large_is_good : whether that is the side of large values.
+
+    Returns
+    -------
+    (cases,) array
+        Numbers of the realisations: at the quantile, or the first one whose value is not known.
+    """
     badness = -values if large_is_good else values
     order = np.argsort(badness, axis=1, kind="stable")  # nan comes last
     place = math.ceil(quantile * (values.shape[1] - 1))
@@ -351,7 +372,18 @@ def judging(values: Floats, quantile: float, *, large_is_good: bool) -> Ints:
 
 
 def judged(response: RealisedResponse, quantile: float, *, large_is_good: bool = False) -> Floats:
-    """The value of a response by which each case is judged, of the design's shape."""
+    """The value of a response by which each case is judged.
+
+    Parameters
+    ----------
+    response : of all realisations.
+    quantile, large_is_good : see `judging`.
+
+    Returns
+    -------
+    array of the shape of the design
+        nan where a realisation is not known.
+    """
     rows = response.values.reshape(-1, response.values.shape[-1])
     chosen = judging(rows, quantile, large_is_good=large_is_good)
     return np.asarray(rows[np.arange(len(rows)), chosen].reshape(response.values.shape[:-1]))

@@ -65,10 +65,14 @@ def identify_stiffness(
     progress : called repeatedly with the fraction done.
     stop : asked after each start of a fit to vibrations, and before its profiles, whether to end with the best so far.
 
+    Returns
+    -------
+    IdentificationResult
+
     Raises
     ------
     ScenarioError
-        If no parameters explain the measurements, with the reason and a remedy.
+        If the section is missing, or no parameters explain the measurements: with the reason and a remedy.
     """
     try:
         return _identify(scenario, measurements, progress, stop)
@@ -166,7 +170,20 @@ def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) ->
 
 
 def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[float, ...]) -> Floats:
-    """(p, count) modes at positions, every contact open, of the one body that a snubber acts on, without rigid ones."""
+    """Modes of the body that a snubber acts on, every contact open, without rigid-body modes.
+
+    Parameters
+    ----------
+    scenario : with the snubber.
+    snubber : its name; it acts on one body.
+    count : number of modes.
+    positions : p of them, m along a beam, or numbers of masses or nodes.
+
+    Returns
+    -------
+    (p, count) array
+        Mass-normalised.
+    """
     bodies = scenario.located_snubber(snubber).bodies
     model = assemble(scenario, bodies)
     rigid = model.rigid.shape[1]
@@ -238,9 +255,18 @@ def _plain(p: ParameterEstimate) -> dict[str, Any]:
 
 
 def free_frequencies(scenario: Scenario, snubber: str, count: int) -> Floats:
-    """Natural frequencies, every contact open, of the bodies that a snubber acts on, Hz.
+    """Natural frequencies, every contact open, of the bodies that a snubber acts on.
 
-    Zeros of rigid-body modes come first, then `count` others (or all there are).
+    Parameters
+    ----------
+    scenario : with the snubber.
+    snubber : its name.
+    count : number of modes beside the rigid-body modes.
+
+    Returns
+    -------
+    (m,) array
+        Hz: zeros of the rigid-body modes, then ``count`` others, or all there are.
     """
     model = assemble(scenario, scenario.located_snubber(snubber).bodies)
     count += model.rigid.shape[1]

@@ -95,6 +95,17 @@ def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tupl
 def varied(scenario: Scenario, numbers: Sequence[Sought], x: Floats) -> Scenario:
     """The scenario with other values of the parameters.
 
+    Parameters
+    ----------
+    scenario : in which the parameters were located.
+    numbers : p parameters.
+    x : (p,) logarithms of factors, or shifts.
+
+    Returns
+    -------
+    Scenario
+        Checked.
+
     Raises
     ------
     UnpredictableError
@@ -176,6 +187,11 @@ class Fit:
         held : (p,) which parameters keep their values; none by default.
         tolerance : relative, of the sum and of x.
 
+        Returns
+        -------
+        Best
+            Not converged where `MOST_EVALUATIONS` did not suffice.
+
         Raises
         ------
         UnpredictableError
@@ -252,7 +268,7 @@ class Fit:
         return (
             tuple(estimates),
             covariance,
-            (confounded(names, jacobian[:, told], covariance[np.ix_(told, told)]) + on_bound),
+            (_confounded(names, jacobian[:, told], covariance[np.ix_(told, told)]) + on_bound),
         )
 
     def profiles(self, best: Best, covariance: Floats, scale: float, points: int) -> tuple[ProfileLikelihood, ...]:
@@ -264,6 +280,11 @@ class Fit:
         covariance : (p, p) of it.
         scale : factor in the covariance, by which :math:`\chi^2` is divided.
         points : number of values of each parameter; those for which the model predicts nothing are left out.
+
+        Returns
+        -------
+        tuple of ProfileLikelihood
+            Of the parameters whose standard deviation, in x, lies between 0 and 1.
         """
         profiles = []
         for i, number in enumerate(self.numbers):
@@ -313,7 +334,7 @@ def inverse_information(jacobian: Floats) -> Floats:
     return inverse
 
 
-def confounded(names: Sequence[str], jacobian: Floats, covariance: Floats) -> list[str]:
+def _confounded(names: Sequence[str], jacobian: Floats, covariance: Floats) -> list[str]:
     """Warnings about parameters that the measurements cannot distinguish."""
     if len(names) == 0:
         return []

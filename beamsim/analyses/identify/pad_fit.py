@@ -28,10 +28,20 @@ AT = ("identify_stiffness", "pad", "data")
 def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
     """Fit branches to what was measured.
 
+    Parameters
+    ----------
+    scenario : whose folder the file is relative to.
+    pad : with height and area, where a modulus was measured.
+    data : what was measured, or its file.
+
+    Returns
+    -------
+    PadFit
+
     Raises
     ------
     ScenarioError
-        For a file that cannot be used.
+        If the file cannot be used, or a dynamic test has a ramp.
     """
     kind, rows = _measured(scenario, pad, data)
     warnings = []
@@ -154,21 +164,56 @@ class BranchFit:
 
 
 def dynamic_stiffness(stiffness: float, branches: tuple[MaxwellBranch, ...], omega: Floats) -> Complexes:
-    """(w,) stiffness of a spring and branches at frequencies, rad/s."""
+    """Complex stiffness of a spring with Maxwell branches beside it.
+
+    Parameters
+    ----------
+    stiffness : of the spring, N/m.
+    branches : beside it.
+    omega : (w,) angular frequencies, rad/s.
+
+    Returns
+    -------
+    (w,) array
+        N/m.
+    """
     k = np.array([stiffness, *(b.stiffness for b in branches)])
     return np.asarray(_dynamic(omega, np.array([b.relaxation_time for b in branches])) @ k)
 
 
 def relaxation(stiffness: float, branches: tuple[MaxwellBranch, ...], time: Floats, ramp: float = 0.0) -> Floats:
-    """(t,) force of a spring and branches at times, s, since a unit deflection began, which rises over ``ramp``, s."""
+    """Force of a spring with Maxwell branches beside it, under a unit deflection that is held.
+
+    Parameters
+    ----------
+    stiffness : of the spring, N/m.
+    branches : beside it.
+    time : (t,) since the deflection began, s.
+    ramp : time over which the deflection rises evenly, s; 0 where it is sudden.
+
+    Returns
+    -------
+    (t,) array
+        N/m.
+    """
     k = np.array([stiffness, *(b.stiffness for b in branches)])
     return np.asarray(_relaxing(time, np.array([b.relaxation_time for b in branches]), ramp) @ k)
 
 
 def fit_dynamic(omega: Floats, storage: Floats, loss_factor: Floats, branches: int | None = None) -> BranchFit:
-    """Branches from storage stiffness, N/m, and loss factor at frequencies, rad/s; as few as fit by default.
+    """Maxwell branches from a dynamic test.
 
     Errors are relative to the size of the complex stiffness.
+
+    Parameters
+    ----------
+    omega : (w,) angular frequencies, rad/s.
+    storage, loss_factor : (w,) storage stiffness, N/m, and loss factor there.
+    branches : how many; by default as few as fit nearly as well as any number.
+
+    Returns
+    -------
+    BranchFit
     """
     measured = storage * (1.0 + 1j * loss_factor)
 
@@ -182,9 +227,20 @@ def fit_dynamic(omega: Floats, storage: Floats, loss_factor: Floats, branches: i
 
 
 def fit_relaxation(time: Floats, stiffness: Floats, branches: int | None = None, ramp: float = 0.0) -> BranchFit:
-    """Branches from the force over the deflection that is held, N/m, at times, s, since the deflection began.
+    """Maxwell branches from a relaxation test.
 
-    It is applied suddenly, or evenly over a time ``ramp``, s; forces measured meanwhile count as well.
+    The deflection is applied suddenly or evenly; forces measured while it rises count as well.
+
+    Parameters
+    ----------
+    time : (t,) since the deflection began, s.
+    stiffness : (t,) force over the deflection that is held, N/m.
+    branches : how many; by default as few as fit nearly as well as any number.
+    ramp : time over which the deflection rises, s.
+
+    Returns
+    -------
+    BranchFit
     """
 
     def matrix(times: Floats) -> Floats:

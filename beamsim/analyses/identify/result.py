@@ -44,7 +44,19 @@ class FrequencyTable:
 
     @classmethod
     def of(cls, predicted_hz: Floats, measured_hz: Sequence[float], rigid: int) -> FrequencyTable:
-        """Predicted frequencies and the measured ones, which start after so many rigid-body modes."""
+        """Predicted frequencies beside the measured ones.
+
+        Parameters
+        ----------
+        predicted_hz : (m,) from the first mode on, rigid-body modes among them.
+        measured_hz : from the first mode that is no rigid-body mode.
+        rigid : number of rigid-body modes.
+
+        Returns
+        -------
+        FrequencyTable
+            With nan where nothing was measured.
+        """
         measured = np.full(predicted_hz.size, np.nan)
         measured[rigid : rigid + len(measured_hz)] = measured_hz[: predicted_hz.size - rigid]
         return cls(np.arange(1, predicted_hz.size + 1), measured, predicted_hz)

@@ -95,12 +95,35 @@ def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
 
 
 def misfit(point: SpringPoint, measured: MeasuredModes, stiffness: Floats) -> Floats:
-    """(s,) chi^2 at stiffnesses (s,)."""
+    """Weighted sum of squares, chi^2, at some stiffnesses.
+
+    Parameters
+    ----------
+    point : modes at the snubber.
+    measured : the modes that are compared.
+    stiffness : (s,) N/m.
+
+    Returns
+    -------
+    (s,) array
+    """
     return np.asarray(np.sum(((measured.predicted(point, stiffness) - measured.omega) * measured.weight) ** 2, axis=1))
 
 
 def reached_stiffness(point: SpringPoint, mode: int, omega: Floats) -> Floats:
-    """Stiffnesses that give a mode each of the frequencies (any shape): 0 below its range, infinity above."""
+    """Stiffnesses with which a mode has given frequencies.
+
+    Parameters
+    ----------
+    point : modes at the snubber.
+    mode : number of the mode, from 1.
+    omega : angular frequencies, rad/s; any shape.
+
+    Returns
+    -------
+    array of the shape of ``omega``
+        N/m; 0 below the range of the mode, infinite above it.
+    """
     low, high = point.reach(mode)
     inside = (omega > low) & (omega < high)
     k = point.stiffness(np.where(inside, omega, 0.5 * (low + min(high, 2 * low + 1.0))))
@@ -114,7 +137,7 @@ def individual_stiffness(point: SpringPoint, measured: MeasuredModes) -> Floats:
     )
 
 
-def check_reach(point: SpringPoint, measured: MeasuredModes, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
+def _check_reach(point: SpringPoint, measured: MeasuredModes, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
     """Refuse frequencies that no stiffness reaches; with several modes, only warn if one is within reach.
 
     Raises
@@ -247,7 +270,7 @@ def thesis_loop(
 def spread_of(
     point: SpringPoint, measured: MeasuredModes, stiffness: float, coverage: float
 ) -> tuple[float, tuple[float, float], tuple[float, float]]:
-    """First-order standard deviation and interval, and the interval that is not symmetric; nan without uncertainties.
+    """First-order standard deviation and interval, and the interval that is not symmetric.
 
     Parameters
     ----------
@@ -255,6 +278,11 @@ def spread_of(
     measured : the fitted modes.
     stiffness : the identified value, N/m.
     coverage : probability of the intervals.
+
+    Returns
+    -------
+    float, two pairs of floats
+        N/m; nan where the measurement has no uncertainties.
     """
     if not measured.sigma.all():
         return np.nan, (np.nan, np.nan), (np.nan, np.nan)
@@ -306,6 +334,20 @@ def monte_carlo(
     Every sample is identified separately: in closed form from one mode; from several by the smallest misfit in a table
     and a parabola through its three lowest points. Samples that no stiffness explains count as 0 or infinity in the
     interval and are excluded from the standard deviation.
+
+    Parameters
+    ----------
+    point : modes at the snubber.
+    measured : the fitted modes with their standard deviations.
+    stiffness : the identified value, N/m.
+    samples : number of samples.
+    coverage : probability of the interval.
+    generator : of the random numbers.
+
+    Returns
+    -------
+    float, pair of floats, float
+        Standard deviation, N/m, nan of fewer than two usable samples; interval, N/m; share, from 0 to 1.
     """
     omega = measured.omega * (1 + measured.sigma * generator.standard_normal((samples, measured.omega.size)))
     if len(measured.mode) == 1:
@@ -343,7 +385,19 @@ def _least_on_table(
 def stiffness_profile(
     point: SpringPoint, measured: MeasuredModes, stiffness: float, deviation: float
 ) -> ProfileLikelihood | None:
-    """chi^2 above its minimum against k; None without uncertainties."""
+    """chi^2 above its minimum against the stiffness.
+
+    Parameters
+    ----------
+    point : modes at the snubber.
+    measured : the fitted modes.
+    stiffness, deviation : the identified value and its standard deviation, N/m.
+
+    Returns
+    -------
+    ProfileLikelihood or None
+        None without uncertainties, and of a stiffness that is 0 or infinite.
+    """
     if not np.isfinite(deviation) or not 0 < stiffness < np.inf:
         return None
     width = min(4 * deviation / stiffness, 5.0)
@@ -361,16 +415,24 @@ def sensitivities(
     stiffness: float,
     known: dict[str, float],
 ) -> list[Sensitivity]:
-    """d ln k / d ln p at fixed frequencies for every number of the structure, largest first.
+    """d ln k / d ln p at fixed frequencies for every number of the structure.
 
-    One mode: exact for the finite-element model. Several: to first order in the misfit. A path with ``[*]`` is a
-    common factor.
+    One mode: exact for the finite-element model. Several: to first order in the misfit. A path with ``[*]`` is a common
+    factor.
 
     Parameters
     ----------
+    scenario : with the snubber.
     point : modes at the snubber.
+    snubber : its name.
+    measured : the fitted modes.
     stiffness : the identified value, N/m.
     known : relative standard deviations by path.
+
+    Returns
+    -------
+    list of Sensitivity
+        Largest first; empty for a stiffness that is 0 or infinite.
     """
     if not 0 < stiffness < np.inf:
         return []
@@ -427,7 +489,7 @@ def permanent_contact(
         np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
         unconstrained,
     )
-    warnings = list(check_reach(point, measured, section.measured_without))
+    warnings = list(_check_reach(point, measured, section.measured_without))
     measured, remarks = _widened(point, section, measured)
     warnings += remarks
     estimate = _estimate(point, section, measured)
@@ -442,9 +504,9 @@ def permanent_contact(
         path = (*scenario.located_snubber(snubber).path, "stiffness")
         found = with_values(scenario, {path: stiffness})
     else:
-        resting, remarks = compared(scenario, snubber, resting, stiffness)
+        resting, remarks = _compared(scenario, snubber, resting, stiffness)
         warnings += remarks
-        found = with_factor(scenario, snubber, resting.factor)
+        found = _with_factor(scenario, snubber, resting.factor)
     fields = {
         "estimate": estimate,
         "table_slope": resting,
@@ -609,7 +671,7 @@ def table_slope(scenario: Scenario, snubber: str) -> TableSlope | None:
     )  # fmt: skip
 
 
-def with_factor(scenario: Scenario, snubber: str, factor: float) -> Scenario:
+def _with_factor(scenario: Scenario, snubber: str, factor: float) -> Scenario:
     """The scenario with all forces of a snubber's table multiplied by a factor."""
     path, _, item, _ = scenario.located_snubber(snubber)
     assert item.table is not None
@@ -617,7 +679,7 @@ def with_factor(scenario: Scenario, snubber: str, factor: float) -> Scenario:
     return with_values(scenario, {(*path, "force_deflection"): scaled})
 
 
-def compared(scenario: Scenario, snubber: str, resting: TableSlope, stiffness: float) -> tuple[TableSlope, list[str]]:
+def _compared(scenario: Scenario, snubber: str, resting: TableSlope, stiffness: float) -> tuple[TableSlope, list[str]]:
     """The slope of the table beside the identified one, and what there is to say about it."""
     resting = replace(resting, factor=stiffness / resting.slope)
     warnings = []
@@ -627,7 +689,7 @@ def compared(scenario: Scenario, snubber: str, resting: TableSlope, stiffness: f
             "segment below, and a vibration is on both"
         )
     if 0.0 < stiffness < np.inf:
-        scaled = table_slope(with_factor(scenario, snubber, resting.factor), snubber)
+        scaled = table_slope(_with_factor(scenario, snubber, resting.factor), snubber)
         if scaled is None or scaled.segment != resting.segment:
             warnings.append(
                 f"with all forces of the table multiplied by {resting.factor:.4g} {snubber} would rest on another "
@@ -641,6 +703,16 @@ def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPo
 
     A model with more degrees of freedom than `DENSE_LIMIT` gives `requested` + 60 modes and the static vector of the
     snubber, which carries the static compliance of the rest.
+
+    Parameters
+    ----------
+    scenario : with the snubber.
+    name : of the snubber.
+    requested : number of modes that are needed.
+
+    Returns
+    -------
+    SpringPoint
     """
     snubber = scenario.located_snubber(name)
     model, site = assemble(scenario, snubber.bodies), snubber_site(snubber)

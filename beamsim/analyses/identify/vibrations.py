@@ -68,11 +68,16 @@ def fit_nonlinear(
     progress : called with the share of the starts that is done.
     stop : asked after each start, and before the profiles, whether to end with the best so far.
 
+    Returns
+    -------
+    NonlinearEstimate
+        From the start with the lowest misfit.
+
     Raises
     ------
     ScenarioError
-        If a signal cannot be used, there are more unknowns than measured numbers, or there is no steady vibration
-        with the initial values of the scenario.
+        If a signal cannot be used, there are more unknowns than measured numbers, a segment without slope is sought,
+        or there is no steady vibration with the initial values of the scenario.
     """
     begin = clock.process_time()
     nonlinear = section.nonlinear
@@ -417,7 +422,19 @@ class SteadyVibration:
     penetration: Floats  # (m,) largest one of each contact, at samples and events, m
 
     def harmonics(self, probe: int, quantity: str, count: int) -> Complexes:
-        """(count,) harmonics of a quantity of a probe, as sines in the time of the excitation, zero to peak."""
+        """The first harmonics of a quantity of a probe.
+
+        Parameters
+        ----------
+        probe : number of the probe, from 0.
+        quantity : displacement, velocity, absolute_displacement or absolute_acceleration.
+        count : number of harmonics.
+
+        Returns
+        -------
+        (count,) array
+            Zero to peak in m, m/s or m/s^2, as sines in the time of the excitation.
+        """
         order = np.arange(1, count + 1)
         value = self.coordinates[:count] @ self.system.probes[probe].shape.astype(complex)
         if quantity == "velocity":
@@ -454,6 +471,10 @@ def steady_vibration(
     guess : state at t = 0 of a neighbouring response.
     harmonics : number wanted.
     shared : keeps what was built for scenarios with the same structure.
+
+    Returns
+    -------
+    SteadyVibration
 
     Raises
     ------
