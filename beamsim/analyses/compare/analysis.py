@@ -505,8 +505,8 @@ def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
     Returns
     -------
     float, float
-        Start of the part, s, and the largest relative difference of its periods; of fewer than four periods the start of
-        the history, and 0.
+        Start of the part, s, and the largest relative difference of its periods; of fewer than four periods the start
+        of the history, and 0.
     """
     from scipy.interpolate import CubicSpline
 
