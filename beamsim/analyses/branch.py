@@ -54,6 +54,11 @@ def special_result(
     value : of the parameter, as people read it.
     frequency_hz : of the motion, Hz.
     contact_names : (m,) of the system's contacts.
+
+    Returns
+    -------
+    SpecialPointResult
+        With the name of the contact that grazes, empty where none does.
     """
     name = contact_names[special.contact] if special.contact >= 0 else ""
     return SpecialPointResult(special.kind, value, frequency_hz, name, special.time)

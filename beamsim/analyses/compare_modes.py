@@ -99,11 +99,13 @@ def compare_modes(
     Returns
     -------
     ModeComparison
+        With a warning for each measured mode that has no partner, and where the places do not tell modes apart.
 
     Raises
     ------
     ScenarioError
-        If a place is not on the structure, there are less than two places, or a shape is zero.
+        If a place is not on the structure, there are less than two places, a shape is zero or not finite, or a
+        frequency is not above zero.
     """
     begin = perf_counter()
     _check(measured)

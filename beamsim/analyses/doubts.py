@@ -39,7 +39,13 @@ def deflection_warnings(scenario: Scenario, modes: ModeTable, motions: Iterable[
 
     Parameters
     ----------
+    scenario : of the motions.
+    modes : of its structure.
     motions : m, largest displacements by probe, of each curve or branch.
+
+    Returns
+    -------
+    One sentence a body.
     """
     if np.isnan(modes.damping_ratios).any():
         return []

@@ -57,9 +57,17 @@ class ContactLevels:
 
 
 def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None = None) -> Complexes:
-    """(F, n) coordinates for a unit amplitude of the sine of `SineLoads`, all contacts staying in phases (m,).
+    """Steady coordinates for a unit amplitude of the sine of `SineLoads`, with all contacts staying in their phases.
 
-    By default no contact acts.
+    Parameters
+    ----------
+    system : driven by a sine.
+    frequency_hz : (F,) Hz, above zero.
+    phases : (m,) of the contacts; by default no contact acts.
+
+    Returns
+    -------
+    (F, n) amplitudes, kg^0.5 m for the SI unit of the sine; all nan if one of the frequencies is an undamped resonance.
     """
     contacts, omega = system.dynamics.contacts, 2 * np.pi * np.asarray(frequency_hz)
     phases = contacts.start if phases is None else phases
@@ -133,12 +141,19 @@ def pressed_phases(system: StructuralSystem, penetration: Floats) -> Ints:
 
 
 def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: Floats) -> dict[str, dict[str, Any]]:
-    """By snubber where contact changes first, and the preload that keeps it, for the summary.
+    """Where contact changes first, and the preload that keeps it, for the summary.
 
     Parameters
     ----------
+    levels : by snubber, from `contact_levels`.
     frequency_hz : (F,) of the levels.
     amplitude : (F,) of the excitation there, SI; what is far below it counts least.
+
+    Returns
+    -------
+    By snubber whether it is closed at rest; the level that is the smallest share of the excitation's, SI, with this
+    share (nan at level 0) and its frequency, Hz; and the largest preload that any frequency needs, N, with all snubbers
+    closed and with the others as they are at rest.
     """
     tightest = {}
     for name, of in levels.items():

@@ -52,6 +52,17 @@ class Workers:
         function : of an item.
         items : to be computed; each is taken when a worker is free.
         stop : asked whether to end; what is under way is then not yielded.
+
+        Yields
+        ------
+        What the function returns.
+
+        Raises
+        ------
+        Exception
+            What the function raises.
+        BrokenExecutor
+            If a worker ends unexpectedly.
         """
         tasks = (self.pool.submit(function, item) for item in items)
         under_way: set[Future[Result]] = set()

@@ -53,10 +53,20 @@ def rainflow(values: Floats) -> Floats:
 
 
 def damage(cycles: Floats, stress_range: float, at_cycles: float, exponent: float, limit: float = 0.0) -> float:
-    """Sum of n / N of counted cycles (n, 3) by Palmgren and Miner.
+    """Sum of n / N of counted cycles by Palmgren and Miner.
 
-    The S-N line is ``N = at_cycles (stress_range / S)^exponent`` with the range S of a cycle; ranges up to ``limit`` do
-    no damage.
+    The S-N line is ``N = at_cycles (stress_range / S)^exponent`` with the range S of a cycle.
+
+    Parameters
+    ----------
+    cycles : (n, 3) range, mean and count of each.
+    stress_range, at_cycles : a point of the line: a range in the unit of the cycles, and how many of these are failure.
+    exponent : of the line.
+    limit : range up to which cycles do no damage.
+
+    Returns
+    -------
+    Share of the life that is used up; 1 is failure.
     """
     counted = cycles[cycles[:, 0] > limit]
     with np.errstate(over="ignore"):  # a stress range in the wrong unit
@@ -64,7 +74,18 @@ def damage(cycles: Floats, stress_range: float, at_cycles: float, exponent: floa
 
 
 def equivalent_range(cycles: Floats, exponent: float, limit: float = 0.0) -> float:
-    """The one range of which as many cycles as were counted (n, 3) do the same damage; 0 without any."""
+    """The one range of which as many cycles as were counted do the same damage.
+
+    Parameters
+    ----------
+    cycles : (n, 3) range, mean and count of each.
+    exponent : of the S-N line.
+    limit : range up to which cycles do no damage.
+
+    Returns
+    -------
+    In the unit of the cycles; 0 where no cycle does damage.
+    """
     span, count = cycles[:, 0], cycles[:, 2]
     largest, total = float(span.max(initial=0.0)), float(count.sum())
     if largest <= limit or total == 0.0:

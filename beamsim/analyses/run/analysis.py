@@ -57,7 +57,23 @@ class Solution(NamedTuple):
 def motion_of(
     scenario: Scenario, system: StructuralSystem, progress: Callable[[float], None] | None, stop: Stop
 ) -> RunMotion:
-    """The motion of a built system, in closed form or by time stepping; parameters as of `solved`."""
+    """The motion of a built system, in closed form or by time stepping.
+
+    Parameters
+    ----------
+    scenario : with a ``run`` section.
+    system : built from it.
+    progress, stop : as of `solved`.
+
+    Returns
+    -------
+    RunMotion
+
+    Raises
+    ------
+    ScenarioError
+        If it needs more memory or steps than there may be.
+    """
     settings = scenario.run
     assert settings is not None
     solve = stepped_motion_of if steps_in_time(system, settings) else exact_motion_of
@@ -75,6 +91,11 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         spectra, statistics and fatigue. The result holds the motion up to there with its peaks, energies and
         histories, and names what is left out.
     shared : keeps what the system is built from.
+
+    Returns
+    -------
+    Solution
+        The result, with the system and the motion that it came from.
 
     Raises
     ------
@@ -195,7 +216,12 @@ def jump_warnings(
 
     Parameters
     ----------
+    scenario, system, motion : of the run.
     peak_g : peak acceleration of every probe, g.
+
+    Returns
+    -------
+    One sentence a probe and snubber.
     """
     assert scenario.run is not None
     if motion.trajectory is None or not scenario.has_mesh or scenario.run.low_pass is not None:

@@ -19,7 +19,6 @@ from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.result import RunResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.transient import simulate
-from beamsim.outcomes import never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.structures.assembly import snubber_site
@@ -87,20 +86,25 @@ def model_of(scenario: Scenario) -> BuiltModel:
 def frames_of_run(
     result: RunResult,
     progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] = never,
     model: BuiltModel | None = None,
 ) -> Frames:
     """A few periods around the largest contact force of a run; of a run without contact its last ones.
 
     Parameters
     ----------
+    result : of the run.
+    progress : called with the share of the motion that is done.
     model : of the result's scenario, where it was built already.
-    progress, stop : as of `beamsim.analyses.run.analysis.run`; a motion that is stopped is shown up to there.
+
+    Returns
+    -------
+    Frames
+        Up to where the motion ends.
 
     Raises
     ------
     ScenarioError
-        If the model cannot be built again.
+        If the result has no ``run`` section, the model cannot be built again, or its input has too many pieces.
     """
     scenario, (system, shared) = _solved(result, model)
     times, slow = instants(result)
@@ -109,7 +113,7 @@ def frames_of_run(
     duration = max(float(times[-1]), 1e-9)
     flow = exact_flow(system, duration, settings.most_contact_states, memory=settings.memory)
     if result.method == "exact":
-        trajectory = simulate(flow, system.initial_state, progress=progress, stop=stop)
+        trajectory = simulate(flow, system.initial_state, progress=progress)
         kept = times <= trajectory.end
         times, slow = times[kept], slow[kept]
         q = trajectory.states_at(times)[:, : system.dynamics.size]
@@ -119,7 +123,7 @@ def frames_of_run(
 
         rtol = min(settings.rtol, 1e-8)
         stepping = TimeStepping(flow, "DOP853", rtol=rtol, atol=settings.atol, cubic=system.cubic)
-        stepped = integrate(stepping, system.initial_state, times, progress=progress, stop=stop)
+        stepped = integrate(stepping, system.initial_state, times, progress=progress)
         q, times, slow = stepped.y[:, : system.dynamics.size], stepped.time, slow[: stepped.time.size]
         output = result.time
         forces = np.array([np.interp(times, output, force) for force in _forces(result)]).reshape(-1, times.size).T
@@ -137,7 +141,18 @@ def frames_of_run(
 
 
 def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion) -> Frames:
-    """One period of a periodic motion, with the shapes at the stations of its result."""
+    """One period of a periodic motion, with the shapes at the stations of its result.
+
+    Parameters
+    ----------
+    scenario : of the motion.
+    stations, motion : of its result.
+
+    Returns
+    -------
+    Frames
+        On lines through the stations.
+    """
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
     start, end = float(motion.time[0]), float(motion.time[-1])
     closed = np.any([force > 0.0 for force in motion.force.values()], axis=0) if motion.force else np.zeros(0, bool)

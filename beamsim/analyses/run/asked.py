@@ -82,6 +82,16 @@ def asked_figures(
     scenario : for which `gives_figures`.
     asked : among `ENTRIES`; what the system does not have (a stress, snubbers) is left out.
     stop : asked between blocks of events whether to end; then only what does not need the whole motion is found.
+
+    Returns
+    -------
+    figures, outcome
+        By entry, as in the summary; how the motion ended.
+
+    Raises
+    ------
+    ScenarioError
+        If the input has too many pieces, see `beamsim.analyses.run.exact_motion.motion_in_stretches`.
     """
     settings = scenario.run
     assert settings is not None

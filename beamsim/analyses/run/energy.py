@@ -27,9 +27,18 @@ LARGEST_ERROR = 1e-6  # of the balance, above which a motion is not to be truste
 
 
 def stored_energy(system: PiecewiseLinearSystem, y: Floats, penetration: Floats, phases: Ints) -> Floats:
-    """(nt,) kinetic and strain energy of the structure and of its contacts, J.
+    """Kinetic and strain energy of a structure and of its contacts.
 
-    ``y`` is (nt, N), the others (nt, m).
+    Parameters
+    ----------
+    system : the structure.
+    y : (nt, N) states.
+    penetration : (nt, m) of the contacts, m.
+    phases : (nt, m) of the contacts.
+
+    Returns
+    -------
+    (nt,) J.
     """
     n = system.size
     return np.asarray(
@@ -100,9 +109,20 @@ def sampled_energies(trajectory: Trajectory, times: Floats) -> tuple[Floats, Ene
 def energies(
     trajectory: Trajectory, times: Floats, factors: PowerFactors, begin: float = 0.0, before: Floats | float = 0.0
 ) -> EnergyHistory:
-    """Energies at times from ``begin`` on, ``before`` (2,) being what was dissipated and put in until then.
+    """Energies of a motion at some times.
 
-    ``factors`` are the `power_factors` of the flow.
+    Parameters
+    ----------
+    trajectory : the motion, or a stretch of it.
+    times : (nt,) increasing, s, not before ``begin``.
+    factors : `power_factors` of its flow.
+    begin : s, from when on work and dissipation are added up.
+    before : (2,) J, what was dissipated and put in until then.
+
+    Returns
+    -------
+    EnergyHistory
+        At the times.
     """
     flow, (left, right, weight) = trajectory.flow, factors
     integral = before + trajectory.product_integrals(times, left, right, weight, begin)

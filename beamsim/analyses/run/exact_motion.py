@@ -57,6 +57,16 @@ def motion_in_stretches(
     system, settings : of the run.
     most_events : by default as many as the settings allow and the memory has room for.
     progress, stop : see `beamsim.flow.transient.simulate`.
+
+    Returns
+    -------
+    motion, limit
+        At its start; the path of the setting in the scenario.
+
+    Raises
+    ------
+    ScenarioError
+        If a motion of one stretch has an input of too many pieces.
     """
     record, at_once = common_record(system.forcing.signal), None  # of which all loads are made
     pieces = 0 if record is None else record.pieces
@@ -103,10 +113,16 @@ def exact_motion_of(
     times : (nt,) s, at which it is asked for.
     progress, stop : see `beamsim.flow.transient.simulate`.
 
+    Returns
+    -------
+    RunMotion
+        Up to where it ended; its histories are evaluated when they are asked for.
+
     Raises
     ------
     ScenarioError
-        Where something is asked for that needs the whole motion, which does not fit into the memory.
+        Where something is asked for that needs the whole motion, which does not fit into the memory; where the input
+        has too many pieces, or the filter of the accelerations would need too many panels.
     """
     motion, limit = motion_in_stretches(system, settings, progress=progress, stop=stop)
     if not motion.one_stretch:
@@ -185,7 +201,7 @@ def _von_mises(system: StructuralSystem, motion: MotionInStretches, times: Float
     parts = {
         part.body if len(stress.stations.parts) > 1 else stress.bodies[0]: part.stations for part in stress.stations
     }
-    return {name: largest_von_mises(motion, times, observed, parts[name]) for name in plates & set(parts)}
+    return {name: _largest_von_mises(motion, times, observed, parts[name]) for name in plates & set(parts)}
 
 
 def reached(motion: MotionInStretches | Trajectory, times: Floats) -> Floats:
@@ -201,6 +217,10 @@ def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats)
     motion : as far as it was marched.
     channels : that are sampled.
     times : (nt,) increasing, s; those after the end of the motion are left out.
+
+    Returns
+    -------
+    Histories
     """
     flow, observed = motion.flow, Observed(motion.flow, channels)
     times = reached(motion, times)
@@ -225,7 +245,7 @@ def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats)
     return Histories(times, channels, values, touching, EnergyHistory(*energy))
 
 
-def largest_von_mises(motion: MotionInStretches, times: Floats, stress: Observed, of_body: slice) -> Floats:
+def _largest_von_mises(motion: MotionInStretches, times: Floats, stress: Observed, of_body: slice) -> Floats:
     """(nx,) largest von Mises stress of samples of a motion, Pa.
 
     Parameters
@@ -269,6 +289,11 @@ class StretchFigures:
         system, settings : of the run.
         flow : of the motion.
         times : (nt,) s, all output times.
+
+        Returns
+        -------
+        StretchFigures
+            Of no stretch so far.
         """
         channels, low_passed = searched(system.channels), None
         if settings.low_pass is not None:
@@ -338,9 +363,19 @@ def exact_flow(
     system: StructuralSystem, duration: float, most_states: int | None = None, memory: float = MEMORY,
     pieces: tuple[int, int] | None = None,
 ) -> ExactFlow:  # fmt: skip
-    """The exact flow of a built system; its first observer is the base's acceleration. ``pieces``: see `ExactFlow`.
+    """The exact flow of a built system; its first observer is the base's acceleration.
 
-    ``most_states`` contact states are kept at once, by default those that fit into their share of ``memory``, bytes.
+    Parameters
+    ----------
+    system : with its forcing.
+    duration : longest time that it is asked for, s.
+    most_states : contact states that are kept at once; by default those that fit into their share of the memory.
+    memory : bytes.
+    pieces : see `ExactFlow`.
+
+    Returns
+    -------
+    ExactFlow
 
     Raises
     ------

@@ -81,7 +81,7 @@ class Panels:
     values: Floats
 
 
-def panels(times: Floats, signal: Signal, longest: float) -> tuple[Iterator[Panels], Ints]:
+def _panels(times: Floats, signal: Signal, longest: float) -> tuple[Iterator[Panels], Ints]:
     """Blocks of panels no longer than ``longest`` from the first to the last of increasing ``times``.
 
     Also returns the index of each of these times among all ends of panels.
@@ -156,8 +156,8 @@ class LinearFilter:
             self.state[j] = z[-1]
         low, low_time, high, high_time = self.extremes
         self.extremes = (
-            *lower(block.ends, output, begin, end, low, low_time),
-            *higher(block.ends, output, begin, end, high, high_time),
+            *_lower(block.ends, output, begin, end, low, low_time),
+            *_higher(block.ends, output, begin, end, high, high_time),
         )
         return output[1:], end
 
@@ -173,7 +173,7 @@ def recurrence(factor: Complexes, added: Complexes) -> Complexes:
     return z
 
 
-def cubic_factors(left: Floats, right: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
+def _cubic_factors(left: Floats, right: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
     """Factors of the square and of the cube of the place in cubics on panels of length one.
 
     Parameters
@@ -185,13 +185,15 @@ def cubic_factors(left: Floats, right: Floats, begin: Floats, end: Floats) -> tu
     return 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise
 
 
-def lower(ends: Floats, y: Floats, begin: Floats, end: Floats, lowest: Floats, when: Floats) -> tuple[Floats, Floats]:
-    """As `higher`, for the lowest values."""
-    value, at = higher(ends, -y, -begin, -end, -lowest, when)
+def _lower(ends: Floats, y: Floats, begin: Floats, end: Floats, lowest: Floats, when: Floats) -> tuple[Floats, Floats]:
+    """As `_higher`, for the lowest values."""
+    value, at = _higher(ends, -y, -begin, -end, -lowest, when)
     return -value, at
 
 
-def higher(ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats, when: Floats) -> tuple[Floats, Floats]:
+def _higher(
+    ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats, when: Floats
+) -> tuple[Floats, Floats]:
     """The highest values (k,) so far and their times.
 
     The curves have values (P + 1, k) at the ends of panels, and slopes (P, k) at the beginning and the end of each.
@@ -199,7 +201,7 @@ def higher(ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats,
     h = np.diff(ends)[:, None]
     a, b = h * begin, h * end
     inside = (a > 0) & (b < 0)  # it begins rising and ends falling, so that it has its maximum inside
-    c2, c3 = cubic_factors(y[:-1], y[1:], a, b)
+    c2, c3 = _cubic_factors(y[:-1], y[1:], a, b)
     root = np.sqrt(np.where(inside, c2**2 - 3 * a * c3, 1.0))
     inside &= root > c2  # else both underflow
     s = np.where(inside, a / np.where(inside, root - c2, 1.0), 0.0)
@@ -228,20 +230,36 @@ class LowPassFilter:
         """Lowest and highest output so far, with their times."""
         return self._filter.extremes
 
-    def through(self, times: Floats, signal: Signal, longest: float = np.inf) -> Floats:
+    def through(self, times: Floats, signal: Signal) -> Floats:
         """(nt, k) the output at increasing ``times``, the first of which is the end of the part before.
 
-        Between two of them the signal is smooth; a panel is at most ``longest``, s.
+        Between two of them the signal is smooth.
         """
-        _, value, _, of_times = self.curve(times, signal, longest)
+        _, value, _, of_times = self.curve(times, signal)
         return value[of_times]
 
     def curve(self, times: Floats, signal: Signal, longest: float = np.inf) -> tuple[Floats, Floats, Floats, Ints]:
-        """The same at the ends of all panels: these (P + 1,), the output and its slope there (P + 1, k).
+        """The output at the ends of all panels, and its slope.
 
-        The last are the indices of ``times`` among them.
+        Parameters
+        ----------
+        times : (nt,) increasing, s; the first is the end of the part before. Between two of them the signal is smooth.
+        signal : times (nt,) -> (nt, k).
+        longest : a panel may be, s.
+
+        Returns
+        -------
+        ends, value, slope
+            (P + 1,) s; (P + 1, k) in the unit of the signal, and per s.
+        of_times
+            (nt,) index of each of the times among the ends.
+
+        Raises
+        ------
+        ScenarioError
+            If there would be too many panels.
         """
-        blocks, of_times = panels(times, signal, min(longest, self._longest))
+        blocks, of_times = _panels(times, signal, min(longest, self._longest))
         ends, values, slopes = [times[:1]], [self._value[None]], [self._slope[None]]
         for block in blocks:
             value, slope = self._filter.through(block)
@@ -278,6 +296,17 @@ def filtered(
     frequency_hz : of the filter.
     times : (nt,) increasing, s, at which the values are to be right to 1e-9; elsewhere to 1e-5 at least.
     before : the filter, led through the stretches before; only inputs with powers of time are taken in stretches.
+
+    Returns
+    -------
+    FilteredMotion
+        In closed form where the motion is made of exponentials alone, none of them near a pole of the filter; else
+        known at the ends of panels.
+
+    Raises
+    ------
+    ScenarioError
+        If a motion that is led through panels would need too many of them.
     """
     if trajectory.exponentials and not _near_poles(trajectory, butterworth(frequency_hz)[0]):
         return FilteredSegments.of(trajectory, output_of, frequency_hz)
@@ -321,7 +350,7 @@ class FilteredPanels:
         h = (self.ends[panel + 1] - self.ends[panel])[:, None]
         h = np.where(h > 0, h, 1.0)  # a motion that ends where it begins
         s, left, begin = (times - self.ends[panel])[:, None] / h, self.value[panel], h * self.slope[panel]
-        c2, c3 = cubic_factors(left, self.value[panel + 1], begin, h * self.slope[panel + 1])
+        c2, c3 = _cubic_factors(left, self.value[panel + 1], begin, h * self.slope[panel + 1])
         return left + s * (begin + s * (c2 + s * c3)), (begin + s * (2.0 * c2 + 3.0 * s * c3)) / h
 
 
@@ -343,7 +372,18 @@ class FilteredSegments:
 
     @classmethod
     def of(cls, trajectory: Trajectory, output_of: OutputOf, frequency_hz: float) -> FilteredSegments:
-        """Follow the filter from a state of zero through the segments of a motion without powers of time."""
+        """Follow the filter from a state of zero through the segments of a motion without powers of time.
+
+        Parameters
+        ----------
+        trajectory : the motion from its start.
+        output_of : k outputs.
+        frequency_hz : of the filter.
+
+        Returns
+        -------
+        FilteredSegments
+        """
         poles, residues = butterworth(frequency_hz)
         outputs = output_of(trajectory.flow.system.contacts.start).row.shape[0]
         state = np.zeros((poles.size, outputs), dtype=complex)
@@ -488,8 +528,8 @@ def _peaks(
 ) -> Extreme:
     """Extremes of cubics through values and slopes (P + 1, k) at the ends of panels, and of what is known before."""
     return (
-        *lower(ends, value, slope[:-1], slope[1:], low, low_time),
-        *higher(ends, value, slope[:-1], slope[1:], high, high_time),
+        *_lower(ends, value, slope[:-1], slope[1:], low, low_time),
+        *_higher(ends, value, slope[:-1], slope[1:], high, high_time),
     )
 
 
@@ -500,24 +540,34 @@ def frequencies_of(settings: ShockSpectrumSettings) -> Floats:
 
 
 def shock_spectra(settings: ShockSpectrumSettings, times: Floats, signal: Signal, fastest: float) -> Floats:
-    r"""(k, 4, nf) positive and negative peaks during the record and after it, of k signals, in their unit.
+    r"""Peaks of the absolute acceleration of oscillators on a base that moves as a signal does.
 
-    They are those of the absolute acceleration of oscillators on a base that moves as a signal does. An oscillator of
-    natural frequency :math:`\omega` and damping ratio :math:`\zeta = 1 / (2 Q)` is the linear filter
+    An oscillator of natural frequency :math:`\omega` and damping ratio :math:`\zeta = 1 / (2 Q)` is the linear filter
     :math:`H(s) = (2 \zeta \omega s + \omega^2) / (s^2 + 2 \zeta \omega s + \omega^2)` (ISO 18431-4), so there is no
     sample rate to choose. After the end of the record it moves freely, and its peaks follow from its state there.
 
     Parameters
     ----------
+    settings : natural frequencies and Q of the oscillators.
     times : increasing, s, from the begin of the record to its end; the signal is smooth between two of them.
     signal : times (nt,) -> (nt, k); zero before the record and after it.
     fastest : rad/s, of the signal's motion.
+
+    Returns
+    -------
+    (k, 4, nf) array
+        Positive and negative peaks during the record, then both after it, as magnitudes in the unit of the signals.
+
+    Raises
+    ------
+    ScenarioError
+        If there would be too many panels.
     """
     frequency = frequencies_of(settings)
     longest = min(LONGEST_TURN / fastest if fastest > 0 else np.inf, 1.0 / (PANELS_OF_OSCILLATOR * frequency[-1]))
     count = signal(times[:1]).shape[1]
     oscillators = [LinearFilter(*_oscillator(hz, settings.quality), count) for hz in frequency]
-    blocks, _ = panels(times, signal, longest)
+    blocks, _ = _panels(times, signal, longest)
     for block in blocks:
         for oscillator in oscillators:
             oscillator.through(block)
@@ -536,7 +586,19 @@ def shock_response(
 
     Parameters
     ----------
+    settings : natural frequencies and Q of the oscillators.
+    system : with the probes.
     motion : in closed form; or output times (nt,) and accelerations (nt, probes), which a cubic spline joins.
+
+    Returns
+    -------
+    ShockResponse
+        The base's spectrum first.
+
+    Raises
+    ------
+    ScenarioError
+        If the motion is too fast against its duration, see `shock_spectra`.
     """
     from scipy.interpolate import CubicSpline
 

@@ -33,7 +33,19 @@ def friction_contacts(system: StructuralSystem) -> Ints:
 def sliding_figures(
     system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase], *, random: bool = False
 ) -> list[dict[str, Any]]:
-    """Of each friction contact the fields of its history about sliding; of a random input with intervals."""
+    """What friction contacts did in a motion, as fields of their histories.
+
+    Parameters
+    ----------
+    system : of the contacts.
+    trajectory : the whole motion.
+    contacts : f, those of the scenario in its order.
+    random : whether the input is random, so that the figures have intervals.
+
+    Returns
+    -------
+    Of each contact the fields of `FrictionHistory` about sliding, energy and wear.
+    """
     times = np.array([trajectory.end])
     if random:
         times = np.linspace(SKIPPED * trajectory.end, trajectory.end, BLOCKS + 1)
@@ -86,7 +98,19 @@ _FIGURES = {
 
 
 def sliding_speeds(flow: ExactFlow, which: Ints, phases: Ints) -> LinearOutput:
-    """Speeds at which friction contacts (f,) slide with the contacts in given phases, 0 of those that do not, m/s."""
+    """Speeds at which friction contacts slide, the contacts being in given phases.
+
+    Parameters
+    ----------
+    flow : of the system.
+    which : (f,) numbers of the friction contacts among all.
+    phases : (m,) of all contacts.
+
+    Returns
+    -------
+    LinearOutput
+        (f,) m/s, 0 of those that do not slide.
+    """
     contacts, speed = flow.system.contacts, flow.penetrations[1].some(which)
     if contacts.presses(phases):  # the spring of a slider gives way
         own = (which[:, None] == contacts.pressed).astype(float)

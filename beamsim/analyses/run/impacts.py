@@ -369,6 +369,10 @@ def fatigue_of(
     end : of the motion, s.
     largest : (nx,) largest magnitude of the stress at every station, Pa.
     settings : the life that is counted in.
+
+    Returns
+    -------
+    By body.
     """
     stress, rows = system.stress, system.channels.of_keys(STRESS).linear
     assert stress is not None

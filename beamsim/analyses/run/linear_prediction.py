@@ -174,9 +174,18 @@ def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats
 
 
 def stationary_densities(driven: LinearInput, phases: Ints, edges: Floats) -> dict[tuple[str, str], Floats] | None:
-    """(B,) densities, SI, by name and quantity: their means between the edges (B + 1,), Hz, 0 outside the input's band.
+    """Spectral densities of the stationary linear motion with all contacts staying in their phases.
 
-    All contacts stay in phases (m,). None with an undamped resonance within the band.
+    Parameters
+    ----------
+    driven : the structure and its input.
+    phases : (m,) of the contacts.
+    edges : (B + 1,) increasing, Hz.
+
+    Returns
+    -------
+    By name and quantity (B,) means between the edges, SI, 0 outside the input's band; None with an undamped resonance
+    within the band.
     """
     panels = _panels(driven.system, phases, driven.frequency_hz)
     if panels is None:
@@ -208,10 +217,19 @@ def gapping_of_run(
     summary: Mapping[str, Any],
     stop: Callable[[], bool],
 ) -> OfSnubbers:
-    """By snubber, for the summary; empty where there is no linear motion to compare with.
+    """Where contact changes first, from the linear motion, for the summary.
 
-    There is none beside nonlinear springs and friction that holds or that a snubber presses, of snubbers whose law is
-    more than a stiffness and a dashpot, and of a motion that does not start at equilibrium.
+    Parameters
+    ----------
+    scenario, system, motion : of the run.
+    summary : with the largest gaps.
+    stop : asked whether to end a linear motion that is marched.
+
+    Returns
+    -------
+    By snubber; empty where there is no linear motion to compare with: beside nonlinear springs and friction that holds
+    or that a snubber presses, of snubbers whose law is more than a stiffness and a dashpot, and of a motion that does
+    not start at equilibrium.
     """
     contacts = system.dynamics.contacts
     unknown = system.cubic.count or contacts.ever_hold or contacts.pressed.size or system.static_equilibrium is None

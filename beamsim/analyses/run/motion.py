@@ -57,14 +57,34 @@ class Histories:
         return np.asarray(self.values[:, self.channels.places[key]])
 
     def column(self, section: str, quantity: str, index: int) -> Floats:
-        """(nt,) of one channel of those that are alike."""
+        """One channel of those that are alike.
+
+        Parameters
+        ----------
+        section, quantity : of the channels.
+        index : which of them.
+
+        Returns
+        -------
+        (nt,) in the unit of the channel.
+        """
         return np.asarray(self.values[:, self.channels.places[section, quantity][index]])
 
 
 def history_fields(
     scenario: Scenario, system: StructuralSystem, motion: RunMotion, histories: Histories
 ) -> dict[str, Any]:
-    """Everything at the output times, as fields of the result."""
+    """Everything at the output times, as fields of the result.
+
+    Parameters
+    ----------
+    scenario, system, motion : of the run.
+    histories : of the motion.
+
+    Returns
+    -------
+    By field of `RunResult`.
+    """
     return {
         "time": histories.time,
         "probes": _probes(system, motion, histories),
@@ -277,7 +297,16 @@ def breakpoints(system: StructuralSystem, trajectory: MotionInStretches | Refere
 
 
 def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:
-    """Results along each body that has a continuous axis, as fields of the result."""
+    """Results along each body that has a continuous axis, as fields of the result.
+
+    Parameters
+    ----------
+    scenario, system, motion : of the run.
+
+    Returns
+    -------
+    By field of `RunResult`: the only body, or those that have names.
+    """
     stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
 
     def peaks(of_body: slice, moments: int) -> Floats:

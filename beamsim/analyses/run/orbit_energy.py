@@ -70,7 +70,20 @@ def balance_error(problem: ForcedBalance, point: BranchPoint) -> float:
 
 
 def balanced(outcome: Outcome, branches: Sequence[MotionBranch], unit: str) -> Outcome:
-    """The outcome of branches, whose points are not to be trusted where the balance is lost."""
+    """The outcome of branches, whose points are not to be trusted where the balance is lost.
+
+    Parameters
+    ----------
+    outcome : of following them.
+    branches : those without errors of the balance are left out.
+    unit : of their parameter.
+
+    Returns
+    -------
+    Outcome
+        The given one where no balance is lost; else one that tells the largest error, with the given one as a part
+        unless that is complete.
+    """
     checked = [b for b in branches if b.energy_error is not None]
     if not checked:
         return outcome

@@ -88,7 +88,7 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
         _reject(f"= {start.orbit} cannot be read ({error})", "run the continuation again")
 
 
-def at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = False) -> Scenario:
+def _at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = False) -> Scenario:
     """The scenario with the excitation of the point and what was followed, unless kept, and as many modes.
 
     Raises
@@ -135,12 +135,12 @@ def built_at_orbit(
     start = settings.start
     assert isinstance(start, OrbitStart)
     orbit = read_orbit(start, scenario.folder_of("run", "start", "orbit"))
-    scenario = at_orbit(scenario, orbit, keep_excitation=start.keep_excitation)
+    scenario = _at_orbit(scenario, orbit, keep_excitation=start.keep_excitation)
     at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
-    return scenario, started(build(at_rest), orbit, start.factor)
+    return scenario, _started(build(at_rest), orbit, start.factor)
 
 
-def started(system: StructuralSystem, orbit: StoredOrbit, factor: float = 1.0) -> StructuralSystem:
+def _started(system: StructuralSystem, orbit: StoredOrbit, factor: float = 1.0) -> StructuralSystem:
     """The system with the state of the point times a factor; modes may have the other sign.
 
     Raises

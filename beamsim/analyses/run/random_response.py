@@ -37,13 +37,19 @@ def random_response(
     stationary: bool = True,
     predicted: LinearStructures | None = None,
 ) -> RandomResponse | None:
-    """Analyse a run; None where it is too short.
+    """Analyse a run with a random or sampled input.
 
     Parameters
     ----------
+    result : of the run.
     force : (nt,) N, the force where a force drives the structure, not the base.
     stationary : whether the input is a process of which the run is a sample, so that its figures have an interval.
     predicted : the linear structures with all snubbers open and with all closed.
+
+    Returns
+    -------
+    RandomResponse or None
+        None where the run is too short.
     """
     times = result.time
     first = int(SKIPPED * times.size)
@@ -119,9 +125,19 @@ def _observed(result: RunResult, first: int) -> list[_Observed]:
 
 
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
-    """One-sided cross-spectral density of two signals (nt,), unit of each times s, by Welch's method.
+    """One-sided cross-spectral density of two signals by Welch's method.
 
-    Segments of a ``length`` overlap by half, lose their means and are seen through a Hann window.
+    Segments overlap by half, lose their means and are seen through a Hann window.
+
+    Parameters
+    ----------
+    x, y : (nt,) samples at equal steps.
+    rate : of the samples, Hz.
+    length : of a segment, samples.
+
+    Returns
+    -------
+    (length // 2 + 1,) product of the signals' units over Hz, at frequencies from 0 to half the rate.
     """
     from scipy.signal import csd
 

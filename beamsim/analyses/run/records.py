@@ -71,7 +71,18 @@ class Window:
         return np.asarray(out)
 
     def weigh(self, integrals: Callable[[Floats], Complexes], omega: Floats, duration: float) -> Complexes:
-        r"""(W,) :math:`\int w x e^{-i\omega u} du` from ``integrals``, which gives the same without the window."""
+        r"""Fourier integrals of a signal under the window, :math:`\int w x e^{-i\omega u} du`.
+
+        Parameters
+        ----------
+        integrals : angular frequencies (F,), rad/s -> the same integrals (F,) without the window.
+        omega : (W,) rad/s.
+        duration : of the window, s.
+
+        Returns
+        -------
+        (W,) in the unit of the signal times s.
+        """
         j = np.arange(self.cosines.size)
         shifts = self.turn(duration) * np.concatenate([-j[:0:-1], j])
         factor = 0.5 * np.concatenate([self.cosines[:0:-1], self.cosines])

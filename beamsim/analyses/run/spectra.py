@@ -53,6 +53,10 @@ def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) 
     ----------
     scenario, system : what was asked for, and of what.
     motion : of which the last part is looked at.
+
+    Returns
+    -------
+    By name and quantity of the channel.
     """
     assert scenario.run is not None
     settings, excitation_hz = scenario.run.spectrum, system.excitation_frequency_hz
@@ -79,7 +83,18 @@ def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) 
 def coverage_notes(
     system: StructuralSystem, spectra: Mapping[tuple[str, str], Spectrum], *, closed_form: bool
 ) -> list[str]:
-    """A note where samples of spectra do not cover every mode kept."""
+    """A note where samples of spectra do not cover every mode kept.
+
+    Parameters
+    ----------
+    system : of the motion.
+    spectra : by name and quantity.
+    closed_form : whether the motion is known in closed form, so that a shorter part of it is sampled at a higher rate.
+
+    Returns
+    -------
+    One sentence, or none.
+    """
     highest = float(system.modes.closed_frequencies_hz[: system.modes.kept_modes].max(initial=0.0))
     rate = min((s.rate_hz for s in spectra.values() if s.rate_hz is not None), default=np.inf)
     if rate >= 2.0 * highest:
@@ -107,8 +122,8 @@ def records_of(
     channels : linear ones.
     span : s, begin and end of the part.
 
-    Returns
-    -------
+    Yields
+    ------
     A record of each channel, and its value at the end of the part.
     """
     assert scenario.run is not None
@@ -212,6 +227,10 @@ def spectrum(
     excitation_hz : Hz, nan where there is no single excitation frequency.
     probe, quantity, unit : labels carried into the result.
 
+    Returns
+    -------
+    Spectrum
+
     Raises
     ------
     ValueError
@@ -280,6 +299,12 @@ def spectrum_of(
     residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
     chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
         excitation has this frequency; they replace what is nearer than a bin.
+
+    Returns
+    -------
+    Spectrum
+        Up to the highest frequency that the record covers; the mean is the first line, the others follow by frequency.
+        Without lines where the record is not finite.
     """
     shape, x, rate = Window.named(window), record.x, record.rate
     peak = float(np.max(np.abs(x)))

@@ -39,9 +39,25 @@ def stepped_motion_of(
     *,
     short_steps: bool = False,
 ) -> RunMotion:
-    """The same by time stepping; extremes on the integrator's dense output, contact from its located events.
+    """The motion by time stepping; extremes on the integrator's dense output, contact from its located events.
 
-    With ``short_steps`` a step rarely contains a whole contact; always so where springs are smooth.
+    Parameters
+    ----------
+    system, settings : of the run.
+    times : (nt,) s, at which it is asked for.
+    progress, stop : see `beamsim.flow.reference.integrate`.
+    short_steps : whether a step is to contain a whole contact only rarely; always so where the method of the run is not
+        ``reference``.
+
+    Returns
+    -------
+    RunMotion
+        Up to where it ended.
+
+    Raises
+    ------
+    ScenarioError
+        If the input has too many pieces, or the filter of the accelerations would need too many panels.
     """
 
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
@@ -155,7 +171,18 @@ class SteppedChannels(Observed):
 
 
 def cubic_stretch(system: StructuralSystem, times: Floats, y: Floats) -> Floats:
-    """(nt, springs) stretches of the cubic springs in states y (nt, N), m."""
+    """Stretches of the cubic springs in some states.
+
+    Parameters
+    ----------
+    system : with the springs.
+    times : (nt,) s, for the motion of the base.
+    y : (nt, N) states then.
+
+    Returns
+    -------
+    (nt, springs) m.
+    """
     cubic, base = system.cubic, system.base_displacement
     d = np.zeros(times.size) if base is None else base(times)
     return np.asarray(y[:, : system.dynamics.size] @ cubic.shape.T + d[:, None] * cubic.felt)

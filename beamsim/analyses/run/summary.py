@@ -48,7 +48,17 @@ def figures_of_motion(system: StructuralSystem, motion: RunMotion) -> dict[str, 
 
 
 def resting(probe: str, quantity: str, figures: Mapping[str, Any]) -> bool:
-    """Whether a quantity of a probe is 0 but for round-off, of which lines and root mean squares say nothing."""
+    """Whether a quantity of a probe is 0 but for round-off, of which lines and root mean squares say nothing.
+
+    Parameters
+    ----------
+    probe, quantity : as a spectrum names them.
+    figures : the summary, in which such a peak is 0.
+
+    Returns
+    -------
+    False of other quantities than displacement and absolute acceleration.
+    """
     peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity)
     return peak is not None and figures[peak].get(probe) == 0.0
 
@@ -89,7 +99,18 @@ def summary_of_run(
     spectra: dict[tuple[str, str], Spectrum],
     stop: Callable[[], bool],
 ) -> dict[str, Any]:
-    """What does not repeat a field of the result; root mean squares are nan where the spectra were left out."""
+    """What does not repeat a field of the result.
+
+    Parameters
+    ----------
+    scenario, system, motion : of the run.
+    spectra : by name and quantity; where they were left out, root mean squares are nan.
+    stop : asked whether to end the linear motions that gapping is told from.
+
+    Returns
+    -------
+    By entry, as `RunResult` declares them.
+    """
     probes = [p.name for p in system.probes]
     rms = defaultdict(lambda: math.nan, {key: spectrum.rms for key, spectrum in spectra.items()})
     summary: dict[str, Any] = {
@@ -133,7 +154,7 @@ def deflection_size(system: StructuralSystem, states: Floats) -> float:
 def motion_figures(
     system: StructuralSystem, extremes: Extremes, contact_share: Floats, closings: Ints, size: float = 0.0
 ) -> dict[str, Any]:
-    """By entry of the summary the values of a motion, by name of probe, snubber or spring.
+    """Values of a motion for the summary.
 
     Parameters
     ----------
@@ -142,6 +163,10 @@ def motion_figures(
     contact_share : (m,) of each contact.
     closings : (m,) number of closings of each contact.
     size : m, a deflection of the motion, see `deflection_size`.
+
+    Returns
+    -------
+    By entry, and within it by name of probe, snubber or spring.
     """
     snubbers = [s.name for s in system.snubbers]
     count = len(snubbers)
