@@ -303,6 +303,11 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
     -------
     (N, m) sparse
         Fields on all rows.
+
+    Raises
+    ------
+    MethodError
+        About ``mass``: the stiffness does not hold what has no mass.
     """
     inner = (massless.T @ stiffness @ massless).toarray()
     try:

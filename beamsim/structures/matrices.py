@@ -322,7 +322,7 @@ def _located(name: str) -> Iterator[None]:
 
 
 def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> MatricesStructure:
-    """The structure of matrices whose base holds what `NamedMatrices.base` says; raises `MethodError`.
+    """The structure of matrices whose base holds what `NamedMatrices.base` says.
 
     Parameters
     ----------
@@ -334,6 +334,11 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     -------
     MatricesStructure
         On the rows that the base leaves and that have mass.
+
+    Raises
+    ------
+    MethodError
+        Where the base holds every row or moves against springs or dashpots, or the matrices make no structure.
     """
     remarks = list(given.remarks)
     held = _held_rows(given)

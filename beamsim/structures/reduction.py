@@ -101,6 +101,7 @@ def reduce_model(
     default : whether the scenario leaves the reduction to the program. Then at least the ``least`` lowest flexible
         modes and mode number ``mode`` are kept, but no modes that the discretisation does not resolve, and the reported
         frequency of interest is changed accordingly. A structure that resolves all of its modes keeps them all.
+    least, mode : see ``default``.
 
     Returns
     -------
@@ -247,6 +248,8 @@ def frequency_beyond(model: Structure, kept: Floats, guess: float) -> float:
 
     Parameters
     ----------
+    model : the full model.
+    kept : (k,) scaled angular frequencies.
     guess : an upper bound of the first of the others, such as a Ritz value beyond the kept modes.
 
     Returns

@@ -30,6 +30,7 @@ def dissection(matrix: Any, places: Floats | None) -> Ints | None:
 
     Parameters
     ----------
+    matrix : (N, N) sparse.
     places : (N, 3) coordinates of the node of each row; NaN where a row has none; None where none are known.
     """
     size = matrix.shape[0]

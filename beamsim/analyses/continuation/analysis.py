@@ -70,6 +70,11 @@ def continuation(
     progress : called with the fraction that is done, which never falls.
     stop : asked after every point; once it says so, the result holds what there is, and its status "interrupted".
 
+    Returns
+    -------
+    ContinuationResult
+        The branches of all levels that were followed, and the curves of their folds where these are asked for.
+
     Raises
     ------
     ScenarioError

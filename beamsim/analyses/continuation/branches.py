@@ -222,7 +222,17 @@ def limited(outcome: Outcome, limit: str) -> Outcome:
 
 
 def reach_of(first: float, last: float, beyond: bool) -> tuple[float, float]:
-    """Where branches may go: a loop of the curve may reach back beyond the first value before it goes on."""
+    """Where branches may go: a loop of the curve may reach back beyond the first value before it goes on.
+
+    Parameters
+    ----------
+    first, last : values of the unknown.
+    beyond : whether they may leave the range at its first value, by the ratio `EXCURSION`.
+
+    Returns
+    -------
+    low, high : values that a branch must not leave.
+    """
     low, high = sorted((first, last))
     if not beyond:
         return low, high
@@ -230,7 +240,17 @@ def reach_of(first: float, last: float, beyond: bool) -> tuple[float, float]:
 
 
 def side_reach(first: float, last: float, reach: tuple[float, float]) -> tuple[float, float]:
-    """Where branches may go that begin beside the main ones: a little beyond the range, within the reach of these."""
+    """Where branches may go that begin beside the main ones: a little beyond the range, within the reach of these.
+
+    Parameters
+    ----------
+    first, last : values of the unknown.
+    reach : values that the main branches must not leave.
+
+    Returns
+    -------
+    low, high : values that a branch must not leave.
+    """
     low, high = sorted((first, last))
     beyond = 0.1 * (high - low)
     return max(low - beyond, reach[0]), min(high + beyond, reach[1])
@@ -250,7 +270,18 @@ def progress_that_grows(report: Report | None) -> Report:
 
 
 def covered(spans: Iterable[tuple[float, float]], low: float, high: float) -> list[tuple[float, float]]:
-    """The stretches of a range that the spans do not cover, long enough to matter."""
+    """The stretches of a range that the spans do not cover, long enough to matter.
+
+    Parameters
+    ----------
+    spans : lowest and highest value of each, in any order.
+    low, high : ends of the range.
+
+    Returns
+    -------
+    list
+        Begin and end of each stretch, increasing; none is shorter than the share `COVERED` of the range.
+    """
     gaps, at = [], low
     for a, b in sorted(spans):
         if a - at > COVERED * (high - low):
@@ -262,7 +293,18 @@ def covered(spans: Iterable[tuple[float, float]], low: float, high: float) -> li
 
 
 def missing(branches: Iterable[OrbitBranch], first: float, last: float) -> list[tuple[float, float]]:
-    """The stretches between two values that no branch reached."""
+    """The stretches between two values that no branch reached.
+
+    Parameters
+    ----------
+    branches : with at least one point each.
+    first, last : values of the unknown, in any order.
+
+    Returns
+    -------
+    list
+        As of `covered`.
+    """
     low, high = sorted((first, last))
     return covered([t.span for t in branches], low, high)
 
@@ -278,6 +320,11 @@ def trace_range(
     first, last : values of the problem's unknown.
     budget : points and time that may be spent.
     report : called with the share of the range that is covered.
+
+    Returns
+    -------
+    list
+        Empty where no motion was found at any value that was tried; some stretches may be left (`missing`).
     """
     low, high = sorted((first, last))
     grown = progress_that_grows(report)
@@ -329,6 +376,11 @@ def coexisting_branches(
     values : of the parameter, at which motions are sought.
     known : branches so far.
     budget : points and time that may be spent.
+
+    Returns
+    -------
+    list
+        The new ones, followed in both directions from where they were found.
     """
     branches: list[OrbitBranch] = []
     for value in values:
@@ -352,7 +404,22 @@ def follow(
     known: list[OrbitBranch],
     tell: Report | None = None,
 ) -> OrbitBranch:
-    """What goes on in one direction from a start, up to a known branch."""
+    """What goes on in one direction from a start, up to a known branch.
+
+    Parameters
+    ----------
+    tracer : with the problem and the values that must not be left.
+    start : the first point.
+    direction : along its tangent (> 0), or against it.
+    budget : points and time that may be spent.
+    known : branches that it may run into.
+    tell : called with the parameter of every point.
+
+    Returns
+    -------
+    OrbitBranch
+        From the start on, with its special points.
+    """
     if direction < 0:
         start = start.reversed()
     most = min(budget.branch_points, budget.left)
@@ -371,6 +438,11 @@ def joining(
     known : branches.
     leaves : whether it begins on one of them, and ends where it comes to one again.
     tell : called with the parameter of every point.
+
+    Returns
+    -------
+    Callable
+        To be called with every point in turn: None until the second one in a row on a known branch, then the outcome.
     """
     apart, close = not leaves, 0
 
@@ -401,6 +473,11 @@ def walk(
     ends : the outcome with which a point ends the branch, if it does.
     limit : the setting behind the branch's own number of points, empty where that is no setting.
     special_between : what is looked for between neighbours, if anything.
+
+    Returns
+    -------
+    OrbitBranch
+        With the outcome of what ended it, and the searches for special points that failed.
     """
     points: list[BranchPoint] = []
     special: list[SpecialPoint] = []
@@ -414,7 +491,7 @@ def walk(
             break
         if points and special_between is not None:
             found = special_between(branch.problem, points[-1], point, branch.settings, failed)
-            between = along(points[-1], point, found)
+            between = _along(points[-1], point, found)
             special += between
             points += [s.point for s in between]
         points.append(point)
@@ -434,7 +511,7 @@ def walk(
     return OrbitBranch(branch.problem, points, with_failed_searches(outcome, failed), tuple(special))
 
 
-def along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[SpecialPoint]:
+def _along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[SpecialPoint]:
     """Special points between two neighbours in the order of the branch: they become points of it."""
     w = a.u / a.scale
     chord = b.u / a.scale - w
@@ -478,7 +555,19 @@ def joined(forward: OrbitBranch, back: OrbitBranch | None = None) -> OrbitBranch
 
 
 def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
-    """The outcome of a branch, with what its contacts have to do with its end; ``last`` is its last point."""
+    """The outcome of a branch, with what its contacts have to do with its end.
+
+    Parameters
+    ----------
+    outcome : of the branch.
+    problem : of the branch.
+    last : its last point.
+
+    Returns
+    -------
+    Outcome
+        Another one where a friction contact begins to stick or slide at once, or a stop just yields; else the same.
+    """
     if not isinstance(problem, ForcedOrbits):
         return outcome
     laws = problem.flow.system.contacts.laws

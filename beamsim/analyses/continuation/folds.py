@@ -180,7 +180,20 @@ def start_of_curve(
 
 
 def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[FoldBranch]:
-    """One curve for every fold of the branches of the excitation's own period, each fold on one curve only."""
+    """One curve for every fold of the branches of the excitation's own period, each fold on one curve only.
+
+    Parameters
+    ----------
+    model : with the second parameter.
+    traced : branches in frequency, with their special points.
+    level : of the excitation on these branches.
+    budget : points and time that may be spent.
+
+    Returns
+    -------
+    list
+        In the order of the branches; a curve has no points where its fold is too close to a corner.
+    """
     curves: list[FoldBranch] = []
     for index, branch in enumerate(traced):
         if branch.problem.multiple != 1:

@@ -69,6 +69,11 @@ def sine_of(excitation: Sine, omega: float, level: float) -> complex:
     excitation : harmonic.
     omega : rad/s.
     level : of the excitation's own quantity, which is what stays the same at other frequencies.
+
+    Returns
+    -------
+    complex
+        m/s^2, N or 1; the sine is the real part.
     """
     quantity = excitation.quantity or "acceleration"
     amplitude = acceleration_amplitude(abs(level), quantity, omega / (2 * np.pi))

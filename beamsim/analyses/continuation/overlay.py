@@ -17,12 +17,23 @@ from beamsim.scenario.sweep import Continuation, SweptSine
 def swept_overlay(
     scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never
 ) -> dict[str, OverlayCurve] | None:
-    """The swept sine that a continuation's ``overlay`` asks for, at the same levels; None where it is interrupted.
+    """The swept sine that a continuation's ``overlay`` asks for, at the same levels.
+
+    Parameters
+    ----------
+    scenario : with an ``overlay`` in its continuation.
+    progress : called with the share of the sweep that is done.
+    stop : asked between cycles and levels.
+
+    Returns
+    -------
+    dict | None
+        The curves by name; None where the sweep is interrupted.
 
     Raises
     ------
     ScenarioError
-        Where the structure or the rate cannot be swept.
+        Where the structure or the rate cannot be swept, or the sweep ends early.
     """
     settings = scenario.sweep
     assert isinstance(settings, Continuation)
@@ -42,6 +53,17 @@ def swept_overlay(
 
 def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -> ContinuationResult:
     """The response with the curves of a stored sweep overlaid.
+
+    Parameters
+    ----------
+    result : in frequency.
+    stored : the sweep.
+    source : what it is called, such as the name of its file.
+
+    Returns
+    -------
+    ContinuationResult
+        With the new curves beside those that were overlaid before.
 
     Raises
     ------

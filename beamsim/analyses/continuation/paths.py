@@ -153,9 +153,15 @@ def periodic_flow(system: StructuralSystem, loads: PeriodicForcing, omega: float
     loads : at rad/s ``omega``, and times ``level``.
     omega, level : of the excitation.
 
+    Returns
+    -------
+    PeriodicFlow
+        In closed form where the system has no cubic springs.
+
     Raises
     ------
-    ValueError : where snubbers and cubic springs do not go together.
+    ValueError
+        Where snubbers and cubic springs do not go together.
     """
     if system.cubic.count == 0:
         return VariationalFlow(system.dynamics, loads, omega, level)
@@ -193,7 +199,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
     shape_at = None
     if moving:
         ends = [float(x) for p in moving for x in (p.from_, p.to)]
-        places = [moving_place(scenario, moving[0], end) for end in (min(ends), max(ends))]
+        places = [_moving_place(scenario, moving[0], end) for end in (min(ends), max(ends))]
         system, shape_at = build_with_moving_point(forced, *places)
     else:
         system = build_system(forced)
@@ -210,7 +216,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
     )
 
 
-def moving_place(scenario: Scenario, path: PositionPath, position: float) -> Place:
+def _moving_place(scenario: Scenario, path: PositionPath, position: float) -> Place:
     """Where a snubber that moves is at a position, on the end where round-off puts it beyond."""
     index = snubber_index(scenario, path)
     assert index is not None
@@ -230,7 +236,7 @@ def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, 
     damping = snubber.damping
     ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
     if isinstance(path, PositionPath):
-        first, last = (moving_place(scenario, path, end).coordinate for end in (first, last))
+        first, last = (_moving_place(scenario, path, end).coordinate for end in (first, last))
     kind = path.kind  # type: ignore[attr-defined]
     if kind == "stiffness" and ratio and system.cubic.count:
         raise scenario.located(

@@ -43,7 +43,18 @@ class Wanted:
     parameter: float | None = None  # that of the branch there, where the quantity is what is followed
 
     def between(self, problem: Any, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
-        """The motion between two neighbours that has the value: exactly where it is followed, else to round-off."""
+        """The motion between two neighbours that has the value: exactly where it is followed, else to round-off.
+
+        Parameters
+        ----------
+        problem : of the branch.
+        a, b : the neighbours.
+
+        Returns
+        -------
+        BranchPoint | None
+            None where none is found.
+        """
         settings = Settings(iterations=15)
         if self.parameter is not None:
             return at_parameter(problem, a, b, self.parameter, settings)
@@ -51,7 +62,18 @@ class Wanted:
 
 
 def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
-    """The pieces of a branch within a range, each with a point on the end of the range where it leaves it."""
+    """The pieces of a branch within a range, each with a point on the end of the range where it leaves it.
+
+    Parameters
+    ----------
+    branch : of shooting or balance.
+    low, high : ends of the range, in the unknown of the continuation.
+
+    Returns
+    -------
+    list
+        The branch itself where it does not leave the range, else its pieces of more than one point, in order.
+    """
     margin = EDGE * (high - low)
     inside = (branch.values >= low - margin) & (branch.values <= high + margin)
     if inside.all():
@@ -91,6 +113,11 @@ def with_points_at(
     branch : of shooting or balance.
     wanted : values.
     gaps : parameters of points that a jump follows; nothing is interpolated across it.
+
+    Returns
+    -------
+    branch : with its own points and the new ones.
+    passed : each value with a point that has it, in the order of the branch; a value may be passed several times.
     """
     passed: list[tuple[Wanted, BranchPoint]] = []
     points: list[BranchPoint] = []
@@ -115,7 +142,17 @@ def with_maxima(
 ) -> tuple[OrbitBranch, list[MeasuredMotion]]:
     """The branch with a point at the largest value of each quantity, and all points measured.
 
-    Once ``stop`` says so, no more maxima are located.
+    Parameters
+    ----------
+    branch : of shooting or balance.
+    measure : a motion by its point.
+    quantities : whose maxima are located.
+    stop : asked before each quantity; once it says so, no more maxima are located.
+
+    Returns
+    -------
+    branch : with its own points and the maxima.
+    measured : its motions, point by point.
     """
     points, measured = list(branch.points), [measure(point) for point in branch.points]
     for quantity in quantities:

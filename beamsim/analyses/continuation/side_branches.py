@@ -45,6 +45,18 @@ def side_branches(
     """The branches that leave others, each once, and those that leave them.
 
     Those beside stable motions come first, and among these the ones far from those that were followed.
+
+    Parameters
+    ----------
+    main : the branches known so far, by shooting.
+    reach : values of the unknown that a branch must not leave.
+    longest : periods of the excitation that a motion may take, at most.
+    budget : points, branches and time that may be spent.
+
+    Returns
+    -------
+    list
+        The branches in the order in which they were followed, without those in ``main``.
     """
     known: list[OrbitBranch] = []
     followed_at: list[float] = []

@@ -60,6 +60,11 @@ def sweep(
     save : called with the partial result after the first level and repeatedly later.
     resume : partial result of an interrupted sweep of the same scenario; its levels are not computed again.
 
+    Returns
+    -------
+    SweepResult
+        The curves of all levels that were computed, with their peaks.
+
     Raises
     ------
     ScenarioError

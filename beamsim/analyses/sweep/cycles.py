@@ -46,13 +46,19 @@ class SinePhase:
         return cls(zero, zero, np.array([omega]), none, zero, zero[None])
 
     def filters(self, order: float, time: Floats, length: Floats) -> tuple[Complexes, Complexes]:
-        """Exponents (n,), 1/s, and polynomials (n, D + 1), 1/s, of ``exp(-i order phase)`` times the phase's rate.
+        """Factors of ``exp(-i order phase)`` times the phase's rate on segments: a polynomial times an exponential.
 
         Parameters
         ----------
         order : multiple of the phase; of order 0 it is 1 in place of the phase's rate.
         time, length : (n,) s, of segments, none of which crosses an end of an interval. The exponents are those of the
             frequencies in their middles, the polynomials of the time since they began.
+
+        Returns
+        -------
+        exponent : (n,) 1/s.
+        polynomial : (n, D + 1) coefficients, 1/s, of the powers of the time in s from 0 on; fewer columns where the
+            highest powers are negligible.
         """
         if order == 0.0:
             return np.zeros(time.size, dtype=complex), np.ones((time.size, 1), dtype=complex)
@@ -268,14 +274,19 @@ def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
 
 
 def energy_errors(imbalance: Floats, energy: Floats, complete: Bools | None = None) -> Floats:
-    """Imbalance in J that has added up until each complete cycle, over the largest energy in J of all of them.
+    """Imbalance that has added up until each complete cycle, over the largest energy of all of them.
 
     The last one answers for what follows it, too: the end of a sweep may be less than a cycle, which has no row.
 
     Parameters
     ----------
-    imbalance, energy : (C,) of all cycles.
+    imbalance, energy : (C,) of all cycles, J.
     complete : (C,) which of them are whole; all by default.
+
+    Returns
+    -------
+    (n,) array
+        Of the complete cycles, relative; in J where there is no energy.
     """
     missing = np.abs(np.cumsum(imbalance))
     scale = float(np.max(energy, initial=0.0))

@@ -44,7 +44,19 @@ def with_limited_outputs(scenario: Scenario) -> Scenario:
 
 
 def limited_of(limits: Mapping[str, float], outputs: SweepOutputs, base_force: str) -> tuple[Limited, ...]:
-    """The limits with their columns; ``base_force`` is the name of the output that is the force of the base."""
+    """The limits with their columns.
+
+    Parameters
+    ----------
+    limits : by name, such as ``probes.tip.acceleration``, in SI units.
+    outputs : of the sweep.
+    base_force : name of the output that is the force of the base.
+
+    Returns
+    -------
+    tuple
+        In the order of the limits.
+    """
     limited = []
     for name, limit in limits.items():
         of = limited_quantity(name, base_force)
@@ -71,8 +83,20 @@ def notched_level(
     Parameters
     ----------
     loads : on the system, under given windows.
+    outputs : of the sweep.
+    limited : the limits.
+    leg : the sweep, up or down.
     profile : the level without notches.
     quantity : of which the table is, with which the sweep starts.
+    phase : of the sine at the start, rad.
+    of_base : whether the sine moves the base.
+    progress : called with the share of the leg that is done.
+    stop : asked on the way; once it says so, the table ends there.
+
+    Returns
+    -------
+    Notching
+        The table of the level, without limits and ranges.
     """
     specification = continuous(profile, leg)
     columns = np.array([each.column for each in limited])
@@ -114,7 +138,19 @@ def profile_through(notching: Notching) -> Profile:
 
 
 def compared(notching: Notching, limited: Sequence[Limited], curve: SweepCurve) -> Notching:
-    """The notching with what the response under its level is: largest values, and which limit governs where."""
+    """The notching with what the response under its level is: largest values, and which limit governs where.
+
+    Parameters
+    ----------
+    notching : without limits and ranges.
+    limited : the limits.
+    curve : the response under the notched level.
+
+    Returns
+    -------
+    Notching
+        With its limits and ranges.
+    """
     peaks = np.array([_envelope(curve, each.of).peak for each in limited])  # (limits, C)
     share = peaks / np.array([each.limit for each in limited])[:, None]
     largest = np.nanargmax(share, axis=1)

@@ -31,9 +31,18 @@ ALWAYS = 1e-6  # contact shares within this distance of 0 or 1 count as never or
 
 
 def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[ResponsePeak]:
-    """Peaks in the displacement of a probe, largest first.
+    """Peaks in the displacement of a probe.
 
-    ``modes`` are those of the structure; without them beats at the excitation frequency are not told from resonances.
+    Parameters
+    ----------
+    curve : of a swept or stepped sine.
+    probe : its name.
+    modes : of the structure; without them beats at the excitation frequency are not told from resonances.
+
+    Returns
+    -------
+    list
+        The largest first, `MOST_PEAKS` at most; empty where fewer than five values are known.
     """
     from scipy import signal
 

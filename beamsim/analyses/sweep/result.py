@@ -247,7 +247,19 @@ class SweepCurve(AlongCurve):
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
     def envelope_of(self, section: str, item: str, quantity: str) -> Envelope | OutputEnvelope:
-        """A probe's displacement or acceleration, a snubber's force, or an output, in every cycle."""
+        """A probe's displacement or acceleration, a snubber's force, or an output, in every cycle.
+
+        Parameters
+        ----------
+        section : "probes", "snubbers" or "outputs".
+        item : name of the probe, snubber or output.
+        quantity : "displacement", "acceleration" or "force"; of an output it does not matter.
+
+        Returns
+        -------
+        Envelope | OutputEnvelope
+            C values each.
+        """
         return self.outputs[item] if section == "outputs" else getattr(self, quantity)[item]
 
     @property

@@ -50,7 +50,19 @@ def frequencies_of(settings: SteppedSine) -> Floats:
 def step_level(
     one: SweepLevel, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never
 ) -> LevelRun:
-    """Step through the frequencies at one level, in all directions."""
+    """Step through the frequencies at one level, in all directions.
+
+    Parameters
+    ----------
+    one : the level, of a stepped sine.
+    progress : called with the share of the frequencies that is done.
+    stop : asked before every frequency but the first.
+
+    Returns
+    -------
+    LevelRun
+        Up to a frequency at which the motion could not be computed, or to where it was stopped.
+    """
     begin, system, settings, level = clock.process_time(), one.system, one.settings, one.value
     assert isinstance(settings, SteppedSine)
     up = frequencies_of(settings)
@@ -102,13 +114,18 @@ def step_level(
 
 
 def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tuple[Forcing, tuple[Signal, ...]]:
-    """The loads of a built system under a sine of one frequency; observed is the base's acceleration.
+    """The loads of a built system under a sine of one frequency.
 
     Parameters
     ----------
     system : whose excitation is harmonic.
     omega : rad/s.
     sine : complex amplitude of ``exp(i omega t)``, of which the sine is the real part.
+
+    Returns
+    -------
+    forcing : the loads, and the displacement of the base where contacts feel it.
+    observers : the base's acceleration; none where the base rests.
     """
     assert system.sine is not None
 

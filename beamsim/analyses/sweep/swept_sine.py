@@ -51,7 +51,7 @@ def legs_of(settings: SweptSine) -> list[Leg]:
     return legs
 
 
-def profile_of(settings: SweptSine, excitation: Sine, level: float) -> Profile:
+def _profile_of(settings: SweptSine, excitation: Sine, level: float) -> Profile:
     """Amplitude of acceleration or force against frequency; with a table ``level`` is a factor."""
     quantity = excitation.quantity or "acceleration"
     return make_profile(level, quantity, settings.profile, settings.between, settings.notches)
@@ -78,11 +78,30 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
 def sweep_level(
     one: SweepLevel, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never
 ) -> LevelRun:
-    """Sweep at one level in all directions; each direction starts from the final motion of the previous one."""
+    """Sweep at one level in all directions; each direction starts from the final motion of the previous one.
+
+    Parameters
+    ----------
+    one : the level, of a swept sine.
+    progress : called with the share of the work that is done.
+    stop : asked between cycles.
+
+    Returns
+    -------
+    LevelRun
+        The directions up to where it ended, the last of which may be incomplete.
+
+    Raises
+    ------
+    ScenarioError
+        Where the rate makes the sweep too long, or shorter than two cycles.
+    ValueError
+        Where more windows would be needed than `cut_into_windows` makes.
+    """
     system, settings, outputs = one.system, one.settings, one.outputs
     assert isinstance(settings, SweptSine)
     legs = legs_of(settings)
-    profile = profile_of(settings, one.excitation, one.value)
+    profile = _profile_of(settings, one.excitation, one.value)
     phase = one.excitation.phase + phase_of_acceleration(one.quantity, one.value, settings.profile)
     notching: Notching | None = None
     notch_limits: tuple[Limited, ...] = ()
