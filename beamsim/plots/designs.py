@@ -12,15 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from beamsim.analyses.designs.result import (
-    Coordinate,
-    DesignsResult,
-    Objective,
-    Response,
-    SobolIndices,
-    judged,
-    responses_of,
-)
+from beamsim.analyses.designs.result import Coordinate, DesignsResult, Objective, Response, SobolIndices, is_scalar
 from beamsim.plots.drawing import (
     DARK,
     MOST_CURVES,
@@ -193,9 +185,10 @@ def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> 
 
 
 def plot_response_scatter(result: DesignsResult, ax: Axes, coordinate: int, quantity: str) -> Axes:
-    """A quantity (largest over all places) of every case over one parameter; cases beyond the limit are marked."""
+    """A quantity (at its worst place) of every case over one parameter; cases beyond the limit are marked."""
     x, label = _axis(result.coordinates[coordinate])
-    along, values = _cases(result, coordinate, x), _worst(result, quantity)
+    known = [response for response in _of(result, quantity) if is_scalar(response, result.shape)]
+    along, values = _cases(result, coordinate, x), result.judged(*known).ravel()
     limit = _limit(result, quantity)
     beyond = np.zeros(values.size, dtype=bool) if limit is None else values > limit
     kinds = ((~beyond, {"marker": ".", "color": DARK, "markersize": 3}), (beyond, {"marker": "x", "color": RED}))
@@ -237,7 +230,7 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
         if dimensions > 2:
             maps = list({_quantity(r): r for r in reversed(maps)}.values())[::-1][:MOST_SLICED]
         plots: list[Any] = [
-            partial(_plot_slice, result, response=_as_judged(result, response), at=at, best=best)
+            partial(_plot_slice, result, response=replace(response, values=result.judged(response)), at=at, best=best)
             for response in maps[:MOST_PANELS]
             for at in places
         ]
@@ -249,7 +242,7 @@ def design_figures(result: DesignsResult) -> dict[str, Figure]:
         chosen = (chosen or list(result.sensitivity))[:MOST_PANELS]
         plots = [partial(plot_sensitivity, result, indices=indices) for indices in chosen]
         figures["sensitivity"] = _grid(title, plots, 2, 1.2 + 0.45 * dimensions)
-    scalar = [q for q in quantities if any(r.values.shape == result.shape for r in _of(result, q))][:4]
+    scalar = [q for q in quantities if any(is_scalar(r, result.shape) for r in _of(result, q))][:4]
     columns = min(dimensions, MOST_PARAMETERS)
     plots = [partial(plot_response_scatter, result, coordinate=k, quantity=q) for q in scalar for k in range(columns)]
     figures["scatter"] = _grid(title, plots, columns, 2.4)
@@ -303,17 +296,6 @@ def _of(result: DesignsResult, quantity: str) -> list[Response]:
     return [r for r in result.responses.values() if _quantity(r) == quantity]
 
 
-def _as_judged(result: DesignsResult, response: Response) -> Response:
-    """A response with the values by which cases are judged, where there are tolerances."""
-    if response.name not in result.realised:
-        return response
-    objective = Objective.of(result.scenario.vary)
-    asked = {r.name for r in responses_of(result.responses, objective.response)}
-    good = objective.largest and response.name in asked
-    quantile = result.summary["tolerances"]["quantile"]
-    return replace(response, values=judged(result.realised[response.name], quantile, large_is_good=good))
-
-
 def _varies(response: Response) -> bool:
     known = response.values[np.isfinite(response.values)]
     return bool(known.size) and bool(np.ptp(known) > 1e-12 * np.max(np.abs(known)))
@@ -328,15 +310,6 @@ def _curves(responses: Sequence[Response]) -> Iterator[tuple[str, Floats]]:
                 if not np.isfinite(response.values[..., k]).any():
                     continue  # a chain of two masses has no third mode
                 yield f"{response.place} mode {k + 1}".strip(), response.values[..., k]
-
-
-def _worst(result: DesignsResult, quantity: str) -> Floats:
-    """Largest value over all places, for each case."""
-    shown = [_as_judged(result, r) for r in _of(result, quantity) if r.values.shape == result.shape]
-    values = np.stack([r.values.ravel() for r in shown])
-    known = np.isfinite(values)
-    worst = np.where(known, values, -np.inf).max(axis=0)
-    return np.where(known.any(axis=0), worst, np.nan)
 
 
 def _cases(result: DesignsResult, coordinate: int, x: Floats) -> Floats:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import partial
+from math import isfinite
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from beamsim.analyses.compare.sweeps import peaks_of
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, Value
 from beamsim.plots.drawing import (
@@ -35,7 +35,6 @@ from beamsim.plots.drawing import (
     picture,
 )
 from beamsim.plots.style import Scale, level_text, scale_for
-from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.reporting import OF_OUTPUTS, limited_quantity
 from beamsim.typing import Floats
 
@@ -122,27 +121,14 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
     return _chart(up, drawn, limit_levels(result.scenario.limits, value.limit), log="" if value.key == FORCE else "y")
 
 
-def has_transmissibility(result: SweepResult) -> bool:
-    """Whether the base moves, and accelerations and the fundamental were kept."""
-    return any(
-        c.acceleration and np.any(c.orders == 1.0) and amplitude_unit(c.quantity) == "m/s^2"
-        for c in result.curves.values()
-    )
-
-
 def plot_transmissibility(result: SweepResult, ax: Axes, level_index: int) -> Axes:
     """Fundamental of every probe's absolute acceleration over that of the base, with Q of its highest peak."""
     drawn = []
     for curve in _of_level(result, level_index):
-        order, first = np.argsort(curve.frequency_hz), int(np.flatnonzero(curve.orders == 1.0)[0])
         for name in curve.acceleration:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ratio = np.abs(curve.acceleration[name].harmonics[first]) / np.abs(curve.excitation_amplitude)
-            at, _, quality = max(
-                peaks_of(curve.frequency_hz[order], ratio[order]), key=lambda peak: peak[1], default=(0.0, 0.0, np.nan)
-            )
-            known = f": Q {quality:.3g} at {at:.4g} Hz" if np.isfinite(quality) else ""
-            drawn.append(_swept(f"{name}, {curve.direction}{known}", curve, ratio))
+            peak = curve.resonance(name)
+            known = f": Q {peak.quality:.3g} at {peak.frequency_hz:.4g} Hz" if peak and isfinite(peak.quality) else ""
+            drawn.append(_swept(f"{name}, {curve.direction}{known}", curve, curve.transmissibility(name)))
     return draw_sweep(result, ax, _chart(("Transmissibility", Scale(1.0, "g per g")), drawn))
 
 
@@ -390,7 +376,7 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
     last, direction = list(result.curves.values())[-1], next(iter(result.curves.values())).direction
     probe, same = next(iter(last.displacement)), _in_direction(result, direction)
     plots = {name: [partial(draw_sweep, result, chart=chart)] for name, chart in charts(result).items()}
-    if last.acceleration and has_transmissibility(result):
+    if last.has_transmissibility:
         plots["acceleration"].append(partial(plot_transmissibility, result, level_index=last.level_index))
     for index in result.histories:
         if has_spectrogram(result, probe, index):

@@ -9,6 +9,7 @@ from typing import Any
 from beamsim.analyses.result import Result
 from beamsim.fields import figure_in_words, place_in_words
 from beamsim.plots.style import scale_for
+from beamsim.trust.convergence import named
 
 METHODS = {
     "reference": "time stepping with located events; contacts are not certified",
@@ -25,9 +26,9 @@ def doubts(result: Result) -> list[str]:
     texts = [] if result.complete or not result.status else [str(result.outcome.displayed(scale_for))]
     doubtful = result.summary.get("doubtful") or []
     if doubtful:
-        named = ", ".join(map(figure_in_words, doubtful[:6]))
+        first = ", ".join(map(figure_in_words, doubtful[:6]))
         more = f" and {len(doubtful) - 6} more" if len(doubtful) > 6 else ""
-        texts.append(f"not converged: {named}{more} (see the table of changes below)")
+        texts.append(f"not converged: {first}{more} (see the table of changes below)")
     return texts
 
 
@@ -84,12 +85,9 @@ def changes(result: Result) -> list[tuple[str, str, float, bool]]:
     """Figure, name, relative change with the finer model, and whether that makes it doubtful."""
     doubtful = set(result.summary.get("doubtful") or ())
     rows = []
-    for figure, change in (result.summary.get("convergence") or {}).items():
-        named = change if isinstance(change, dict) else {"": change}
-        for name, value in named.items():
-            if isinstance(value, (int, float)):
-                key = f"{figure}.{name}" if name else figure
-                rows.append((figure_in_words(figure), place_in_words(str(name)), float(value), key in doubtful))
+    for key, change in named(result.summary.get("convergence") or {}):
+        figure, _, place = key.partition(".")
+        rows.append((figure_in_words(figure), place_in_words(place), change, key in doubtful))
     return rows
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.assurance import assurance
-from beamsim.analyses.compare.sweeps import Tracking, compare_sweep, peaks_of, track
+from beamsim.analyses.compare.sweeps import Tracking, compare_sweep, track
+from beamsim.analyses.quality import peaks_of
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import read_signals

@@ -88,6 +88,7 @@ def test_by_default_the_worst_realisation_judges():
     result = of_forces(FORCES, f"{{{FOUR}}}")
     np.testing.assert_allclose(result.margins["peak_force"].values, 30.0 / np.array([31.0, 24.0, 33.0]) - 1.0)
     assert result.passing.tolist() == [False, True, False]
+    assert result.judged(result.responses[FORCE]).tolist() == [31.0, 24.0, 33.0]
     np.testing.assert_allclose(result.passing_share, [0.8, 1.0, 0.6])
     assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(1, 24.0)]
     assert result.summary["scatter"]["responses"][FORCE]["smallest"] == 20.0
@@ -98,12 +99,14 @@ def test_a_quantile_leaves_the_worst_realisations_out():
     result = of_forces(FORCES, f"{{quantile: 75 %, {FOUR}}}")
     np.testing.assert_allclose(result.margins["peak_force"].values, 30.0 / np.array([13.0, 23.0, 32.0]) - 1.0)
     assert result.passing.tolist() == [True, True, False]
+    assert result.judged(result.responses[FORCE]).tolist() == [13.0, 23.0, 32.0]
     assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(0, 13.0), (1, 23.0)]
 
 
 def test_of_a_response_that_shall_be_large_the_smallest_counts():
     result = of_forces(FORCES, f"{{{FOUR}}}", "{peak_force: 50 N}", "maximise: peak_force, ")
     assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(1, 20.0), (0, 10.0), (2, 5.0)]
+    assert result.judged(result.responses[FORCE]).tolist() == [10.0, 20.0, 5.0]
 
 
 def test_a_limit_that_no_response_is_compared_with_is_not_met():

@@ -18,12 +18,12 @@ import numpy as np
 
 from beamsim.analyses.assurance import assurance
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison
-from beamsim.analyses.sweep.peaks import LEAST_PROMINENCE
+from beamsim.analyses.quality import peaks_of
 from beamsim.analyses.sweep.result import Envelope, SweepCurve, SweepResult
 from beamsim.measurements.channels import unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints
 
 Detector = Literal["peak", "fundamental", "rms"]
 
@@ -264,49 +264,6 @@ def _peak_pairs(f_p: Floats, p: Floats, f_m: Floats, m: Floats) -> list[PeakPair
         of = computed[partner[i]] if i in partner else (nan, nan, nan)
         pairs.append(PeakPair(f, of[0], level, of[1], quality, of[2]))
     return pairs
-
-
-def peaks_of(frequency: Floats, amplitude: Floats) -> list[tuple[float, float, float]]:
-    """Frequency, level and Q of the highest peaks, by frequency; Q from the half-power band.
-
-    Q is nan where the band is open, or ends between a peak and its neighbour: where the response jumps, or samples are
-    too few.
-    Frequency and level are those of the parabola through the three highest points.
-    """
-    from scipy import signal
-
-    positive = np.maximum(amplitude, 1e-300 + 1e-12 * float(np.max(amplitude, initial=0.0)))
-    at, _ = signal.find_peaks(np.log(positive), prominence=np.log(LEAST_PROMINENCE))
-    # 6: of a channel, the highest
-    highest = sorted(at, key=lambda k: -amplitude[k])[:6]
-    peaks = []
-    for k in sorted(int(k) for k in highest):
-        f, level = _vertex(frequency[k - 1 : k + 2], amplitude[k - 1 : k + 2])
-        below = _crossing(frequency, amplitude < level / np.sqrt(2), amplitude, level / np.sqrt(2), k, -1)
-        above = _crossing(frequency, amplitude < level / np.sqrt(2), amplitude, level / np.sqrt(2), k, 1)
-        peaks.append((f, level, f / (above - below)))
-    return peaks
-
-
-def _vertex(x: Floats, y: Floats) -> tuple[float, float]:
-    """Of the parabola through three points."""
-    a, b, c = np.polyfit(x - x[1], y, 2)
-    if not a < 0.0:
-        return float(x[1]), float(y[1])
-    shift = float(np.clip(-b / (2 * a), x[0] - x[1], x[2] - x[1]))
-    return float(x[1] + shift), float(c + b * shift + a * shift**2)
-
-
-def _crossing(frequency: Floats, lower: Bools, amplitude: Floats, half: float, peak: int, way: int) -> float:
-    """Where the amplitude first falls below half the power on one side of a peak, interpolated; nan if nowhere."""
-    side = np.flatnonzero(lower[peak:]) + peak if way > 0 else np.flatnonzero(lower[:peak])[::-1]
-    if not side.size:
-        return float("nan")
-    k = int(side[0])
-    if k == peak + way:
-        return float("nan")
-    share = (half - amplitude[k]) / (amplitude[k - way] - amplitude[k])
-    return float(frequency[k] + share * (frequency[k - way] - frequency[k]))
 
 
 def _compared(channel: SweptComparison) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from beamsim.analyses.designs.result import (
     judging,
     limited_response,
     responses_of,
+    worst_of,
 )
 from beamsim.analyses.doubts import forces_beyond_tables
 from beamsim.analyses.values import margin_of, margins_of
@@ -236,9 +237,7 @@ def _margins(
             margins[name] = Response(name, unknown, "1", f"limits.{name} / value - 1")
             meets[:] = False
             continue
-        values = np.stack([r.values.ravel() for r in compared])
-        decisive = np.where(np.isnan(values), -np.inf, values).argmax(axis=0)
-        worst = values[decisive, np.arange(values.shape[1])]
+        worst, decisive = worst_of(compared, large_is_good=False)
         meets &= (worst <= limit).reshape(shape)
         rows = worst.reshape(-1, shape[-1])
         deciding = judging(rows, plan.realisations.quantile, large_is_good=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -277,6 +277,24 @@ class DesignsResult(Result):
                 columns |= {f"{name}_{k}": column for k, column in enumerate(by_mode, 1)}
         return columns
 
+    def judged(self, *responses: Response) -> Floats:
+        """The value by which each case is judged, of the design's shape: the worst of those that are known.
+
+        Parameters
+        ----------
+        responses : one quantity at one or several places, each one number a case; within tolerances a case has in each
+            realisation the value at the worst place, and of these the one at the quantile of the study.
+        """
+        objective = Objective.of(self.scenario.vary)
+        asked = {response.name for response in responses_of(self.responses, objective.response)}
+        good = objective.largest and all(response.name in asked for response in responses)
+        each = [self.realised.get(response.name, response) for response in responses]
+        values, _ = worst_of(each, large_is_good=good)
+        rows = values.reshape(self.cases, -1)
+        quantile = self.summary["tolerances"]["quantile"] if self.realised else 1.0
+        deciding = judging(rows, quantile, large_is_good=good)
+        return np.asarray(rows[np.arange(self.cases), deciding].reshape(self.shape))
+
     def case_values(self, case: int) -> tuple[Value, ...]:
         """Values of the coordinates in a case, numbered from 0."""
         if self.kind == "grid":
@@ -371,19 +389,9 @@ def judging(values: Floats, quantile: float, *, large_is_good: bool) -> Ints:
     return np.where(unknown.any(axis=1), unknown.argmax(axis=1), order[:, place])
 
 
-def judged(response: RealisedResponse, quantile: float, *, large_is_good: bool = False) -> Floats:
-    """The value of a response by which each case is judged.
-
-    Parameters
-    ----------
-    response : of all realisations.
-    quantile, large_is_good : see `judging`.
-
-    Returns
-    -------
-    array of the shape of the design
-        nan where a realisation is not known.
-    """
-    rows = response.values.reshape(-1, response.values.shape[-1])
-    chosen = judging(rows, quantile, large_is_good=large_is_good)
-    return np.asarray(rows[np.arange(len(rows)), chosen].reshape(response.values.shape[:-1]))
+def worst_of(responses: Sequence[Response], *, large_is_good: bool) -> tuple[Floats, Ints]:
+    """The worst of values of the same size that are known, one after the other, and which of the responses it is."""
+    values = np.stack([response.values.ravel() for response in responses])
+    badness = np.where(np.isnan(values), -np.inf, -values if large_is_good else values)
+    which = badness.argmax(axis=0)
+    return values[which, np.arange(which.size)], which

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from beamsim.analyses.quality import LEAST_PROMINENCE
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Floats, Ints
 
 BINS = 300  # frequency bins for the envelope of a swept response
-LEAST_PROMINENCE = 1.3  # smallest ratio of a peak to its surroundings
 NEIGHBOURHOOD = 1.25  # frequency ratio within which the increase of a harmonic is measured
 MOST_PEAKS = 12  # of a curve
 LEVEL_STEP = 1.05  # ratio of the levels of two neighbouring cycles, above which the level has a step between them

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.gapping import ContactLevels
+from beamsim.analyses.quality import QualityPeak, peaks_of
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
 from beamsim.analyses.values import OUTPUT, VALUES, AlongCurve
@@ -266,6 +267,24 @@ class SweepCurve(AlongCurve):
     def excitation_unit(self) -> str:
         """Unit of its amplitude."""
         return amplitude_unit(self.quantity)
+
+    @property
+    def has_transmissibility(self) -> bool:
+        """Whether the base moves, and accelerations and the fundamental were kept."""
+        return bool(self.acceleration) and bool(np.any(self.orders == 1.0)) and self.excitation_unit == "m/s^2"
+
+    def transmissibility(self, probe: str) -> Floats:
+        """(C,) fundamental of a probe's absolute acceleration over that of the base, where there is one."""
+        (first,) = np.flatnonzero(self.orders == 1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.abs(self.acceleration[probe].harmonics[first]) / np.abs(self.excitation_amplitude)
+        return np.asarray(ratio)
+
+    def resonance(self, probe: str) -> QualityPeak | None:
+        """Highest peak of the transmissibility, whose Q is known where its half-power band is; None without peaks."""
+        order = np.argsort(self.frequency_hz)
+        peaks = peaks_of(self.frequency_hz[order], self.transmissibility(probe)[order])
+        return max(peaks, key=lambda peak: peak.level, default=None)
 
     @property
     def weights(self) -> Floats:

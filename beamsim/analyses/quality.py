@@ -1,0 +1,60 @@
+"""Peaks of a response over frequency, with Q from their half-power bands."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from beamsim.typing import Bools, Floats
+
+LEAST_PROMINENCE = 1.3  # smallest ratio of a peak to its surroundings
+
+
+class QualityPeak(NamedTuple):
+    """A peak of a response."""
+
+    frequency_hz: float
+    level: float
+    quality: float  # Q; nan where the band is open, or ends beside the peak: the response jumps, or samples are too few
+
+
+def peaks_of(frequency: Floats, amplitude: Floats) -> list[QualityPeak]:
+    """The highest peaks of a response over increasing frequencies, by frequency.
+
+    Frequency and level are those of the parabola through the three highest points.
+    """
+    from scipy import signal
+
+    positive = np.maximum(amplitude, 1e-300 + 1e-12 * float(np.max(amplitude, initial=0.0)))
+    at, _ = signal.find_peaks(np.log(positive), prominence=np.log(LEAST_PROMINENCE))
+    # 6: of a channel, the highest
+    highest = sorted(at, key=lambda k: -amplitude[k])[:6]
+    peaks = []
+    for k in sorted(int(k) for k in highest):
+        f, level = _vertex(frequency[k - 1 : k + 2], amplitude[k - 1 : k + 2])
+        below = _crossing(frequency, amplitude < level / np.sqrt(2), amplitude, level / np.sqrt(2), k, -1)
+        above = _crossing(frequency, amplitude < level / np.sqrt(2), amplitude, level / np.sqrt(2), k, 1)
+        peaks.append(QualityPeak(f, level, f / (above - below)))
+    return peaks
+
+
+def _vertex(x: Floats, y: Floats) -> tuple[float, float]:
+    """Of the parabola through three points."""
+    a, b, c = np.polyfit(x - x[1], y, 2)
+    if not a < 0.0:
+        return float(x[1]), float(y[1])
+    shift = float(np.clip(-b / (2 * a), x[0] - x[1], x[2] - x[1]))
+    return float(x[1] + shift), float(c + b * shift + a * shift**2)
+
+
+def _crossing(frequency: Floats, lower: Bools, amplitude: Floats, half: float, peak: int, way: int) -> float:
+    """Where the amplitude first falls below half the power on one side of a peak, interpolated; nan if nowhere."""
+    side = np.flatnonzero(lower[peak:]) + peak if way > 0 else np.flatnonzero(lower[:peak])[::-1]
+    if not side.size:
+        return float("nan")
+    k = int(side[0])
+    if k == peak + way:
+        return float("nan")
+    share = (half - amplitude[k]) / (amplitude[k - way] - amplitude[k])
+    return float(frequency[k] + share * (frequency[k - way] - frequency[k]))
