@@ -63,7 +63,12 @@ def show_warning(
     file: Any = None,
     line: str | None = None,
 ) -> None:
-    """Print a warning of this package in one line, any other with its place in the source."""
+    """Print a warning of this package in one line, any other with its place in the source.
+
+    Parameters
+    ----------
+    message, category, filename, lineno, file, line : as of `warnings.showwarning`.
+    """
     place = warnings.formatwarning(message, category, filename, lineno, line)
     print(
         f"beamsim: warning: {message}" if issubclass(category, CacheWarning) else place.rstrip(),

@@ -41,7 +41,7 @@ EXIT_CODES = {
 def concluded(
     kind: str, target: Path, reporting: Reporting, compute: Compute[_Result], label: str, afterwards: str = ""
 ) -> _Result:
-    """Compute a result, write, plot and print it, all under signals; returns it if its outcome is a success.
+    """Compute a result, write, plot and print it, all under signals.
 
     Parameters
     ----------
@@ -50,6 +50,10 @@ def concluded(
     reporting : what is written and printed.
     compute : the result.
     label, afterwards : what is done meanwhile, as of `Progress`.
+
+    Returns
+    -------
+    The result, whose outcome is a success.
 
     Raises
     ------

@@ -30,13 +30,17 @@ from beamsim.system.structural import StructuralSystem
 
 
 def draw_model(scenario: Scenario, built: StructuralSystem | None, folder: Path, stem: str) -> list[Path]:
-    """Draw the model of a valid case; returns the picture.
+    """Draw the model of a valid case.
 
     Parameters
     ----------
     scenario : with bodies.
     built : its system, where it was built already.
     folder, stem : of the picture.
+
+    Returns
+    -------
+    The picture, alone in its list.
 
     Raises
     ------
@@ -153,9 +157,22 @@ def _model(result: Any) -> BuiltModel | None:
 
 
 def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool) -> Scene | None:
-    """The animation of a run or of a stored periodic motion; None of results without a motion.
+    """The animation of a run or of a stored periodic motion.
 
-    ``model`` is that of its scenario, where it was built already.
+    Parameters
+    ----------
+    result : of any kind.
+    model : of its scenario, where it was built already.
+    shown : whether to report the progress.
+
+    Returns
+    -------
+    None of results without a motion.
+
+    Raises
+    ------
+    ScenarioError
+        As `frames_of_run`, or where the model of a periodic motion cannot be built again.
     """
     if isinstance(result, RunResult):
         with progress_of("computing the motion again", shown=shown) as progress:

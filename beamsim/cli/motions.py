@@ -277,6 +277,10 @@ def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
     curve : of the sweep.
     quantity : displacement, acceleration or force.
     name : of the probe or snubber.
+
+    Returns
+    -------
+    Text; empty where nothing moves, or nothing is known of the place.
     """
     envelope = getattr(curve, quantity).get(name)
     if envelope is None or not np.any(np.isfinite(envelope.peak)) or not np.nanmax(envelope.peak) > 0.0:

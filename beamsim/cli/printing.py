@@ -55,6 +55,16 @@ def told(name: str, value: Any, unit: str = "") -> str:
 
     >>> told("peak_force_n", 2.5), told("contact_share", 0.25), told("stable", True), told("rate_hz", [1.0, 2.0])
     ('2.5 N', '25 %', 'yes', '1, 2 Hz')
+
+    Parameters
+    ----------
+    name : of the value, whose ending says its unit.
+    value : truth, text, number, several of them, or None.
+    unit : SI, or g; empty for that of the name.
+
+    Returns
+    -------
+    In one line.
     """
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -84,6 +94,10 @@ def lines(name: str, value: Any, unit: str = "", change: Callable[[str], str] = 
         name or in a list.
     unit : of the numbers; empty if each has its own.
     change : by name in a mapping, by record (by "" of the value itself), what is said of its change; empty for nothing.
+
+    Returns
+    -------
+    Without line breaks; none of an empty value.
     """
     if isinstance(value, (list, tuple)) and all(isinstance(item, str) for item in value):
         return list(value)
@@ -169,7 +183,14 @@ def print_json(values: Mapping[str, Any]) -> None:
 
 
 def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> None:
-    """Print the files written by a command, one per line; as JSON also where it is quiet."""
+    """Print the files written by a command, one per line; as JSON also where it is quiet.
+
+    Parameters
+    ----------
+    files : in the order of printing.
+    json : whether to print JSON.
+    quiet : whether to print no lines.
+    """
     if json:
         print_json({"files": [str(path) for path in files]})
     elif not quiet:
@@ -183,7 +204,18 @@ def print_table(title: str, rows: Sequence[tuple[str, str]]) -> None:
 
 
 def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None = None) -> str:
-    """A title and aligned rows, in lines of at most ``terminal`` characters."""
+    """A title and aligned rows.
+
+    Parameters
+    ----------
+    title : first line.
+    rows : label and text of each.
+    terminal : characters in a line at most; None for lines of any length.
+
+    Returns
+    -------
+    Lines, the texts in a column.
+    """
     width = max((len(label) for label, _ in rows), default=0)
     lines = [title]
     for label, text in rows:

@@ -77,6 +77,10 @@ def progress_of(label: str, *, shown: bool, afterwards: str = "") -> Iterator[Pr
     ----------
     label, afterwards : as of `Progress`.
     shown : whether to report at all.
+
+    Yields
+    ------
+    To be called with the fraction that is done.
     """
     progress = Progress(label, afterwards)
     if not shown:

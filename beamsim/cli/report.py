@@ -96,10 +96,10 @@ def _change(summary: Mapping[str, Any], entry: str, name: str) -> str:
         return ONE_OF_MANY if after else ""
     worst = max(known, key=lambda key: known[key])
     of = words(worst[len(called) :].strip())
-    return change_text(known[worst], doubtful, after) + (f" ({of})" if of else "")
+    return _change_text(known[worst], doubtful, after) + (f" ({of})" if of else "")
 
 
-def change_text(change: float, doubtful: bool, after_parting: bool = False) -> str:
+def _change_text(change: float, doubtful: bool, after_parting: bool = False) -> str:
     """A relative change with a finer model, for the table."""
     size = "no change" if change < SMALLEST_CHANGE else f"change {percent(change, 2 if change < 0.995 else 3)}"
     if doubtful:
@@ -128,6 +128,10 @@ def in_units(record: Mapping[str, Any], units: Mapping[str, str], digits: int = 
     record : what is told.
     units : by name of a number.
     digits : of these numbers.
+
+    Returns
+    -------
+    A record of the same names in the same order.
     """
     return {
         name: amount(value, units[name], digits) if name in units and is_known(value) else value

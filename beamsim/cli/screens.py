@@ -78,6 +78,10 @@ class Numbers:
         unit : SI, or g.
         entry, place : of the summary, whose change counts.
         size : magnitude that chooses prefix and decimals, by default that of the value.
+
+        Returns
+        -------
+        Text, with a mark where the value is doubtful or of one of many motions.
         """
         if not is_known(value):
             return "unknown"
@@ -116,6 +120,10 @@ def rounded(value: float, unit: str, digits: int = DIGITS, size: float | None = 
     unit : SI, or g.
     digits : significant digits.
     size : magnitude that chooses prefix and decimals, by default that of the value.
+
+    Returns
+    -------
+    Number and unit.
     """
     si = STANDARD_GRAVITY if unit == "g" else 1.0
     size = float(f"{abs(value if size is None else size):.{digits}g}")

@@ -96,7 +96,7 @@ def export(case: Path, overrides: Sequence[str], output: Path | None, form: Matr
 
 
 def exported(scenario: Scenario, target: Path, form: MatrixForm) -> tuple[list[Path], str]:
-    """Write matrices and table; the files, and the body as a scenario has it.
+    """Write matrices and table.
 
     Parameters
     ----------
@@ -104,10 +104,18 @@ def exported(scenario: Scenario, target: Path, form: MatrixForm) -> tuple[list[P
     target : file of the matrices; the table is written to the same folder.
     form : of what is written.
 
+    Returns
+    -------
+    The files, and the text of a scenario with the body.
+
     Raises
     ------
     ScenarioError
         If no body has this name, or there is no such Craig-Bampton model.
+    MethodError
+        If OP4 is asked for and pyYeti is not installed.
+    ResultFileError
+        If a file cannot be written.
     """
     called, given, places = _matrices(scenario, form.body, form.modes)
     given = in_units(given, SYSTEMS[cast("UnitSystem", form.units)])

@@ -78,8 +78,14 @@ def scene_of(
 
     Parameters
     ----------
-    stations, stops : those of the scenario's system.
+    frames : of the motion.
+    scenario : with bodies.
+    stations, stops : those of its system, the stops by name.
     title : what the motion is of.
+
+    Returns
+    -------
+    With as many frames as were given.
     """
     sketch = Sketch(scenario, stations, stops)
     gaps = {name: float(stop.gap) if np.isfinite(stop.gap) else 0.0 for name, stop in stops.items()}
@@ -118,6 +124,16 @@ def scene_of(
 
 def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None = None) -> Path:
     """Write the animation as a GIF that repeats.
+
+    Parameters
+    ----------
+    scene : with its frames.
+    path : of the file.
+    progress : called with the share of the frames that is drawn.
+
+    Returns
+    -------
+    The path.
 
     Raises
     ------

@@ -24,7 +24,23 @@ _HEIGHT = 0.36  # of the largest deflection or gap, over the distance of rows
 
 
 def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
-    """Static shape of a body (by default the first), its shapes at the extremes of the first probe, the snubbers."""
+    """Static shape of a body (by default the first), its shapes at the extremes of the first probe, the snubbers.
+
+    Parameters
+    ----------
+    result : of the run.
+    ax : to draw on.
+    body : name of a beam; the first body where empty.
+
+    Returns
+    -------
+    The axes.
+
+    Raises
+    ------
+    ValueError
+        If there is no body with deflected shapes.
+    """
     if not result.bodies:
         raise ValueError("no body has a deflected shape: the masses of a chain are points")
     body = body or next(iter(result.bodies))
@@ -60,8 +76,15 @@ def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, uni
 
     Parameters
     ----------
-    x, y, shape : (nx,) m, and the deflection there.
+    ax : to draw on.
+    x, y : (n,) m, of the nodes, which form a grid.
+    shape : (n,) the deflection there.
+    title : of the panel.
     unit : of the deflection, for a bar of colours; none where empty.
+
+    Returns
+    -------
+    The axes.
     """
     metres = scale_for("m", x, y)
     across, up = np.unique(x), np.unique(y)
@@ -79,7 +102,19 @@ def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, uni
 
 
 def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> Axes:
-    """A mode shape of the open structure on a plate, by its number from 1; a line of no deflection is thick."""
+    """A mode shape of the open structure on a plate, by its number from 1; a line of no deflection is thick.
+
+    Parameters
+    ----------
+    modes : with their shapes.
+    ax : to draw on.
+    body : name of the plate.
+    number : of the mode, from 1.
+
+    Returns
+    -------
+    The axes.
+    """
     stations = modes.stations
     on = next(part for part in stations if part.body == body or len(stations.parts) == 1).stations
     assert stations.across is not None
@@ -88,7 +123,20 @@ def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> Axes:
 
 
 def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape: Floats, title: str) -> Axes:
-    """A deflection (nx,) m of a plate, with the snubbers on it."""
+    """A deflection of a plate, with the snubbers on it.
+
+    Parameters
+    ----------
+    result : of the run.
+    ax : to draw on.
+    plate : one of its bodies.
+    shape : (nx,) m, of the plate.
+    title : of the panel.
+
+    Returns
+    -------
+    The axes.
+    """
     assert plate.across is not None
     metres, scale = scale_for("m", plate.position, plate.across), scale_for("m", shape)
     plot_contours(ax, plate.position, plate.across, shape * scale.factor, title, scale.unit)
@@ -119,7 +167,18 @@ def _sketch(result: RunResult) -> Sketch:
 
 
 def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> Axes:
-    """A mode of the open structure, by its number from 1; stops are at the bodies at rest, as modes have no size."""
+    """A mode of the open structure, by its number from 1; stops are at the bodies at rest, as modes have no size.
+
+    Parameters
+    ----------
+    result : of the run.
+    ax : to draw on.
+    number : of the mode, from 1.
+
+    Returns
+    -------
+    The axes.
+    """
     shape = result.modes.shapes[number - 1]
     _sketch(result).draw(ax, shape * _HEIGHT / (float(np.abs(shape).max()) or 1.0))
     ax.set_title(f"mode {number}, {result.modes.open_frequencies_hz[number - 1]:.4g} Hz", fontsize="medium", loc="left")

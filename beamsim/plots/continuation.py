@@ -41,7 +41,18 @@ Values = Callable[[ResponseBranch], Floats]
 
 
 def peaks(result: ContinuationResult, value: Value, name: str) -> Chart:
-    """Largest values of one channel, with their limit, over sweeps."""
+    """Largest values of one channel, with their limit, over sweeps.
+
+    Parameters
+    ----------
+    result : with branches.
+    value : which value.
+    name : of the probe, snubber or output that has it.
+
+    Returns
+    -------
+    Values of all branches over what is continued, above those of the sweeps.
+    """
     swept = [(curve, dict(curve.peaks()).get(value, {})) for curve in result.overlay.values()]
     what, unit = f"{value.label.capitalize()} of {name}", value.unit
     if value is OUTPUT:
@@ -93,7 +104,18 @@ def _lines(result: ContinuationResult, values: Values) -> list[BranchLine]:
 
 
 def plot_curve(result: ContinuationResult, ax: Axes, chart: Chart) -> Axes:
-    """Stable full, unstable dashed, special points marked, sweeps drawn under the curve."""
+    """Stable full, unstable dashed, special points marked, sweeps drawn under the curve.
+
+    Parameters
+    ----------
+    result : with branches.
+    ax : to draw on.
+    chart : one of `charts`.
+
+    Returns
+    -------
+    The axes.
+    """
     draw_curves(ax, *chart)
     at = np.concatenate([b.parameter for b in result.branches])
     if result.parameter == "frequency":
@@ -107,7 +129,18 @@ def plot_curve(result: ContinuationResult, ax: Axes, chart: Chart) -> Axes:
 
 
 def plot_harmonics(result: ContinuationResult, ax: Axes, probe: str) -> Axes:
-    """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; with the mean."""
+    """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; with the mean.
+
+    Parameters
+    ----------
+    result : with branches.
+    ax : to draw on.
+    probe : name.
+
+    Returns
+    -------
+    The axes.
+    """
     first = result.branches[0]
     alike = [b for b in result.branches if b.period_multiple == 1 and repr(b.level) == repr(first.level)]
     lines = [

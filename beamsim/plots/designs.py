@@ -76,7 +76,18 @@ def response_chart(result: DesignsResult, quantity: str) -> Chart:
 
 
 def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes:
-    """A quantity at every place where it is known, over the first parameter, with its limit."""
+    """A quantity at every place where it is known, over the first parameter, with its limit.
+
+    Parameters
+    ----------
+    result : of a study with responses.
+    ax : to draw on.
+    quantity : one of `shown_quantities`.
+
+    Returns
+    -------
+    The axes.
+    """
     chart = response_chart(result, quantity)
     _, scale = draw_curves(ax, *chart)
     order = np.argsort(_axis(result.coordinates[0])[0], kind="stable")
@@ -102,8 +113,15 @@ def plot_response_map(
 
     Parameters
     ----------
+    result : of a grid of two or more parameters.
+    ax : to draw on.
+    response : with one value a case.
     at : numbers of the values of all further parameters.
     best : number of the best case, which is marked if it is on the map.
+
+    Returns
+    -------
+    The axes.
     """
     quantity = _quantity(response)
     scale, limit = scale_for(response.unit, response.values), _limit(result, quantity)
@@ -162,7 +180,18 @@ def _ticks_along(axis: Any, coordinate: Coordinate) -> None:
 
 
 def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> Axes:
-    """Sobol' indices of a response: first and total of every parameter, with their 95 % intervals."""
+    """Sobol' indices of a response: first and total of every parameter, with their 95 % intervals.
+
+    Parameters
+    ----------
+    result : of a study with indices.
+    ax : to draw on.
+    indices : one of them.
+
+    Returns
+    -------
+    The axes.
+    """
     place = np.arange(len(result.coordinates))
     for shift, name, values, low, high, colour in (
         (-0.2, "alone", indices.first_order, indices.first_order_low, indices.first_order_high, "#8fb8de"),
@@ -185,7 +214,19 @@ def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> 
 
 
 def plot_response_scatter(result: DesignsResult, ax: Axes, coordinate: int, quantity: str) -> Axes:
-    """A quantity (at its worst place) of every case over one parameter; cases beyond the limit are marked."""
+    """A quantity (at its worst place) of every case over one parameter; cases beyond the limit are marked.
+
+    Parameters
+    ----------
+    result : of a study with responses.
+    ax : to draw on.
+    coordinate : number of the parameter.
+    quantity : one of `shown_quantities` that has one value a case.
+
+    Returns
+    -------
+    The axes.
+    """
     x, label = _axis(result.coordinates[coordinate])
     known = [response for response in _of(result, quantity) if is_scalar(response, result.shape)]
     along, values = _cases(result, coordinate, x), result.judged(*known).ravel()

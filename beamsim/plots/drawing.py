@@ -60,7 +60,18 @@ class Guide(NamedTuple):
 
 
 def limit_levels(limits: Limits | None, name: str, *, both_signs: bool = False) -> list[Guide]:
-    """The limit ``name``, where there is one."""
+    """The limit ``name``, where there is one.
+
+    Parameters
+    ----------
+    limits : of the scenario; None without any.
+    name : of the limit.
+    both_signs : whether its negative is a limit, too.
+
+    Returns
+    -------
+    No line, one or two.
+    """
     limit = None if limits is None else limits.given.get(name)
     if limit is None:
         return []
@@ -90,9 +101,15 @@ def picture(
 
     Parameters
     ----------
+    title : of the figure; none where empty.
     plots : charts, or functions that draw on the Axes that they are given.
-    size : (width, height) of the figure, inches.
+    columns : panels in a row.
+    size : (width, height) of the figure, inches; by default from the number of rows.
     options : of `matplotlib.figure.Figure.subplots`.
+
+    Returns
+    -------
+    Its axes are the panels in the order of the plots.
     """
     rows = -(-len(plots) // columns)
     figure = Figure(figsize=size or (8.0, max(4.4, 2.8 * rows)), layout="constrained")
@@ -119,7 +136,17 @@ def curve_style(index: int) -> dict[str, Any]:
 
 
 def scales_of(across: Axis, up: Axis, curves: Sequence[Curve]) -> tuple[Scale, Scale]:
-    """In which curves are shown over their axes."""
+    """Scales in which curves are shown over their axes.
+
+    Parameters
+    ----------
+    across, up : words for the axis, and its SI unit or the scale in which it is shown.
+    curves : whose values choose the prefixes of SI units.
+
+    Returns
+    -------
+    Of the axis across, and of the one up.
+    """
     x, y = (
         unit if isinstance(unit, Scale) else scale_for(unit, *(getattr(curve, name) for curve in curves))
         for (_, unit), name in ((across, "x"), (up, "y"))
@@ -136,15 +163,21 @@ def draw_curves(
     log: str = "",
     of: str = "curves",
 ) -> tuple[Scale, Scale]:
-    """Draw curves, label both axes with their units, and name the curves; returns the scales of the axes.
+    """Draw curves, label both axes with their units, and name the curves.
 
     Parameters
     ----------
+    ax : to draw on.
     across, up : words for the axis, and its SI unit or the scale in which it is shown.
+    curves : in SI units.
     levels : lines to compare with; on a linear axis those far above the curves would leave no room for them, and are
         left out.
     log : the letters of logarithmic axes.
     of : what the curves are of: the first `MOST_CURVES` are drawn, and the legend says of how many. All where empty.
+
+    Returns
+    -------
+    Scales of the axis across, and of the one up.
     """
     drawn = list(curves)[: MOST_CURVES if of else None]
     x, y = scales_of(across, up, drawn)
@@ -168,7 +201,13 @@ def with_unit(words: str, scale: Scale) -> str:
 
 
 def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
-    """Labels, grid and frame."""
+    """Labels, grid and frame.
+
+    Parameters
+    ----------
+    ax : to be finished.
+    xlabel, ylabel : of its axes, with their units.
+    """
     ax.set_xlabel(xlabel)
     ax.set_ylabel(ylabel)
     ax.grid(visible=True, color="0.88", linewidth=0.6)
@@ -185,14 +224,27 @@ def plain_logarithmic(axis: Any) -> None:
 
 
 def frequency_axis(ax: Axes, low: float, high: float) -> None:
-    """From ``low`` to ``high``, logarithmic where that is wide."""
+    """An axis of frequency, logarithmic where it is wide.
+
+    Parameters
+    ----------
+    ax : whose axis across is of frequency.
+    low, high : its ends, in the unit shown.
+    """
     ax.set_xlim(low, high)
     if high > WIDE * low > 0.0:
         plain_logarithmic(ax.xaxis)
 
 
 def legend(ax: Axes, title: str = "", *, least: int = 2) -> None:
-    """A legend above the panel, as wide as it, if it has a title or at least so many entries."""
+    """A legend above the panel, as wide as it, if it has a title or enough entries.
+
+    Parameters
+    ----------
+    ax : whose labelled lines are listed.
+    title : of the legend; beside the panel without one if nothing is labelled.
+    least : entries without a title from which there is a legend.
+    """
     labels = ax.get_legend_handles_labels()[1]
     if len(labels) >= (1 if title else least):
         ax.legend(
@@ -221,13 +273,31 @@ def legend_below(figure: Figure) -> Figure:
 
 
 def colour_bar(ax: Axes, mappable: Any, label: str) -> Any:
-    """A bar of colours beside a panel."""
+    """A bar of colours beside a panel.
+
+    Parameters
+    ----------
+    ax : the panel.
+    mappable : what is drawn on it in colours.
+    label : of the bar, with its unit.
+
+    Returns
+    -------
+    `matplotlib.colorbar.Colorbar`
+    """
     assert ax.figure is not None
     return ax.figure.colorbar(mappable, ax=ax, label=label)
 
 
 def dashed_line(ax: Axes, x: ArrayLike, y: ArrayLike, label: str) -> None:
-    """A line on coloured areas: white dashes on black, to be seen on dark and light ones; with a legend if labelled."""
+    """A line on coloured areas: white dashes on black, to be seen on dark and light ones.
+
+    Parameters
+    ----------
+    ax : to draw on.
+    x, y : (n,) in the units of the axes.
+    label : for a legend; no legend where empty.
+    """
     ax.plot(x, y, color="black", linewidth=2.4)
     ax.plot(x, y, color="white", linestyle=(0, (4, 3)), linewidth=1.2, label=label or None)
     if label:
@@ -247,6 +317,11 @@ def highest_in_bins(f: Floats, values: Floats, *, mean: bool = False) -> tuple[F
     Parameters
     ----------
     f, values : (n,) of the cycles of a sweep.
+    mean : whether bins have the mean of their values.
+
+    Returns
+    -------
+    Frequencies and values, both (n,), of more than 1400 points (700,) or fewer; a bin has the mean of its frequencies.
     """
     order = np.argsort(f, kind="stable")
     f, values = f[order], values[order]

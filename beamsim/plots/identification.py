@@ -63,7 +63,19 @@ def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
 
 
 def plot_residuals(before: FrequencyTable, ax: Axes, after: FrequencyTable | None, title: str = "") -> Axes:
-    """Difference between predicted and measured frequencies, in percent of the measured frequency."""
+    """Difference between predicted and measured frequencies, in percent of the measured frequency.
+
+    Parameters
+    ----------
+    before : frequencies of the modes.
+    ax : to draw on.
+    after : the same with the updated model; None where nothing was updated.
+    title : which frequencies, behind the word on the axis.
+
+    Returns
+    -------
+    The axes.
+    """
     known = np.isfinite(before.measured_hz)
     mode = before.mode[known].astype(float)
     shift = 0.0 if after is None else 0.18
@@ -79,7 +91,23 @@ def plot_residuals(before: FrequencyTable, ax: Axes, after: FrequencyTable | Non
 
 
 def plot_pad(pad: PadFit, ax: Axes, quantity: str = "stiffness") -> Axes:
-    """Measured and fitted stiffness or loss factor of a pad over frequency, or its stiffness over time."""
+    """Measured and fitted stiffness or loss factor of a pad over frequency, or its stiffness over time.
+
+    Parameters
+    ----------
+    pad : with what was measured on it.
+    ax : to draw on.
+    quantity : stiffness, or loss_factor where that was measured over frequency.
+
+    Returns
+    -------
+    The axes.
+
+    Raises
+    ------
+    ValueError
+        If the fit has neither frequencies nor times that were measured.
+    """
     dynamic = pad.frequency_hz is not None
     at = pad.frequency_hz if dynamic else pad.time
     if at is None:
@@ -96,7 +124,19 @@ def plot_pad(pad: PadFit, ax: Axes, quantity: str = "stiffness") -> Axes:
 
 
 def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: str = "") -> Axes:
-    """Profile likelihood: misfit above its minimum, with the level that bounds the confidence interval."""
+    """Profile likelihood: misfit above its minimum, with the level that bounds the confidence interval.
+
+    Parameters
+    ----------
+    profile : of a parameter.
+    ax : to draw on.
+    coverage : of the confidence interval, between 0 and 1.
+    unit : SI unit of the parameter, empty of a ratio.
+
+    Returns
+    -------
+    The axes.
+    """
     words = parameter_label(profile.parameter)
     across = (f"{words[:1].upper()}{words[1:]}", unit)
     style = {"marker": "." if profile.value.size < 40 else ""}

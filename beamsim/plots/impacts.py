@@ -35,7 +35,13 @@ def plot_impact_map(impacts: Impacts, ax: Axes, end: float) -> Axes:
 
     Parameters
     ----------
+    impacts : of all snubbers.
+    ax : to draw on.
     end : end of the run (s), and of the axis: a few impacts are seen where they are in it.
+
+    Returns
+    -------
+    The axes.
     """
     many, clock = impacts.begin.size, plain_scale("s")
     size = float(np.clip(120.0 / np.sqrt(max(many, 1)), 1.5, 5.0))
@@ -69,7 +75,19 @@ def plot_peak_forces(impacts: Impacts, ax: Axes) -> Axes:
 
 
 def plot_cycles(counted: Mapping[str, Rainflow], ax: Axes, label: str, of: str) -> Axes:
-    """Number of counted cycles whose range is larger, over the range."""
+    """Number of counted cycles whose range is larger, over the range.
+
+    Parameters
+    ----------
+    counted : cycles by name.
+    ax : to draw on.
+    label : of the axis of ranges, without the unit.
+    of : what the cycles are counted of, for a legend that leaves some out.
+
+    Returns
+    -------
+    The axes.
+    """
     drawn = {name: cycles for name, cycles in counted.items() if cycles.range.size}
     curves = []
     for name, cycles in drawn.items():

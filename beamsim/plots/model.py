@@ -33,7 +33,13 @@ def plot_model(scenario: Scenario, stations: Stations, stops: Mapping[str, Snubb
 
     Parameters
     ----------
-    stations, stops : those of the scenario's system.
+    scenario : with bodies.
+    stations, stops : those of its system, the stops by name.
+    ax : to draw on.
+
+    Returns
+    -------
+    The axes.
     """
     sketch = Sketch(scenario, stations, stops)
     largest = max((stop.gap for stop in stops.values() if np.isfinite(stop.gap)), default=0.0)
@@ -77,7 +83,17 @@ def _number(ax: Axes, names: Sequence[Named], near: float) -> None:
 
 
 def model_figure(scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> Figure:
-    """The sketch with its title, what excites the model, and the scale of the gaps."""
+    """The sketch with its title, what excites the model, and the scale of the gaps.
+
+    Parameters
+    ----------
+    scenario : with bodies.
+    stations, stops : those of its system, the stops by name.
+
+    Returns
+    -------
+    One panel, with a legend below it.
+    """
     rows = Sketch(scenario, stations, stops).count
     figure = picture(scenario.title, partial(plot_model, scenario, stations, stops), size=(8.0, 2.4 + 1.6 * rows))
     figure.axes[0].set_title(excitation_text(scenario), fontsize="medium", loc="left")

@@ -41,8 +41,14 @@ def plot_differences(comparison: ExpansionComparison, ax: Axes, values: Floats, 
 
     Parameters
     ----------
+    comparison : with nf factors.
+    ax : to draw on.
     values, orders : (nf, 3) differences, and the orders at which they fall, of the linear mode and both orders.
     what : differs.
+
+    Returns
+    -------
+    The axes.
     """
     order, curves = np.argsort(comparison.path.factor), []
     for k in (1, 2):
@@ -55,7 +61,18 @@ def plot_differences(comparison: ExpansionComparison, ax: Axes, values: Floats, 
 
 
 def plot_initial_vectors(comparison: ExpansionComparison, ax: Axes, stations: Stations) -> Axes:
-    """Deflection at rest, linear, to both orders and exact, at the largest factor with an exact motion."""
+    """Deflection at rest, linear, to both orders and exact, at the largest factor with an exact motion.
+
+    Parameters
+    ----------
+    comparison : with at least one exact motion.
+    ax : to draw on.
+    stations : where deflections are known.
+
+    Returns
+    -------
+    The axes.
+    """
     path, exact = comparison.path, comparison.exact
     known = np.flatnonzero(np.isfinite(exact.frequency_hz))
     k = int(known[np.argmax(path.factor[known])])
@@ -86,7 +103,18 @@ def comparison_figures(comparison: ExpansionComparison, stations: Stations) -> d
 
 
 def plot_expanded_response(result: ContinuationResult, ax: Axes, probe: str) -> Axes:
-    """The expansion (thick, light) under the exact response (thin, dark): largest deflection against frequency."""
+    """The expansion (thick, light) under the exact response (thin, dark): largest deflection against frequency.
+
+    Parameters
+    ----------
+    result : with expansions.
+    ax : to draw on.
+    probe : name.
+
+    Returns
+    -------
+    The axes.
+    """
     lines = []
     for k, c in enumerate(result.expansion):
         colour, level = {"color": curve_style(k)["color"]}, level_text(c.level, result.level_unit)

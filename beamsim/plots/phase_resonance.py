@@ -72,7 +72,18 @@ def plot_levels(result: PhaseResonanceResult, ax: Axes) -> Axes:
 
 
 def plot_held_shapes(held: HeldMotion, ax: Axes, stations: Stations) -> Axes:
-    """Deflected shapes at two instants of the last period, over those of the mode (thesis, figures 4.14 and 4.17)."""
+    """Deflected shapes at two instants of the last period, over those of the mode (thesis, figures 4.14 and 4.17).
+
+    Parameters
+    ----------
+    held : motion, with its shapes (2, nx) and those of the mode.
+    ax : to draw on.
+    stations : nx, where shapes are known.
+
+    Returns
+    -------
+    The axes.
+    """
     shapes: list[tuple[str, Any, dict[str, Any]]] = []
     for k in (0, 1):
         colour = {"color": curve_style(k)["color"]}
@@ -111,7 +122,18 @@ def plot_departure(result: PhaseResonanceResult, ax: Axes) -> Axes:
 
 
 def phase_resonance_figures(result: PhaseResonanceResult, title: str, stations: Stations) -> dict[str, Figure]:
-    """Every picture of a held mode, by name; shapes and spectrum are those of the last level."""
+    """Every picture of a held mode, by name; shapes and spectrum are those of the last level.
+
+    Parameters
+    ----------
+    result : with at least one motion.
+    title : above every picture.
+    stations : where shapes are known.
+
+    Returns
+    -------
+    By the last part of the file name.
+    """
     figures = {
         "phase_resonance": picture(title, partial(plot_resonances, result)),
         "phase_resonance_level": picture(title, partial(plot_levels, result)),

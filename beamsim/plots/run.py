@@ -104,7 +104,15 @@ def plot_history(result: RunResult, ax: Axes, chart: Chart, figure: str = "", *,
 
     Parameters
     ----------
+    result : of the run.
+    ax : to draw on.
+    chart : curves over its time.
     figure : entry of the summary that says which peaks are doubtful, written above the whole.
+    last_part : whether to draw the last periods alone.
+
+    Returns
+    -------
+    The axes.
     """
     begin, end = (_last_part(result) if last_part else float(result.time[0])), float(result.time[-1])
     first = int(np.searchsorted(result.time, begin))
@@ -115,17 +123,50 @@ def plot_history(result: RunResult, ax: Axes, chart: Chart, figure: str = "", *,
 
 
 def plot_displacement(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Time history of the probe displacements relative to the base."""
+    """Time history of the probe displacements relative to the base.
+
+    Parameters
+    ----------
+    result : of the run.
+    ax : to draw on.
+    last_part : whether to draw the last periods alone.
+
+    Returns
+    -------
+    The axes.
+    """
     return plot_history(result, ax, displacements(result), "peak_displacement_m", last_part=last_part)
 
 
 def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Time history of the absolute accelerations of the probes, in g; behind the filter where there is one."""
+    """Time history of the absolute accelerations of the probes, in g; behind the filter where there is one.
+
+    Parameters
+    ----------
+    result : of the run.
+    ax : to draw on.
+    last_part : whether to draw the last periods alone.
+
+    Returns
+    -------
+    The axes.
+    """
     return plot_history(result, ax, accelerations(result), "peak_acceleration_g", last_part=last_part)
 
 
 def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Time history of the contact forces; if there are many snubbers, those with the largest peaks."""
+    """Time history of the contact forces; if there are many snubbers, those with the largest peaks.
+
+    Parameters
+    ----------
+    result : of the run.
+    ax : to draw on.
+    last_part : whether to draw the last periods alone.
+
+    Returns
+    -------
+    The axes.
+    """
     return plot_history(result, ax, contact_forces(result), "peak_force_n", last_part=last_part)
 
 
@@ -136,7 +177,18 @@ def plot_base_acceleration(result: RunResult, ax: Axes) -> Axes:
 
 
 def plot_output(result: RunResult, ax: Axes, name: str) -> Axes:
-    """Time history of an output."""
+    """Time history of an output.
+
+    Parameters
+    ----------
+    result : of the run.
+    ax : to draw on.
+    name : of the output.
+
+    Returns
+    -------
+    The axes.
+    """
     output = result.outputs[name]
     levels = limit_levels(result.scenario.limits, OF_OUTPUTS + name, both_signs=True)
     return plot_history(result, ax, _histories(result, name, output.unit, {"": output.value}, levels))
@@ -196,7 +248,18 @@ def _unit_of(shown: Sequence[Spectrum]) -> float:
 
 
 def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceleration") -> Axes:
-    """Level in dB over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked."""
+    """Level in dB over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked.
+
+    Parameters
+    ----------
+    result : of the run.
+    ax : to draw on.
+    quantity : of the probes, absolute_acceleration or displacement.
+
+    Returns
+    -------
+    The axes.
+    """
     shown = [s for s in result.spectra.values() if s.quantity == quantity]
     draw_curves(ax, *spectra(result, quantity))
     if shown:
@@ -243,6 +306,16 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
     """Velocity over displacement at a snubber (at the first probe if there is none), contact emphasised.
 
     Of a long run the last part is drawn. The part before the window of the spectrum is drawn in light grey.
+
+    Parameters
+    ----------
+    result : of the run.
+    ax : to draw on.
+    at : name of the snubber, or of the probe where there is no snubber; the first by default.
+
+    Returns
+    -------
+    The axes.
     """
     places: dict[str, Any] = {**result.snubbers} or {**result.probes}
     place: SnubberHistory | ProbeHistory = places[at or next(iter(places))]

@@ -13,7 +13,18 @@ from beamsim.files import replacing
 
 
 def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png") -> list[Path]:
-    """Save every plot as ``<stem>_<name>.<form>`` in ``folder`` (png, pdf or svg); returns the files.
+    """Save every plot as ``<stem>_<name>.<form>``; slashes and spaces in names become underscores.
+
+    Parameters
+    ----------
+    figures : by name.
+    folder : that the files are written to; it is made if it is missing.
+    stem : first part of the file names.
+    form : png, pdf or svg.
+
+    Returns
+    -------
+    The files, in the order of the figures.
 
     Raises
     ------
@@ -30,7 +41,14 @@ def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, f
 
 
 def draw(figure: Figure, target: Any, form: str = "png") -> None:
-    """Draw a figure to a file or stream."""
+    """Draw a figure to a file or stream.
+
+    Parameters
+    ----------
+    figure : to draw.
+    target : path or binary stream.
+    form : png, pdf or svg.
+    """
     # a sixth of the time less than the default
     packed: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}} if form == "png" else {}
     # logarithmic axes have 0.01, 0.6 and 200 in place of powers of ten; letters are as wide as in PDF and SVG

@@ -101,13 +101,18 @@ class Sketch:
     def draw(
         self, ax: Axes, heights: Floats, gaps: float = 0.0, clearance: float = 0.0
     ) -> dict[str, tuple[float, float]]:
-        """Bodies, supports, masses, joints and stops; returns where each stop is drawn.
+        """Draw bodies, supports, masses, joints and stops.
 
         Parameters
         ----------
+        ax : to draw on.
         heights : (nx,) of the stations, rows.
         gaps : rows for a metre of gap; 0 where gaps have no scale, and stops are at the bodies at rest.
         clearance : rows, of the faces of stops from the middle of a body that they touch.
+
+        Returns
+        -------
+        Where each stop is drawn, by name.
         """
         for name, lines in self.lines.items():
             for line in lines:
@@ -207,7 +212,15 @@ class Sketch:
 
 
 def scale_bar(ax: Axes, x: float, height: float, text: str) -> None:
-    """An upright bar beside the bodies that shows the scale of deflections and gaps."""
+    """An upright bar beside the bodies that shows the scale of deflections and gaps.
+
+    Parameters
+    ----------
+    ax : to draw on.
+    x : where, in its unit.
+    height : rows, of the bar.
+    text : beside the bar.
+    """
     ax.plot([x, x], [-0.5 * height, 0.5 * height], color="black", linewidth=2.0, clip_on=False)
     ax.annotate(
         text, (x, 0.0), xytext=(5, 0), textcoords="offset points", va="center", fontsize="small", annotation_clip=False

@@ -130,6 +130,16 @@ def amount(value: float | None, unit: str, digits: int = 4) -> str:
 
     >>> amount(2e-4, "m"), amount(151.1e3, "N/m"), amount(19.6133, "m/s^2"), amount(2e9, "B")
     ('0.2 mm', '151.1 kN/m', '2 g', '2 GB')
+
+    Parameters
+    ----------
+    value : in ``unit``; None or nan is unknown.
+    unit : SI, or g.
+    digits : significant digits; frequencies have at least six.
+
+    Returns
+    -------
+    Number and unit, ``unknown`` or ``infinity``.
     """
     if value is None or math.isnan(value):
         return "unknown"
@@ -153,6 +163,15 @@ def extent(low: float, high: float, unit: str) -> str:
 
     >>> extent(20.0, 30.0, "Hz"), extent(20.26750001, 20.26750002, "Hz"), extent(1e-3, 1e-3, "m")
     ('20 to 30 Hz', '20.26750001 to 20.26750002 Hz', '1 mm')
+
+    Parameters
+    ----------
+    low, high : in ``unit``.
+    unit : SI, or g.
+
+    Returns
+    -------
+    Both ends with their unit, or one number with it.
     """
     for digits in (4, 6, 8, 10):
         first, last = amount(low, unit, digits), amount(high, unit, digits)

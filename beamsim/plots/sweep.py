@@ -59,7 +59,18 @@ def _chart(
 
 
 def draw_sweep(result: SweepResult, ax: Axes, chart: Chart) -> Axes:
-    """Curves over the frequencies of the sweep."""
+    """Curves over the frequencies of the sweep.
+
+    Parameters
+    ----------
+    result : of the sweep.
+    ax : to draw on.
+    chart : curves over its frequencies.
+
+    Returns
+    -------
+    The axes.
+    """
     draw_curves(ax, *chart)
     swept = [curve.frequency_hz for curve in result.curves.values() if curve.frequency_hz.size]
     if swept:
@@ -93,7 +104,18 @@ def _over_linear(result: SweepResult, curve: SweepCurve) -> Floats:
 
 
 def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
-    """Peak displacement over frequency, up and down, with that of the linear structure without snubbers."""
+    """Peak displacement over frequency, up and down, with that of the linear structure without snubbers.
+
+    Parameters
+    ----------
+    result : of the sweep.
+    probe : name.
+    level_index : number of the level, from 0.
+
+    Returns
+    -------
+    Curves of all directions at the level, with marks at up to eight classified peaks.
+    """
     curves = _of_level(result, level_index)
     linear = np.abs(result.linear.displacement[probe]) * _over_linear(result, curves[0])
     grey = {"color": "0.6", "linestyle": "-", "linewidth": 1.0, "zorder": 1}
@@ -110,7 +132,18 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
 
 
 def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
-    """Largest magnitude of a channel of every probe or snubber in each cycle."""
+    """Largest magnitude of a channel of every probe or snubber in each cycle.
+
+    Parameters
+    ----------
+    result : of the sweep.
+    value : which value.
+    level_index : number of the level, from 0.
+
+    Returns
+    -------
+    Curves of all directions at the level, with the limit.
+    """
     curves = _of_level(result, level_index)
     drawn = [
         _swept(f"{name}, {curve.direction}", curve, envelope.peak)
@@ -122,7 +155,18 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
 
 
 def plot_transmissibility(result: SweepResult, ax: Axes, level_index: int) -> Axes:
-    """Fundamental of every probe's absolute acceleration over that of the base, with Q of its highest peak."""
+    """Fundamental of every probe's absolute acceleration over that of the base, with Q of its highest peak.
+
+    Parameters
+    ----------
+    result : of a sweep of a base, with accelerations.
+    ax : to draw on.
+    level_index : number of the level, from 0.
+
+    Returns
+    -------
+    The axes.
+    """
     drawn = []
     for curve in _of_level(result, level_index):
         for name in curve.acceleration:
@@ -133,7 +177,18 @@ def plot_transmissibility(result: SweepResult, ax: Axes, level_index: int) -> Ax
 
 
 def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
-    """Peaks of an output over frequency, by direction and level, with its limit."""
+    """Peaks of an output over frequency, by direction and level, with its limit.
+
+    Parameters
+    ----------
+    result : of the sweep.
+    ax : to draw on.
+    name : of the output.
+
+    Returns
+    -------
+    The axes.
+    """
     curves = list(result.curves.values())
     drawn = [_swept(f"{c.direction}{_level(result, c)}", c, c.outputs[name].peak) for c in curves]
     limits = limit_levels(result.scenario.limits, OF_OUTPUTS + name)
@@ -143,7 +198,19 @@ def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
 
 
 def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -> Axes:
-    """Tracked harmonics: response frequency over excitation frequency, coloured by amplitude in dB."""
+    """Tracked harmonics: response frequency over excitation frequency, coloured by amplitude in dB.
+
+    Parameters
+    ----------
+    result : of the sweep.
+    ax : to draw on.
+    probe : name.
+    curve_name : direction and number of the level, such as up_0.
+
+    Returns
+    -------
+    The axes.
+    """
     curve = result.curves[curve_name]
     step = max(1, curve.frequency_hz.size // 1500)
     amplitude, f = np.abs(curve.displacement[probe].harmonics)[:, ::step], curve.frequency_hz[::step]
@@ -163,7 +230,7 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
     return ax
 
 
-def has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
+def _has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
     """Whether a time history is stored that moves and is long enough for some windows."""
     history = result.histories[level_index]
     return history.time.size >= 8 * FEWEST_SAMPLES and bool(np.any(history.displacement[probe]))
@@ -173,6 +240,17 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     """Spectrum of the displacement over time, in dB re its largest line; the frequency of the sweep is dashed.
 
     Hann windows of 24 cycles of the lowest frequency, at most an eighth of the stored time history.
+
+    Parameters
+    ----------
+    result : of a sweep with a stored time history of the level.
+    ax : to draw on.
+    probe : name.
+    level_index : number of the level, from 0.
+
+    Returns
+    -------
+    The axes.
     """
     history, curves = result.histories[level_index], _of_level(result, level_index)
     x, (begin, end) = history.displacement[probe], history.time[[0, -1]]
@@ -198,7 +276,19 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
 
 
 def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
-    """Peak displacement divided by excitation amplitude for each level."""
+    """Peak displacement divided by excitation amplitude for each level.
+
+    Parameters
+    ----------
+    result : of the sweep.
+    ax : to draw on.
+    probe : name.
+    direction : up or down.
+
+    Returns
+    -------
+    The axes.
+    """
     curves = _in_direction(result, direction)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = [curve.displacement[probe].peak / curve.excitation_amplitude for curve in curves]
@@ -211,7 +301,19 @@ def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str)
 
 
 def plot_harmonic_energy(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve) -> Axes:
-    """Mean-square response in each harmonic divided by mean-square excitation, at one level."""
+    """Mean-square response in each harmonic divided by mean-square excitation, at one level.
+
+    Parameters
+    ----------
+    result : of the sweep.
+    ax : to draw on.
+    probe : name.
+    curve : one of its curves.
+
+    Returns
+    -------
+    The axes.
+    """
     ratio = np.abs(curve.displacement[probe].harmonics[:MOST_CURVES]) / curve.excitation_amplitude
     scale = _per_level([curve], ratio)
     drawn = [
@@ -236,7 +338,18 @@ def _per_level(curves: list[SweepCurve], *ratios: Floats) -> Scale:
 
 
 def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
-    """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost."""
+    """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost.
+
+    Parameters
+    ----------
+    result : of a sweep with snubbers.
+    ax : to draw on.
+    direction : up or down.
+
+    Returns
+    -------
+    The axes.
+    """
     drawn = [
         _swept(f"{name}{_level(result, curve, always=True)}", curve, share, mean=True)
         for curve in _in_direction(result, direction)
@@ -277,7 +390,18 @@ def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
 
 
 def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
-    """Period of the steady motion in cycles of the excitation; crosses, below, where the motion has none."""
+    """Period of the steady motion in cycles of the excitation; crosses, below, where the motion has none.
+
+    Parameters
+    ----------
+    result : of a stepped sweep.
+    ax : to draw on.
+    curve_name : direction and number of the level, such as up_0.
+
+    Returns
+    -------
+    The axes.
+    """
     curve = result.curves[curve_name]
     assert curve.steady is not None
     kind = np.array(curve.steady.kind)
@@ -300,7 +424,19 @@ def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
 
 
 def plot_poincare(result: SweepResult, ax: Axes, curve_name: str, probe: str) -> Axes:
-    """Poincaré sections of the motions that are not periodic: displacement at phase 0 over frequency."""
+    """Poincaré sections of the motions that are not periodic: displacement at phase 0 over frequency.
+
+    Parameters
+    ----------
+    result : of a stepped sweep.
+    ax : to draw on.
+    curve_name : direction and number of the level, such as up_0.
+    probe : name.
+
+    Returns
+    -------
+    The axes.
+    """
     curve = result.curves[curve_name]
     assert curve.steady is not None
     displacement = curve.steady.poincare_displacement[:, list(curve.displacement).index(probe)]
@@ -323,7 +459,18 @@ def plot_notched_level(curve: SweepCurve, ax: Axes) -> Axes:
 
 
 def plot_limited_response(curve: SweepCurve, ax: Axes, limit: NotchLimit) -> Axes:
-    """Largest magnitude of a limited quantity in every cycle, with its limit; shaded where it governs."""
+    """Largest magnitude of a limited quantity in every cycle, with its limit; shaded where it governs.
+
+    Parameters
+    ----------
+    curve : with notches.
+    ax : to draw on.
+    limit : one of those that it keeps.
+
+    Returns
+    -------
+    The axes.
+    """
     assert curve.notching is not None
     peak = limited_peak(curve, limit.name)
     level = Guide("limit", limit.limit, {"color": RED, "linestyle": (0, (5, 1.5)), "linewidth": 1.4})
@@ -379,7 +526,7 @@ def sweep_figures(result: SweepResult) -> dict[str, Figure]:
     if last.has_transmissibility:
         plots["acceleration"].append(partial(plot_transmissibility, result, level_index=last.level_index))
     for index in result.histories:
-        if has_spectrogram(result, probe, index):
+        if _has_spectrogram(result, probe, index):
             plots[f"spectrogram_{index}"] = [partial(plot_spectrogram, result, probe=probe, level_index=index)]
     plots["waterfall"] = [partial(plot_waterfall, result, probe=probe, curve_name=last.name)]
     if last.force:

@@ -50,11 +50,16 @@ def page_of(
 
     Parameters
     ----------
+    result : of any kind.
     about : which command made it, and when.
     rows : of its printed table.
     figures : its plots by name.
     model : of its scenario; None where it has none, or it is not known.
-    scene : an animation of its motion.
+    scene : an animation of its motion; None without one.
+
+    Returns
+    -------
+    Sections from the limits to the scenario, with the verdict above them.
     """
     page = Page(result.title or "beamsim", about, verdict_of(result))
     margins = result.summary.get("margins") or {}

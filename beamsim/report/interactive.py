@@ -128,6 +128,10 @@ def thinned(x: Floats, y: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floa
     ----------
     x, y : (n,) arrays.
     most : number of points; a curve of fewer is kept as it is.
+
+    Returns
+    -------
+    Arrays of equal length, in the order of the curve.
     """
     length = -(-2 * y.size // most)
     if y.size <= most or length < 3:
@@ -141,12 +145,16 @@ def thinned(x: Floats, y: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floa
 
 
 def heat_map(across: Axis, up: Axis, of: Axis, x: Floats, y: Floats, values: Floats) -> dict[str, Any]:
-    """Values over two axes as data and layout for plotly.
+    """Values over two axes for plotly.
 
     Parameters
     ----------
     across, up, of : words and SI unit of the axes and of the values.
     x, y, values : (nx,), (ny,) and (ny, nx) in SI units.
+
+    Returns
+    -------
+    Data and layout, which JSON can hold.
     """
     scales = [scale_for(str(unit), known) for (_, unit), known in ((across, x), (up, y), (of, values))]
     labels = [with_unit(words, scale) for (words, _), scale in zip((across, up, of), scales, strict=True)]

@@ -107,7 +107,17 @@ def _section(number: int, name: str, html: str) -> str:
 
 
 def document(title: str, body: str, scripts: Iterable[str]) -> str:
-    """An HTML file with the style of reports."""
+    """An HTML file with the style of reports.
+
+    Parameters
+    ----------
+    title : of the page.
+    body, scripts : HTML; the scripts follow the body.
+
+    Returns
+    -------
+    Text of the file.
+    """
     return "\n".join(
         [
             "<!DOCTYPE html>",
