@@ -646,12 +646,12 @@ class BeamBody(Body):
                 "begin or end a little beside it",
             )
 
-    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+    def start_problems(self, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """A polynomial with a deflection or slope that the supports prevent.
 
         Parameters
         ----------
-        where, at, numbers : see `beamsim.scenario.body.Body.start_problems`.
+        at, numbers : see `beamsim.scenario.body.Body.start_problems`.
 
         Yields
         ------

@@ -602,12 +602,11 @@ class Body(Schema):
         """Power of x whose coefficient is the number of a displacement or velocity to start from."""
         return index
 
-    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+    def start_problems(self, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """What is wrong with the numbers of a displacement or velocity to start from; by default that there are any.
 
         Parameters
         ----------
-        where : path of the body.
         at : path at which the numbers are written.
         numbers : as they are written, in SI units: coefficients of 1, x, x^2, ..., or one for each mass.
 

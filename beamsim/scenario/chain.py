@@ -134,12 +134,12 @@ class Chain(Body):
         """None: each mass has its own displacement."""
         return 0
 
-    def start_problems(self, where: Path, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+    def start_problems(self, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """Not one number a mass.
 
         Parameters
         ----------
-        where, at, numbers : see `beamsim.scenario.body.Body.start_problems`.
+        at, numbers : see `beamsim.scenario.body.Body.start_problems`.
 
         Yields
         ------

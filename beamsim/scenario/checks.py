@@ -484,11 +484,11 @@ def _start(scenario: ScenarioParts) -> Problems:
         yield from unknown(path, name, "body", scenario.all_bodies)
         if name not in scenario.all_bodies:
             continue
-        body, where = scenario.all_bodies[name], scenario.body_path(name)
+        body = scenario.all_bodies[name]
         for quantity in ("displacement", "velocity"):
             numbers = getattr(shape, quantity)
             yield from _units_of_shape(body, (*path, quantity), numbers)
-            yield from body.start_problems(where, (*path, quantity), numbers)
+            yield from body.start_problems((*path, quantity), numbers)
 
 
 def _units_of_shape(body: Body, path: Path, numbers: Sequence[float]) -> Problems:

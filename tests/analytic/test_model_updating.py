@@ -74,6 +74,14 @@ def test_a_prior_holds_what_the_frequencies_cannot():
     assert found["beam.thickness"].value == pytest.approx(0.005, rel=1e-3)
 
 
+def test_more_frequencies_than_modes_are_refused_where_they_stand():
+    chain = {"masses": [1.0, 1.0], "springs": [100.0, 100.0]}
+    section = {"snubber": "s", "measured_without": [1.0, 2.0, 3.0], "update": ["chain.springs[0]"]}
+    stop = {"name": "s", "mass": 2, "side": "above", "stiffness": 1e3}
+    with pytest.raises(ScenarioError, match=r"measured_without has 3 frequencies, more than the model has modes; "):
+        identify_stiffness(load_scenario({"chain": chain, "snubbers": [stop], "identify_stiffness": section}))
+
+
 def test_what_cannot_be_told_apart_is_named():
     result = identify_stiffness(case(frequencies(3), ["beam.youngs_modulus", "beam.width"]))
     assert not [w for w in result.warnings if "cannot be distinguished" in w]  # the point masses tell them apart

@@ -26,7 +26,7 @@ from beamsim.analyses.continuation.branches import (
     Tracer,
     coexisting_branches,
     coincides,
-    covered,
+    gaps_between,
     missing,
     progress_that_grows,
     reach_of,
@@ -226,7 +226,7 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
         parts.append(exceeded)
     parts += _left_out(model, settings, traced)
     bands: list[tuple[float, float]] = []
-    for a, b in covered(_stable_stretches(traced), min(first, last), max(first, last)):
+    for a, b in gaps_between(_stable_stretches(traced), min(first, last), max(first, last)):
         if bands and a - bands[-1][1] < COVERED * abs(last - first):
             a = bands.pop()[0]
         bands.append((a, b))

@@ -269,7 +269,7 @@ def progress_that_grows(report: Report | None) -> Report:
     return grown
 
 
-def covered(spans: Iterable[tuple[float, float]], low: float, high: float) -> list[tuple[float, float]]:
+def gaps_between(spans: Iterable[tuple[float, float]], low: float, high: float) -> list[tuple[float, float]]:
     """The stretches of a range that the spans do not cover, long enough to matter.
 
     Parameters
@@ -303,10 +303,10 @@ def missing(branches: Iterable[OrbitBranch], first: float, last: float) -> list[
     Returns
     -------
     list
-        As of `covered`.
+        As of `gaps_between`.
     """
     low, high = sorted((first, last))
-    return covered([t.span for t in branches], low, high)
+    return gaps_between([t.span for t in branches], low, high)
 
 
 def trace_range(
@@ -333,7 +333,7 @@ def trace_range(
 
     def tell(parameter: float) -> None:
         spans = [t.span for t in branches]
-        known = covered([*spans, (min(begin, parameter), max(begin, parameter))], low, high)
+        known = gaps_between([*spans, (min(begin, parameter), max(begin, parameter))], low, high)
         grown(1.0 - sum(b - a for a, b in known) / (high - low))
 
     begin = first

@@ -277,10 +277,7 @@ def _curve(
         with suppress(ArithmeticError, np.linalg.LinAlgError):
             begun = start_of_curve(orbits, touching or fold, path, second.inward(present), direction)
         if begun is None:
-            close = Outcome.of(
-                OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve"
-            )
-            halves.append(OrbitBranch(None, (), close))
+            halves.append(OrbitBranch(None, (), TOO_CLOSE))
         else:
             curve, start = begun
             halves.append(walk(Branch(curve, start, low, high, SETTINGS), budget, within, special_between=None))

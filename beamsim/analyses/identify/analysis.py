@@ -157,16 +157,17 @@ def _others(scenario: Scenario, snubber: str) -> Iterator[str]:
 
 def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) -> None:
     """Refuse more measured frequencies than the model has modes."""
-    size = point.omega.size - rigid
     for key in ("measured_without", "measured_with"):
-        if len(getattr(section, key)) > size:
-            raise ScenarioError(
-                Problem(
-                    f"identify_stiffness.{key}",
-                    f"has {len(getattr(section, key))} frequencies, but the model has only {size} modes",
-                    "increase the number of elements, or leave out the highest frequencies",
-                )
-            )
+        if len(getattr(section, key)) > point.omega.size - rigid:
+            raise ScenarioError(_too_few_modes(key, len(getattr(section, key))))
+
+
+def _too_few_modes(key: str, measured: int) -> Problem:
+    return Problem(
+        f"identify_stiffness.{key}",
+        f"has {measured} frequencies, more than the model has modes",
+        "increase the number of elements, or leave out the highest frequencies",
+    )
 
 
 def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[float, ...]) -> Floats:
@@ -278,8 +279,8 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
 
     Raises
     ------
-    ValueError
-        If nothing was measured without the snubber (the schema refuses that).
+    ScenarioError
+        If no combination of supports has a case with as many modes as were measured.
     """
     numbers, words = sought_numbers(scenario, section.update)
     tried = [_with_supports(scenario, section, numbers, words, choice)
@@ -287,7 +288,8 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
     tried.sort(key=lambda each: each.misfit)
     first = tried[0]
     if first.fit is None or first.best is None:
-        raise ValueError("the model has fewer modes than were measured")
+        assert first.refused is not None
+        raise ScenarioError(first.refused)
     fit, best = first.fit, first.best
     freedom, known = len(section.measured_without) - len(numbers), _sigma(section).all()
     # an unknown standard deviation is that of the residuals
@@ -321,6 +323,7 @@ class _Tried:
     scenario: Scenario  # with these supports, before the numbers
     fit: Fit | None = None
     best: Best | None = None
+    refused: Problem | None = None
 
     @property
     def misfit(self) -> float:
@@ -335,8 +338,10 @@ def _with_supports(
         scenario = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
         fit = _fit(scenario, section, numbers)
         return _Tried(text, scenario, fit, fit.best(np.zeros(len(numbers))))
-    except (ScenarioError, UnpredictableError):  # a support that holds the snubber's point, for example
-        return _Tried(text, scenario)
+    except ScenarioError as error:  # a support that holds the snubber's point, for example
+        return _Tried(text, scenario, refused=error.problems[0])
+    except UnpredictableError:
+        return _Tried(text, scenario, refused=_too_few_modes("measured_without", len(section.measured_without)))
 
 
 def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought]) -> Fit:

@@ -39,7 +39,6 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
 if TYPE_CHECKING:
-    from beamsim.scenario import Scenario
     from beamsim.scenario.run import ShockSpectrumSettings
 NOTED = 0.25  # of a peak acceleration: a larger jump may exceed it in a model of a few times the modes
 SETTLED = 0.8  # of the sum over all modes, that the lower half of them reaches where the sum converges
