@@ -149,7 +149,7 @@ def test_time_histories_of_a_test(swept, tmp_path):
         "--channel",
         "second (g)",
     ]
-    options = ["-o", str(tmp_path / "c.h5"), "--reference", "drive", "--cycles", "4"]
+    options = ["-v", "-o", str(tmp_path / "c.h5"), "--reference", "drive", "--cycles", "4"]
     done = invoke(*arguments, *options)
     assert done.exit_code == 0, done.output
     assert "bandwidth 25 % of the frequency" in done.output
@@ -211,7 +211,7 @@ def test_csv_files_of_laboratories(swept, tmp_path, kind):
     assert [signal.unit for signal in read_file(path)] == ["Hz", "g", "g"]
     write_result(swept, tmp_path / "sweep.h5")
     target = str(tmp_path / "sweep_compare.h5")
-    done = invoke("compare", tmp_path / "sweep.h5", path, "--no-plots", "-o", target)
+    done = invoke("compare", tmp_path / "sweep.h5", path, "--no-plots", "-v", "-o", target)
     assert done.exit_code == 0, done.output
     assert "FRAC" in done.output
     assert "FDAC" in done.output
