@@ -79,6 +79,28 @@ def _independent(energy_vectors: Floats, reference: Floats) -> Floats:
     return scale[:, None] * transform
 
 
+def _reduced_parts(
+    model: Structure,
+    patterns: Sequence[LoadPattern],
+    count: int | None,
+    highest_frequency: float | None,
+    *,
+    default: bool,
+    least: int,
+) -> ReducedBasis:
+    """Each part that nothing joins to the others by itself, all in order of frequency; see `reduce_model`."""
+    counts = [None] * len(model.parts) if count is None else _counts(model, count)
+    physical = None if highest_frequency is None else highest_frequency * model.frequency_scale
+    of_parts = []
+    for part, part_count in zip(model.parts, counts, strict=True):
+        own, of_part = part.structure, _own_patterns(model, part, patterns)
+        highest = None if physical is None else physical / own.frequency_scale
+        of_parts.append(
+            reduce_model(own, of_part, count=part_count, highest_frequency=highest, default=default, least=least)
+        )
+    return _direct_sum(model, of_parts)
+
+
 def reduce_model(
     model: Structure,
     patterns: Sequence[LoadPattern] = (),
@@ -109,18 +131,8 @@ def reduce_model(
         Of several parts that of each, and all in order of frequency.
     """
     if model.parts:
-        counts = [None] * len(model.parts) if count is None else _counts(model, count)
-        physical = None if highest_frequency is None else highest_frequency * model.frequency_scale
-        of_parts = []
-        for part, part_count in zip(model.parts, counts, strict=True):
-            own, of_part = part.structure, _own_patterns(model, part, patterns)
-            highest = None if physical is None else physical / own.frequency_scale
-            of_parts.append(
-                reduce_model(
-                    own, of_part, count=part_count, highest_frequency=highest, default=default, least=max(least, mode)
-                )
-            )
-        return _direct_sum(model, of_parts)
+        least = max(least, mode)
+        return _reduced_parts(model, patterns, count, highest_frequency, default=default, least=least)
     rigid = model.rigid.shape[1]
     if default and model.most_modes is None:
         return _with_static_vectors(model, natural_modes(model), (), None)
