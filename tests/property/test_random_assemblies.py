@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 from independent import Beam, Stop, Structure, chain, integrate
-from sampling import slow_after
 from scipy.linalg import block_diag, eigh, null_space
 
 import beamsim
@@ -218,6 +217,11 @@ def compare(seed: int) -> int:
     return int(motion.event_time.size)
 
 
-@pytest.mark.parametrize("seed", slow_after(1, [1, 0, 2, 3, 4, 5, 6, 7]))
-def test_random_assemblies_against_integration(seed: int) -> None:
-    assert compare(seed) > 0
+def test_random_assemblies_against_integration() -> None:
+    assert compare(1) > 10
+
+
+@pytest.mark.slow
+def test_more_random_assemblies_against_integration() -> None:
+    """Thousands of others, with links of every kind: `tests/attack`."""
+    assert sum(compare(seed) for seed in (0, *range(2, 18))) > 140
