@@ -22,11 +22,16 @@ MOST_ROWS = 12  # special points, branches
 
 
 def continuation_screen(result: ContinuationResult) -> Screen:
-    """By level the largest displacement and where, the special points and how much of the branch is stable."""
+    """By level the largest displacement and where, special points and how much is stable; the largest forces."""
     s, numbers = result.summary, Numbers(result.summary)
     levels = list(dict.fromkeys((branch.level, branch.period_multiple) for branch in result.branches))
     rows = [_followed(result, numbers, *key) for key in levels[: 2 * SHOWN]]
     lines = [f"{len(levels) - 2 * SHOWN} more levels and periods in the file"] if len(levels) > 2 * SHOWN else []
+    hardest = sorted(s.get("peak_force_n", {}).items(), key=lambda item: -item[1])[:SHOWN]
+    forces = [f"{numbers.text(force, 'N', 'peak_force_n', name)} at {name}" for name, force in hardest if force > 0]
+    if forces:
+        lines.append(f"peak force of stable motions {', '.join(forces)}")
+    lines += _special_lines(result)
     outputs = {name: of for name, of in _outputs(result, s.get("peak_output", {})).items() if of}
     lines += [f"peak of {name} {of['peak']} at {of['at']}" for name, of in list(outputs.items())[:SHOWN]]
     for curve in s.get("fold_curves", ()):
@@ -61,14 +66,19 @@ def _followed(result: ContinuationResult, numbers: Numbers, level: float, period
         size = numbers.text(peak["value_m"], "m", "peak_displacement_m", place)
         row["largest displacement"] = f"{size} at {_parameter(peak['parameter'], result.unit, 4)}, {peak['probe']}"
     row["stable"] = "all" if stable == points else f"{stable} of {points} points"
-    special: dict[str, list[float]] = {}
-    for point in filter(here, result.summary["special_points"]):
-        special.setdefault(special_name(point["kind"]), []).append(point["parameter"])
-    for kind, at in special.items():
-        scale = scale_for(result.unit, at)
-        more = f" and {len(at) - SHOWN} more" if len(at) > SHOWN else ""
-        row[kind] = f"{', '.join(f'{x * scale.factor:.4g}' for x in at[:SHOWN])} {scale.unit}{more}"
     return row
+
+
+def _special_lines(result: ContinuationResult) -> Iterator[str]:
+    """Where the special points of each kind are, of all levels and periods."""
+    special: dict[str, set[float]] = {}
+    for point in result.summary["special_points"]:
+        special.setdefault(special_name(point["kind"]), set()).add(point["parameter"])
+    for kind, places in special.items():
+        scale = scale_for(result.unit, list(places))
+        at = list(dict.fromkeys(f"{x * scale.factor:.4g}" for x in sorted(places)))
+        more = f" and {len(at) - SHOWN} more" if len(at) > SHOWN else ""
+        yield f"{kind} at {', '.join(at[:SHOWN])} {scale.unit}{more}"
 
 
 def _branches(result: ContinuationResult, count: int) -> list[dict[str, Any]]:
