@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -69,16 +70,18 @@ def _followed(result: ContinuationResult, numbers: Numbers, level: float, period
     return row
 
 
-def _special_lines(result: ContinuationResult) -> Iterator[str]:
+def _special_lines(result: ContinuationResult) -> list[str]:
     """Where the special points of each kind are, of all levels and periods."""
     special: dict[str, set[float]] = {}
     for point in result.summary["special_points"]:
         special.setdefault(special_name(point["kind"]), set()).add(point["parameter"])
+    texts = []
     for kind, places in special.items():
         scale = scale_for(result.unit, list(places))
         at = list(dict.fromkeys(f"{x * scale.factor:.4g}" for x in sorted(places)))
         more = f" and {len(at) - SHOWN} more" if len(at) > SHOWN else ""
-        yield f"{kind} at {', '.join(at[:SHOWN])} {scale.unit}{more}"
+        texts.append(f"{kind} at {', '.join(at[:SHOWN])} {scale.unit}{more}")
+    return textwrap.wrap("; ".join(texts), 118)
 
 
 def _branches(result: ContinuationResult, count: int) -> list[dict[str, Any]]:
