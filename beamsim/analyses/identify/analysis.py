@@ -159,13 +159,13 @@ def _enough_modes(point: SpringPoint, section: IdentifyStiffness, rigid: int) ->
     """Refuse more measured frequencies than the model has modes."""
     for key in ("measured_without", "measured_with"):
         if len(getattr(section, key)) > point.omega.size - rigid:
-            raise ScenarioError(_too_few_modes(key, len(getattr(section, key))))
+            raise ScenarioError(_too_few_modes(key, len(getattr(section, key)), point.omega.size - rigid))
 
 
-def _too_few_modes(key: str, measured: int) -> Problem:
+def _too_few_modes(key: str, measured: int, modes: int) -> Problem:
     return Problem(
         f"identify_stiffness.{key}",
-        f"has {measured} frequencies, more than the model has modes",
+        f"has {measured} frequencies, but the model has only {modes} modes",
         "increase the number of elements, or leave out the highest frequencies",
     )
 
@@ -341,7 +341,9 @@ def _with_supports(
     except ScenarioError as error:  # a support that holds the snubber's point, for example
         return _Tried(text, scenario, refused=error.problems[0])
     except UnpredictableError:
-        return _Tried(text, scenario, refused=_too_few_modes("measured_without", len(section.measured_without)))
+        measured = len(section.measured_without)
+        modes = int(np.sum(free_frequencies(scenario, section.snubber, measured) > 0))
+        return _Tried(text, scenario, refused=_too_few_modes("measured_without", measured, modes))
 
 
 def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought]) -> Fit:
