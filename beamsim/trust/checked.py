@@ -198,8 +198,10 @@ def _checked(
     result = first(_part(progress, 0.0, share))
     if not asked:
         return with_convergence(result, Convergence(reason=NOT_ASKED))
-    if result.outcome.cut_short or stop():
+    if result.outcome.cut_short:
         return result
+    if stop():
+        return result.interrupted(COMPARISON)
     begin, wall = clock.process_time(), clock.perf_counter()
     checked = _convergence(values, result, lambda case: again(case, _part(progress, share, 1.0)), stop)
     if stop():

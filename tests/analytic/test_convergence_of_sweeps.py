@@ -53,6 +53,15 @@ def test_a_sweep_with_too_few_modes_is_marked(tmp_path):
     assert stored.outcome == result.outcome
 
 
+def test_a_stop_between_the_sweep_and_its_comparison_is_told():
+    """The result is whole, and said "complete", though nothing was compared."""
+    saved = []
+    result = beamsim.sweep(case(3), save=saved.append, stop=lambda: any(r.complete for r in saved))
+    assert saved[-1].complete
+    assert result.outcome.interrupted
+    assert result.status == "interrupted during the comparison with a finer model"
+
+
 def test_a_comparison_can_be_left_out_and_interrupted():
     off = beamsim.sweep(case(3, sweep={"kind": "stepped", "from": 50, "to": 70, "points": 2, "convergence": "off"}))
     assert dict(table_rows("sweep", off))["convergence"] == "not checked: not asked for"
