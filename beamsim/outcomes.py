@@ -321,9 +321,19 @@ def listed(value: Any) -> str:
         return f"{value:.6g}"
     if not isinstance(value, tuple):
         return str(value)
-    items = [" to ".join(map(listed, item)) if isinstance(item, tuple) else listed(item) for item in value]
-    more = f" and {len(items) - MOST_LISTED} more" if len(items) > MOST_LISTED else ""
-    return ", ".join(items[:MOST_LISTED]) + more
+    return first_of(
+        [" to ".join(map(listed, item)) if isinstance(item, tuple) else listed(item) for item in value], MOST_LISTED
+    )
+
+
+def first_of(texts: Sequence[str], most: int) -> str:
+    """Texts separated by commas, the first ones if there are many.
+
+    >>> first_of(["a", "b", "c"], 2), first_of(["a", "b"], 2)
+    ('a, b and 1 more', 'a, b')
+    """
+    more = f" and {len(texts) - most} more" if len(texts) > most else ""
+    return ", ".join(texts[:most]) + more
 
 
 def _plain(value: Any) -> Any:

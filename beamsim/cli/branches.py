@@ -10,11 +10,13 @@ import numpy as np
 
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.printing import counted, percent
+from beamsim.cli.printing import percent
 from beamsim.cli.report import Labelled, Views, ended, in_units
 from beamsim.cli.screens import SHOWN, Numbers, Screen, limit_lines, rounded, sureness
 from beamsim.orbits.branch import special_name
+from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, level_text, scale_for
+from beamsim.scenario.base import counted
 
 MOST_ROWS = 12  # special points, branches
 
@@ -215,9 +217,8 @@ def _departures(result: NormalModeResult) -> Iterator[str]:
     s, unit = result.summary, result.unit
     tongues = s.get("internal_resonances", ())
     if tongues:
-        at = [f"{_parameter(tongue['parameter'], unit, 3)} ({_cause(tongue)})" for tongue in tongues[:SHOWN]]
-        more = f" and {len(tongues) - SHOWN} more" if len(tongues) > SHOWN else ""
-        yield f"internal resonances at {result.parameter.replace('_', ' ')} {', '.join(at)}{more}"
+        at = [f"{_parameter(tongue['parameter'], unit, 3)} ({_cause(tongue)})" for tongue in tongues]
+        yield f"internal resonances at {result.parameter.replace('_', ' ')} {first_of(at, SHOWN)}"
     counts = {"jumps": "jump", "grazings": "grazing contact", "special_points": "fold or branch point"}
     found = {name: s.get(name) or 0 for name in counts}
     sizes = {name: some if isinstance(some, int) else len(some) for name, some in found.items()}
@@ -225,7 +226,7 @@ def _departures(result: NormalModeResult) -> Iterator[str]:
         some = ", ".join(counted(sizes[name], noun) for name, noun in counts.items() if sizes[name])
         yield f"along the backbone: {some}"
     if full := s.get("full_period"):
-        branches = counted(len(full["never_at_rest"]), "branch").replace("branchs", "branches")
+        branches = counted(len(full["never_at_rest"]), "branch", "branches")
         yield f"full period: {branches} of motions that are never at rest"
     if of := s.get("multiple_scales"):
         orders = ", ".join(f"{order:.2f}" for order in of["observed_order_frequency"])

@@ -13,10 +13,11 @@ from beamsim.analyses.compare.result import ChannelComparison, Comparison, PeakP
 from beamsim.analyses.compare_modes import ModeComparison
 from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
-from beamsim.cli.printing import counted, lines, percent, told
+from beamsim.cli.printing import lines, percent, told
 from beamsim.cli.report import Labelled, Views
 from beamsim.cli.screens import SHOWN, Screen, rounded
 from beamsim.plots.style import amount, extent, scale_for
+from beamsim.scenario.base import counted
 from beamsim.scenario.parameters import unit_of
 
 # --- Identification --------------------------------------------------------------------------------------------------
@@ -80,7 +81,7 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
             yield f"misfit {_misfit(result, s[name])}"
     if "starts_agreeing" in s:
         agreeing, starts = s["starts_agreeing"]
-        freedom = counted(s["nonlinear_degrees_of_freedom"], "degree").replace("degrees", "degrees of freedom")
+        freedom = counted(s["nonlinear_degrees_of_freedom"], "degree of freedom", "degrees of freedom")
         yield f"{agreeing} of {starts} starts reached the same minimum, {freedom}"
     if result.update is not None and result.update.choices:
         yield ", ".join(f"{parameter_label(path)} {choice}" for path, choice in result.update.choices.items())

@@ -15,6 +15,7 @@ from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.cli.printing import percent
 from beamsim.cli.report import Labelled, Views, in_units, stress_text, together
 from beamsim.cli.screens import SHOWN, Numbers, Screen, contact_levels, limit_lines, limits_by_place, modes, sureness
+from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, is_known, scale_for
 
 
@@ -32,8 +33,7 @@ def run_screen(result: RunResult) -> Screen:
         for name, peak in s.get("peak_output", {}).items()
     ]
     if outputs:
-        more = f" and {len(outputs) - SHOWN} more" if len(outputs) > SHOWN else ""
-        lines.append(f"peaks of outputs: {', '.join(outputs[:SHOWN])}{more}")
+        lines.append(f"peaks of outputs: {first_of(outputs, SHOWN)}")
     lines += [f"damage of {name} {body['damage']:.2g}" for name, body in s.get("fatigue", {}).items()]
     shown = {row[""] for row in rows}
     lines += limit_lines({name: item for name, item in s.get("margins", {}).items() if item["at"] not in shown})

@@ -41,15 +41,6 @@ def percent(share: float, digits: int = 3) -> str:
     return f"{100 * share:.{digits}g} %"
 
 
-def counted(number: int, noun: str) -> str:
-    """A number of things.
-
-    >>> counted(1, "mode"), counted(2, "mode")
-    ('1 mode', '2 modes')
-    """
-    return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
 def told(name: str, value: Any, unit: str = "") -> str:
     """The text of a value that has this name, with the unit of the name if no other is given; empty where not known.
 
@@ -120,6 +111,13 @@ def aligned(rows: Sequence[Sequence[str]], gap: int = 3) -> list[str]:
     return [between.join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
+def under_headings(texts: Sequence[Mapping[str, str]]) -> list[list[str]]:
+    """The headings of texts by heading, then a row of cells for each; headings under which nothing is are left out."""
+    names = dict.fromkeys(name for text in texts for name in text)
+    headings = [name for name in names if any(text.get(name) for text in texts)]
+    return [headings, *([text.get(name) or NONE for name in headings] for text in texts)]
+
+
 def _records(value: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Records by their names, which may have several levels."""
     for name, item in value.items():
@@ -167,10 +165,8 @@ def _table(records: Sequence[Mapping[str, Any]], change: Callable[[str], str]) -
     texts = [{name: told(name, item) for name, item in record.items() if not _is_table(item)} for record in flat]
     for text in texts:
         text["change"] = change(text[""]) if "" in text else ""
-    columns = [
-        name for name in dict.fromkeys(name for text in texts for name in text) if any(t.get(name) for t in texts)
-    ]
-    rows = [[words(name) for name in columns], *([text.get(name) or NONE for name in columns] for text in texts)]
+    columns, *cells = under_headings(texts)
+    rows = [[words(name) for name in columns], *cells]
     if len({*columns} - {"", "change"}) == 1 and "" in columns:
         return aligned(rows[1:])  # the one thing that is told has the name of the entry
     below, beside = aligned(rows), aligned(list(zip(*rows, strict=True)))

@@ -15,10 +15,11 @@ from typing import Any
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.values import limit_label, limit_unit
-from beamsim.cli.printing import aligned, counted, lines, percent, table_text, told, words
+from beamsim.cli.printing import aligned, lines, percent, table_text, told, words
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome
 from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
+from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import amplitude_unit
 
 SMALLEST_CHANGE = 5e-7  # relative; less is shown as none

@@ -13,9 +13,10 @@ from typing import Any
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.values import limit_label
-from beamsim.cli.printing import NONE, aligned, counted, percent
+from beamsim.cli.printing import aligned, percent, under_headings
 from beamsim.cli.report import ended, predicted
 from beamsim.plots.style import is_known, scale_for
+from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import STANDARD_GRAVITY
 
@@ -42,13 +43,8 @@ class Screen:
         lines = ["  ".join(filter(None, (result.title or files[0], self.verdict)))]
         if statements := ended(result.outcome):
             lines += [f"{text[:1].upper()}{text[1:]}" for text in statements.split("; ")]
-        headings = [
-            name
-            for name in dict.fromkeys(name for row in self.rows for name in row)
-            if any(row.get(name, NONE) not in ("", NONE) for row in self.rows)
-        ]
-        cells = [[row.get(name) or NONE for name in headings] for row in self.rows]
-        lines += aligned([headings, *cells]) if headings else []
+        table = under_headings(self.rows)
+        lines += aligned(table) if table[0] else []
         lines += self.lines
         notes = f"{counted(len(result.warnings), 'note')} (-v shows them); " if result.warnings else ""
         plots = f", {counted(len(files) - 1, 'plot')}" if len(files) > 1 else ""

@@ -15,10 +15,10 @@ from beamsim.analyses.designs.result import (
     responses_of,
 )
 from beamsim.analyses.values import VALUES, limit_label
-from beamsim.cli.printing import counted
 from beamsim.cli.report import Labelled, Views, margins
 from beamsim.cli.screens import SHOWN, Screen, rounded
 from beamsim.plots.style import amount, extent, margin_text
+from beamsim.scenario.base import counted
 
 MOST_ROWS = 24
 MOST_BEST = 5

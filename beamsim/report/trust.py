@@ -8,6 +8,7 @@ from typing import Any
 
 from beamsim.analyses.result import Result
 from beamsim.fields import figure_in_words, place_in_words
+from beamsim.outcomes import first_of
 from beamsim.plots.style import scale_for
 from beamsim.trust.convergence import named
 
@@ -26,9 +27,8 @@ def doubts(result: Result) -> list[str]:
     texts = [] if result.complete or not result.status else [str(result.outcome.displayed(scale_for))]
     doubtful = result.summary.get("doubtful") or []
     if doubtful:
-        first = ", ".join(map(figure_in_words, doubtful[:6]))
-        more = f" and {len(doubtful) - 6} more" if len(doubtful) > 6 else ""
-        texts.append(f"not converged: {first}{more} (see the table of changes below)")
+        first = first_of([*map(figure_in_words, doubtful)], 6)
+        texts.append(f"not converged: {first} (see the table of changes below)")
     return texts
 
 
