@@ -15,6 +15,7 @@ Closing one more contact, with :math:`\kappa = k + i \omega c`, divides the open
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None
 
     Returns
     -------
-    (F, n) amplitudes, kg^0.5 m for the SI unit of the sine; all nan if one of the frequencies is an undamped resonance.
+    (F, n) amplitudes, kg^0.5 m for the SI unit of the sine; nan at an undamped resonance.
     """
     contacts, omega = system.dynamics.contacts, 2 * np.pi * np.asarray(frequency_hz)
     phases = contacts.start if phases is None else phases
@@ -188,12 +189,13 @@ def _receptances(system: StructuralSystem, omega: Floats, phases: Ints, snubbers
 
 
 def _solved(system: StructuralSystem, omega: Floats, phases: Ints, loads: Complexes) -> Complexes:
-    """(F, n, k) coordinates under loads (F, n, k); nan where one of the frequencies is an undamped resonance."""
+    """(F, n, k) coordinates under loads (F, n, k); nan at an undamped resonance."""
     dynamics, shape = system.dynamics, system.dynamics.contacts.shape
     pushed = dynamics.contacts.dynamic_stiffness(phases, omega)
     inertia = np.diag(dynamics.stiffness) - omega[:, None, None] ** 2 * np.eye(dynamics.size)
     matrix = inertia + 1j * omega[:, None, None] * dynamics.damping + (shape.T * pushed[:, None, :]) @ shape
-    try:
-        return np.asarray(np.linalg.solve(matrix, loads))
-    except np.linalg.LinAlgError:
-        return np.full(loads.shape, np.nan, dtype=complex)
+    solution = np.full(loads.shape, np.nan, dtype=complex)
+    for of, one, load in zip(solution, matrix, loads, strict=True):
+        with suppress(np.linalg.LinAlgError):
+            of[:] = np.linalg.solve(one, load)
+    return solution

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.gapping import contact_levels
+from beamsim.analyses.gapping import contact_levels, transfer
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.cli.report import table_rows
@@ -75,6 +75,27 @@ def test_alone_and_together_against_models_with_the_stops_as_springs():
         np.testing.assert_allclose(levels[name].preload_alone, alone.preload_needed, rtol=1e-6)
         together = contact_levels(sweep_system(beam(spring(*rest), s=(x, -1e-9))), hz)["s"]
         np.testing.assert_allclose(levels[name].preload_needed, together.preload_needed, rtol=1e-6)
+
+
+def test_an_undamped_resonance_on_the_grid_leaves_the_other_frequencies_known():
+    """Their levels are those of a grid without it."""
+    resonance = 2.0
+    scenario = load_scenario(
+        {
+            "chain": {"masses": [1.0], "springs": [(2 * np.pi * resonance) ** 2],
+                      "snubbers": [{"name": "stop", "mass": 1, "side": "below", "stiffness": 300.0, "gap": "1 mm"}]},
+            "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "1 N", "frequency": "1 Hz"},
+            "sweep": {"kind": "stepped", "from": 0.5, "to": 4.0},
+        }
+    )  # fmt: skip
+    system, hz = sweep_system(scenario), np.array([0.7, resonance, 3.5])
+    w = 2 * np.pi * hz
+    assert np.any(system.dynamics.stiffness == w[1] ** 2)  # in floating point, too
+    moved = transfer(system, hz)
+    np.testing.assert_array_equal(np.isnan(moved[:, 0]), [False, True, False])
+    np.testing.assert_array_equal(moved[::2], transfer(system, hz[::2]))
+    onset = contact_levels(system, hz)["stop"].onset
+    np.testing.assert_allclose(onset[::2], 1e-3 * np.abs(w[1] ** 2 - w[::2] ** 2), rtol=1e-9)
 
 
 @pytest.mark.parametrize("gap", ["-2 mm", "2 mm"])
