@@ -29,7 +29,6 @@ from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
 
 LARGEST_DEGREE = 8
-MOST_WINDOWS = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -114,18 +113,11 @@ def cut_into_windows(
     -------
     SweepWindows
         W of them, in C cycles.
-
-    Raises
-    ------
-    ValueError
-        If more than twenty million windows would be needed.
     """
     parts: list[dict[str, NDArray[Any]]] = []
     turns, time = 0.0, 0.0  # before each leg
     begins = []
     for leg in legs:
-        if leg.cycles > MOST_WINDOWS:
-            raise ValueError(f"the sweep has {sum(leg.cycles for leg in legs):.3g} cycles")
         parts.append(_windows(_LegExpansion(leg, profile, phase, corrections, turns, time), tolerance))
         begins.append(turns)
         turns += leg.cycles
@@ -181,8 +173,6 @@ def _windows(expansion: _LegExpansion, tolerance: float) -> dict[str, NDArray[An
         if not fine.all():
             middle = 0.5 * (first + last)[~fine]
             pending.append((np.concatenate([first[~fine], middle]), np.concatenate([middle, last[~fine]]), times + 1))
-        if sum(part["bound"].size for part in done) > MOST_WINDOWS:
-            raise ValueError(f"the sweep needs more than {MOST_WINDOWS:.3g} windows")
     columns = {name: np.concatenate([part[name] for part in done]) for name in done[0]}
     order = np.argsort(columns["start"], kind="stable")
     return {name: column[order] for name, column in columns.items()}

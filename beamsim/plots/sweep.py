@@ -491,7 +491,7 @@ def limited_peak(curve: SweepCurve, name: str) -> Floats:
     forces = [n for n, o in curve.outputs.items() if o.quantity == "reaction_force" and o.at == "base"]
     of = limited_quantity(name, *forces[:1])
     assert of is not None
-    return curve.envelope_of(of.section, of.item, of.quantity).peak
+    return curve.envelope_of(of).peak
 
 
 def notching_figure(curve: SweepCurve, title: str) -> Figure:

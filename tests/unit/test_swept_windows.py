@@ -6,8 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweep_windows import values_at
 
+from beamsim.analyses.sweep.swept_sine import legs_of
+from beamsim.errors import ScenarioError
 from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.swept import cut_into_windows, swept_signals
+from beamsim.scenario.sweep import SweptSine
 
 pytestmark = pytest.mark.quick
 
@@ -94,6 +97,14 @@ def test_a_notch_is_never_exceeded_and_nothing_else_changes(low, width, level, q
     np.testing.assert_allclose(notched(f), expected, rtol=1e-9)
 
 
-def test_too_long_a_sweep_is_refused():
-    with pytest.raises(ValueError, match="cycles"):
-        cut_into_windows([Leg(1.0, 1e6, 1e-3, True)], Profile.constant(1.0))
+@pytest.mark.parametrize(
+    ("rate", "says"),
+    [
+        ("1e-5 Hz/s", r"sweep.rate = 1e-05 Hz/s makes a sweep of 8.38e\+09 cycles \(at most 5e\+06\); sweep faster"),
+        ("1e6 Hz/s", r"sweep.rate = 1000000.0 Hz/s covers the range in 0.084 cycles; sweep more slowly"),
+    ],
+)
+def test_too_long_and_too_short_sweeps_are_refused(rate, says):
+    settings = SweptSine.model_validate({"from": 20.0, "to": 410.0, "rate": rate})
+    with pytest.raises(ScenarioError, match=says):
+        legs_of(settings)

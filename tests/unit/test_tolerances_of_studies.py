@@ -109,6 +109,21 @@ def test_of_a_response_that_shall_be_large_the_smallest_counts():
     assert result.judged(result.responses[FORCE]).tolist() == [10.0, 20.0, 5.0]
 
 
+@pytest.mark.parametrize(("goal", "of_known", "best"), [("minimise", [10, 8, 7], 2), ("maximise", [9, 8, 7], 0)])
+def test_the_worst_place_of_those_that_a_case_has_judges_it(goal, of_known, best):
+    """A case without a curve is judged by the curves that it has: by margins, pictures and the choice alike."""
+    plan = plan_designs(scenario("null", more=f"{goal}: peak_force, "))
+    forces = [{"up_0": 9.0, "down_0": 10.0}, {"up_0": 8.0}, {"down_0": 7.0}]
+    outcomes = {
+        k: CaseOutcome(k, {f"{curve}/{FORCE}": force for curve, force in of.items()}) for k, of in enumerate(forces)
+    }
+    result = gather(plan, outcomes)
+    assert result.judged(*result.responses.values()).tolist() == of_known
+    assert {item["case"]: item["value"] for item in result.summary["best"]} == dict(enumerate(of_known))
+    assert result.summary["best"][0]["case"] == best
+    np.testing.assert_allclose(result.margins["peak_force"].values, 30.0 / np.array([10.0, 8.0, 7.0]) - 1.0)
+
+
 def test_a_limit_that_no_response_is_compared_with_is_not_met():
     result = of_forces(FORCES, f"{{{FOUR}}}", "{peak_force: 50 N, gap: 1 mm}")
     assert result.passing.tolist() == [False, False, False]

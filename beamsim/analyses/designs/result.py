@@ -347,7 +347,7 @@ class Objective(NamedTuple):
         return f"{'largest' if self.largest else 'smallest'} {self.response.replace('/', ' ').replace('_', ' ')}"
 
     def values(self, responses: Mapping[str, Response], shape: tuple[int, ...], quantile: float = 1.0) -> Floats | None:
-        """The response at its worst place, by which each case is judged.
+        """The response at its worst known place, by which each case is judged.
 
         Parameters
         ----------
@@ -360,10 +360,10 @@ class Objective(NamedTuple):
         (cases,) array or None
             None where no response has that name and shape.
         """
-        asked = [r.values.ravel() for r in responses_of(responses, self.response) if is_scalar(r, shape)]
+        asked = [r for r in responses_of(responses, self.response) if is_scalar(r, shape)]
         if not asked:
             return None
-        worst = np.asarray((np.min if self.largest else np.max)(np.stack(asked), axis=0)).reshape(-1, shape[-1])
+        worst = worst_of(asked, large_is_good=self.largest)[0].reshape(-1, shape[-1])
         deciding = judging(worst, quantile, large_is_good=self.largest)
         return np.asarray(worst[np.arange(deciding.size), deciding])
 

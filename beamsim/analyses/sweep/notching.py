@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamsim.analyses.sweep.outputs import SweepOutputs
-from beamsim.analyses.sweep.result import Envelope, NotchedRange, Notching, NotchLimit, OutputEnvelope, SweepCurve
+from beamsim.analyses.sweep.result import NotchedRange, Notching, NotchLimit, SweepCurve
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import LevelControl, SweptLoads
@@ -56,12 +56,21 @@ def limited_of(limits: Mapping[str, float], outputs: SweepOutputs, base_force: s
     -------
     tuple
         In the order of the limits.
+
+    Raises
+    ------
+    KeyError
+        Where a limit is on what the sweep does not follow, which `beamsim.scenario` has refused.
     """
+    columns = {
+        LimitedQuantity(c.section, c.name, "" if c.section == "outputs" else c.quantity.removeprefix("absolute_")): k
+        for c, k in outputs.channels.located
+    }
     limited = []
     for name, limit in limits.items():
         of = limited_quantity(name, base_force)
         assert of is not None
-        limited.append(Limited(name, float(limit), of, outputs.column(of.section, of.item, of.quantity)))
+        limited.append(Limited(name, float(limit), of, columns[of]))
     return tuple(limited)
 
 
@@ -151,12 +160,12 @@ def compared(notching: Notching, limited: Sequence[Limited], curve: SweepCurve) 
     Notching
         With its limits and ranges.
     """
-    peaks = np.array([_envelope(curve, each.of).peak for each in limited])  # (limits, C)
+    peaks = np.array([curve.envelope_of(each.of).peak for each in limited])  # (limits, C)
     share = peaks / np.array([each.limit for each in limited])[:, None]
     largest = np.nanargmax(share, axis=1)
     limits = tuple(
         NotchLimit(
-            each.name, _envelope(curve, each.of).unit, each.limit, float(peaks[k, at]), float(share[k, at]),
+            each.name, curve.envelope_of(each.of).unit, each.limit, float(peaks[k, at]), float(share[k, at]),
             float(curve.frequency_hz[at]),
         )
         for k, (each, at) in enumerate(zip(limited, largest, strict=True))
@@ -167,7 +176,7 @@ def compared(notching: Notching, limited: Sequence[Limited], curve: SweepCurve) 
 def not_held(curve: SweepCurve, limited: Sequence[Limited]) -> Outcome | None:
     """What to say where a limit is exceeded by more than is allowed; None where all are met."""
     assert curve.notching is not None
-    shares = np.array([_envelope(curve, each.of).peak / each.limit for each in limited])
+    shares = np.array([curve.envelope_of(each.of).peak / each.limit for each in limited])
     over = shares > 1.0 + ALLOWED_EXCESS
     if not over.any():
         return None
@@ -189,10 +198,6 @@ def not_held(curve: SweepCurve, limited: Sequence[Limited]) -> Outcome | None:
         remedy="sweep more slowly, start further from the resonance or at a lower level, or raise the limit",
         limit=limited[row].name, percent=percent, frequency=float(curve.frequency_hz[at]),
     )  # fmt: skip
-
-
-def _envelope(curve: SweepCurve, of: LimitedQuantity) -> Envelope | OutputEnvelope:
-    return curve.envelope_of(of.section, of.item, of.quantity)
 
 
 def _ranges(notching: Notching, limited: Sequence[Limited], curve: SweepCurve, share: Floats) -> Sequence[NotchedRange]:

@@ -152,27 +152,6 @@ class SweepOutputs:
         alike = [channel.name for channel in self.channels.channels if channel.key == key]
         return dict(zip(alike, self.channels.places.get(key, np.zeros(0, dtype=np.int64)).tolist(), strict=True))
 
-    def column(self, section: str, item: str, quantity: str) -> int:
-        """Column of a probe's displacement or acceleration, of a snubber's force, or of an output.
-
-        Parameters
-        ----------
-        section : "probes", "snubbers" or "outputs".
-        item : name of the probe, snubber or output.
-        quantity : as in the name of a limit; empty for an output.
-
-        Returns
-        -------
-        int
-            Number of the column in `rows`.
-        """
-        quantity = {"acceleration": ACCELERATION[1]}.get(quantity, quantity)
-        return next(
-            column
-            for channel, column in self.channels.located
-            if (channel.section, channel.name) == (section, item) and quantity in ("", channel.quantity)
-        )
-
     def curve(self, record: CycleRecord, **fields: Any) -> SweepCurve:
         """The curve of these values of cycles; ``fields`` are the other fields of `SweepCurve`."""
         force = self._named(FORCE)

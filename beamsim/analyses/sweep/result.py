@@ -31,6 +31,7 @@ from beamsim.fields import (
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.outcomes import Outcome
 from beamsim.scenario.quantities import amplitude_unit, level_unit
+from beamsim.scenario.reporting import LimitedQuantity
 from beamsim.system.structural import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
@@ -247,21 +248,9 @@ class SweepCurve(AlongCurve):
     notching: Notching | None = group("notching", Notching, default=None)  # where sweep.notch_to asks for it
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
-    def envelope_of(self, section: str, item: str, quantity: str) -> Envelope | OutputEnvelope:
-        """A probe's displacement or acceleration, a snubber's force, or an output, in every cycle.
-
-        Parameters
-        ----------
-        section : "probes", "snubbers" or "outputs".
-        item : name of the probe, snubber or output.
-        quantity : "displacement", "acceleration" or "force"; of an output it does not matter.
-
-        Returns
-        -------
-        Envelope | OutputEnvelope
-            C values each.
-        """
-        return self.outputs[item] if section == "outputs" else getattr(self, quantity)[item]
+    def envelope_of(self, of: LimitedQuantity) -> Envelope | OutputEnvelope:
+        """What a limit on the level applies to, in every cycle."""
+        return self.outputs[of.item] if of.section == "outputs" else getattr(self, of.quantity)[of.item]
 
     @property
     def excitation_unit(self) -> str:

@@ -95,8 +95,6 @@ def sweep_level(
     ------
     ScenarioError
         Where the rate makes the sweep too long, or shorter than two cycles.
-    ValueError
-        Where more windows would be needed than `cut_into_windows` makes.
     """
     system, settings, outputs = one.system, one.settings, one.outputs
     assert isinstance(settings, SweptSine)
