@@ -213,31 +213,6 @@ def test_gravity_as_a_vector_is_the_scalar_where_they_coincide(tmp_path):
     assert drawn == pytest.approx(0.5 * f @ np.linalg.solve(stiffness[np.ix_([2, 4], [2, 4])], f), rel=1e-10)
 
 
-CHAIN = {"masses": [1.0, 1.0], "springs": [100.0, 100.0]}
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"excitation": {**TURN, "direction": "rx"}}, "excitation.direction = rx moves no point of beam, a beam"),
-        ({"excitation": {**TURN, "direction": "x", "level": "1 g"}}, "excitation.direction = x moves no point of beam"),
-        ({"excitation": {**TURN, "level": "1 g"}}, "excitation.level is an acceleration, but the base turns"),
-        ({"excitation": {**TURN, "direction": "z"}}, "excitation.level is an angular acceleration, but the base moves"),
-        ({"excitation": {**TURN, "direction": "z", "level": "1 g", "about": 0.1}}, "about belongs to a rotation"),
-        ({"excitation": {"kind": "harmonic", "applied_to": {"position": L}, "direction": "z", "level": 1.0,
-                         "frequency": 3.0}}, "excitation.direction is the direction in which a base moves"),
-        ({"gravity": [1.0, 0, 0]}, "gravity[0] acts along x, which moves no point of beam, a beam"),
-        ({"beam": None, "chain": CHAIN, "probes": None}, "excitation.direction = ry moves no point of chain"),
-    ],
-)  # fmt: skip
-def test_errors_are_located(changes, message):
-    given = {"beam": BEAM, "excitation": TURN, "probes": [{"name": "p", "position": 0.7 * L}], **changes}
-    with pytest.raises(ScenarioError) as error:
-        build_system(load_scenario({key: value for key, value in given.items() if value is not None}))
-    assert message in str(error.value)
-    assert error.value.problems[0].remedy
-
-
 def test_bodies_that_are_not_joined_do_not_turn():
     with pytest.raises(ScenarioError, match="turns several bodies, and joints do not say how one, two lie"):
         load_scenario({

@@ -5,7 +5,6 @@ import pytest
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from tests.helpers.independent import Beam
 
@@ -94,18 +93,3 @@ def test_the_base_of_a_plate_holds_its_weight_about_any_axis():
     weight = 2700 * 0.003 * 0.5 * 0.3 * 9.81
     assert found["rx"] == pytest.approx(weight * 0.15 + 0.5 * 9.81 * 0.2, rel=1e-9)
     assert found["ry"] == pytest.approx(weight * (0.1 - 0.25), rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("output", "path", "message"),
-    [
-        ({"support": "left", "about": 0.1}, "about", "belongs to the moment of the base"),
-        ({"support": "base", "direction": "rx"}, "direction", "moves no point of beam"),
-    ],
-)
-def test_errors_are_located(output, path, message):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"beam": BEAM, "outputs": [{"name": "o", "kind": "reaction_moment", **output}]})
-    (problem,) = caught.value.problems
-    assert problem.path == f"outputs[0].{path}"
-    assert message in problem.message

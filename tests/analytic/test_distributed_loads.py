@@ -169,27 +169,6 @@ def test_a_product_of_half_waves_drives_one_mode_of_a_simply_supported_plate():
     assert np.delete(modal, one).max() < 1e-3 * modal[one]
 
 
-@pytest.mark.parametrize(
-    ("excitation", "message"),
-    [
-        (load(line=[0.1, 1.2]), "excitation.applied_to.line[1] = 1.2 m lies beyond beam.length"),
-        (load(line=[0.5, 0.1]), "excitation.applied_to.line does not end beyond where it begins"),
-        (load(area="whole"), "excitation.applied_to.area belongs to a plate, but beam is a beam"),
-        ({**load(line="whole"), "level": "3 N"}, "excitation.level is a force, but a line takes a force per length"),
-        ({**load(line="whole"), "level": "3 Pa"}, "level is a pressure, but a line takes a force per"),
-        (load(line="whole", shape={"kind": "sine", "half_waves": [1, 1]}), "applied_to.shape is one for a plate"),
-        (load(line="whole", shape={"kind": "table", "x": [0, 0.1], "values": [1]}), "shape.values are not as many"),
-        (load(line="whole", body="wing"), "excitation.applied_to.body = wing is an unknown body"),
-        (load(line="whole", shape={"kind": "table", "x": [0, 2.0], "values": [1, 1]}), "shape.x[1] = 2 m lies beyond"),
-    ],
-)  # fmt: skip
-def test_errors_are_located(excitation, message):
-    with pytest.raises(ScenarioError) as error:
-        case(excitation)
-    assert message in str(error.value)
-    assert error.value.problems[0].remedy
-
-
 def test_a_mode_that_the_body_does_not_have_is_refused():
     with pytest.raises(ScenarioError, match=r"excitation.applied_to.shape.mode = 99, but beam has 14 modes"):
         build_system(case(load(line="whole", shape={"kind": "mode", "mode": 99})))

@@ -5,7 +5,6 @@ import pytest
 
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.stiffness import snubber_point
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
@@ -126,17 +125,3 @@ def test_sensitivities_are_those_of_direct_differences(scenario):
         difference = np.log(stiffness[0] / stiffness[1]) / (2 * step)
         moved = path[-1] in ("position", "length")  # nodes move, and with them the error of the discretisation
         assert rate == pytest.approx(difference, rel=5e-3 if moved else 1e-6, abs=1e-3 if moved else 1e-8), path
-
-
-@pytest.mark.parametrize(
-    ("body", "positions", "message"),
-    [
-        ("panel", [0.1, 0.9], r"positions\[1\] = 0.9 m lies beyond bodies.panel.length"),
-        ("masses", [1, 5], r"positions\[1\] = 5 is not the number of a mass"),
-        ("masses", [1.5, 2], r"positions\[0\] = 1.5 is not the number of a mass"),
-    ],
-)
-def test_positions_of_shapes_lie_on_the_body(body, positions, message):
-    scenario, _ = on_body(body)
-    with pytest.raises(ScenarioError, match=message):
-        load_scenario(scenario, {"identify_stiffness.shapes_without": {"positions": positions, "shapes": [[1.0, 2.0]]}})

@@ -1,6 +1,5 @@
 """Impact statistics against closed forms, momentum and the energy balance; rainflow against ASTM E1049."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -234,27 +233,6 @@ def test_intervals_of_a_random_input():
     assert [rate.low, rate.high] == pytest.approx([(20 * (counts.mean() + x)) / 2.7 for x in (-half, half)], rel=1e-9)
     assert all(row.low < row.value < row.high for row in rows.values())
     assert rows["rms_force_n"].value == pytest.approx(snubber.rms_force_n, rel=0.2)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"impacts": {"minimum_rest": -1.0}}, "run.impacts.minimum_rest = -1 must not be negative"),
-        ({"impacts": {"force_threshold": "2 mm"}}, "run.impacts.force_threshold"),
-        ({"impacts": {}, "method": "reference"}, "run.impacts needs the motion in closed form"),
-        ({"fatigue": {"stress_range": "80 MPa", "exponent": 5}}, "run.fatigue needs a body whose stress is known"),
-        ({"fatigue": {"stress_range": "80 MPa"}}, "run.fatigue.exponent is missing"),
-        ({"fatigue": {"stress_range": 1, "exponent": 300}}, "run.fatigue.exponent = 300 must be from 1 to 100"),
-    ],
-)
-def test_settings_that_cannot_be_used(change, message):
-    text = thrown().model_dump_json(exclude_unset=True)
-    values = json.loads(text)
-    values["run"] |= change
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(json.dumps(values))
-    assert message in str(caught.value)
-    assert all(problem.remedy for problem in caught.value.problems)
 
 
 def test_without_snubbers_there_are_no_impacts():

@@ -273,29 +273,6 @@ def test_a_loop_of_plates_and_beams_that_does_not_close_is_said(plates, reach):
     assert not any("loop" in text for text in build_system(load_scenario(case)).warnings)
 
 
-@pytest.mark.parametrize(
-    ("joint", "message"),
-    [
-        (
-            {"kind": "hinge", "between": [at("a", 0.5), at("bb", 0.0)]},
-            r"between\[1\].body = bb is an unknown",
-        ),
-        ({"kind": "hinge", "between": [at("a", 0.7), at("b", 0.0)]}, r"joints\[0\].between\[0\].position = 0.7 m lies"),
-        ({"kind": "hinge", "between": [at("a", 0.5)]}, r"joints\[0\].between names 1 end"),
-        ({"kind": "hinge", "between": [at("a", 0.5), at("a", 0.5)]}, "joins a point to itself"),
-        ({"kind": "rigid", "between": [at("a", 0.5), at("a", 0.3)]}, "joins a to itself"),
-        ({"kind": "rigid", "between": [at("a", 0.5), {"body": "c", "mass": 1}]}, "acts on the rotation of c"),
-        ({"kind": "spring", "between": [at("a", 0.5), at("b", 0.0)]}, "has neither a stiffness nor a dashpot"),
-        ({"kind": "hinge", "between": ["base", "ground"]}, "names neither a point of a body nor the base"),
-        ({"kind": "hinge", "between": ["base", "base"]}, "joins a point to itself"),
-    ],
-)
-def test_faults_of_joints_are_located(joint, message):
-    bodies = {"a": beam(0.5, left="clamped"), "b": beam(0.5), "c": {"kind": "chain", "masses": [1.0], "springs": [1e3]}}
-    with pytest.raises(ScenarioError, match=message):
-        load_scenario(joined(bodies, [joint]))
-
-
 def test_snubber_where_a_joint_leaves_no_motion_is_refused():
     case = joined({"a": beam(0.5, left="clamped")}, [{"kind": "hinge", "between": [at("a", 0.5), "base"]}])
     case["snubbers"] = [{"name": "end", "at": at("a", 0.5), "side": "below", "stiffness": 1e4}]

@@ -4,7 +4,6 @@ import pytest
 
 import beamsim
 from beamsim.analyses.values import exceeded_limits
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
 MASS = """\
@@ -72,18 +71,3 @@ def test_of_a_study():
     margin, peak = result.margins["outputs.wall"].values, result.responses["outputs/wall/peak_output"].values
     assert margin == pytest.approx(10.0 / peak - 1.0, rel=1e-14)
     assert result.summary["margins"]["outputs.wall"]["case"] == 1
-
-
-@pytest.mark.parametrize(
-    ("limits", "words"),
-    [
-        ({"wal": 1.0}, "limits.outputs.wal = wal is an unknown output; did you mean wall?"),
-        ({"wall": "2 MPa"}, "limits.outputs.wall is in Pa, and the output is a reaction force; write 1.5 N"),
-        ({"wall": "1 mol"}, "not a quantity in mol; write for example 2 mm"),
-        ({"wall": -1.0}, "must be positive"),
-    ],
-)
-def test_refused(limits, words):
-    with pytest.raises(ScenarioError) as error:
-        load_scenario(MASS, {"limits": {"outputs": limits}})
-    assert words in str(error.value)

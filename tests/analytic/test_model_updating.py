@@ -125,26 +125,3 @@ def test_mac_is_one_for_the_own_shapes_and_tells_swapped_ones():
 def test_more_unknowns_than_measurements():
     with pytest.raises(ScenarioError, match="asks for 2 unknowns without prior from 1 measured frequency"):
         case(frequencies(1), ["beam.youngs_modulus", "beam.density"])
-
-
-@pytest.mark.parametrize(
-    ("update", "says"),
-    [
-        (["beam.youngs"], "did you mean youngs_modulus"),
-        (["beam.point_masses"], r"add \[\*\]"),
-        (["beam.point_masses[7].mass"], "has 2 items"),
-        (["snubbers.tap.gap"], "the names are tip"),
-        (["beam.point_masses[*].mass", "beam.point_masses[1].mass"], "is listed twice"),
-        ([{"parameter": "beam.length", "bounds": ["1 g", "2 g"]}], "must be a length, not a mass|must be a length"),
-        ([{"parameter": "beam.length", "bounds": [0.3, 0.2]}], "is empty"),
-        ([{"parameter": "beam.length", "bounds": [0.3, 0.4]}], "does not hold the scenario's value"),
-        ([{"parameter": "beam.length", "bounds": [0.3]}], "has 1 value"),
-        ([{"parameter": "beam.supports.left", "bounds": [0.1, 0.2]}], "is a choice between"),
-        ([{"parameter": "beam.length", "prior": 0.1}], "is to be weighed against"),
-        (["title"], "is not a number|has no value"),
-    ],
-)
-def test_wrong_parameters_are_explained(update, says):
-    with pytest.raises(ScenarioError, match=says) as caught:
-        case(frequencies(3), update)
-    assert all(p.path.startswith("identify_stiffness") for p in caught.value.problems)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.support_forces import supports_of
@@ -61,31 +60,6 @@ def test_energies_balance_with_a_snubber_between_supports_that_move():
     result = beamsim.run(case(together(LEFT, RIGHT), snubbers=[stop]))
     assert result.summary["contacts"]["s"] >= 2
     assert result.summary["energy_error"] < 1e-10
-
-
-SWEEP = {"kind": "swept_sine", "from": 15, "to": 17, "rate": "1 oct/min"}
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"excitation": {**LEFT, "applied_to": {"support": "top"}}}, "support = top is not a support of beam"),
-        ({"excitation": {**LEFT, "applied_to": {"support": "left", "direction": "slope"}, "level": "1 deg"}},
-         "applied_to.support = left does not hold slope"),
-        ({"excitation": {**LEFT, "level": "1 N"}}, "excitation.level is a force, but the base moves"),
-        ({"excitation": {**LEFT, "applied_to": {"joint": "root"}}}, "joint = root is an unknown joint"),
-        ({"excitation": {**LEFT, "applied_to": {"support": "left", "body": "wing"}}}, "body = wing is an unknown body"),
-        ({"excitation": {**LEFT, "applied_to": {"support": "left", "joint": "a"}}}, "names neither a support nor"),
-        ({"probes": [{"name": "p", "position": 0.0}]}, "is at 0 m, which moves with the support of excitation"),
-        ({"sweep": SWEEP}, "excitation.applied_to is a support that moves, which a swept sine does not follow"),
-    ],
-)  # fmt: skip
-def test_errors_are_located(changes, message):
-    given = {"beam": BEAM, "excitation": LEFT, "probes": [{"name": "p", "position": 0.7 * L}], **changes}
-    with pytest.raises(ScenarioError) as error:
-        build_system(load_scenario(given))
-    assert message in str(error.value)
-    assert error.value.problems[0].remedy
 
 
 @pytest.mark.parametrize("length", [0.5, 1.0, 2.0])

@@ -279,30 +279,6 @@ def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
     assert densities["T", "kinetic_energy"].density.size == read.random.frequency_hz.size
 
 
-@pytest.mark.parametrize(
-    ("output", "path", "message", "remedy"),
-    [
-        ({"kind": "reaction_force", "body": "iner", "support": "left"}, "body", "unknown body", "inner"),
-        ({"kind": "reaction_force", "body": "inner", "support": "lft"}, "support", "not a support", "left"),
-        ({"kind": "reaction_force", "body": "inner", "support": "right"}, "support", "not a support", "left"),
-        ({"kind": "reaction_force", "support": "left"}, "", "names no body", "inner"),
-        ({"kind": "reaction_moment", "support": "base", "direction": "rx"}, "direction", "moves no point", "ry"),
-        ({"kind": "joint_force", "joint": "hing"}, "joint", "unknown joint", "hinge"),
-        ({"kind": "joint_moment", "joint": "soft"}, "joint", "no moment", "joint_force"),
-        ({"kind": "strain_energy", "body": "x"}, "body", "unknown body", "bodies are"),
-        ({"kind": "bending_moment", "at": {"body": "inner", "position": 0.9}}, "at.position", "beyond", ""),
-        ({"kind": "stress", "at": {"body": "inner", "position": 0.1}, "component": "x"}, "component", "plate", "leave"),
-    ],
-)
-def test_bad_outputs_are_located(output, path, message, remedy):
-    with pytest.raises(ScenarioError) as caught:
-        run(CONTACT, [{"name": "o", **output}])
-    problem = caught.value.problems[0]
-    assert problem.path == ".".join(part for part in ("run.outputs[0]", path) if part)
-    assert message in problem.message
-    assert remedy in problem.remedy
-
-
 def test_a_joint_too_many_has_no_force_of_its_own():
     again = {**CONTACT["joints"][0], "name": "again"}
     case = {**CONTACT, "joints": [*CONTACT["joints"], again]}

@@ -7,7 +7,6 @@ import pytest
 from scipy.optimize import brentq
 
 import beamsim
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.structures.assembly import assemble
@@ -240,37 +239,3 @@ def test_derivatives_by_every_number_of_segments_springs_and_rotary_masses():
         assert rate == pytest.approx(np.log(up / down) / (2 * step), rel=near, abs=1e-7), path
         checked += 1
     assert checked >= 16
-
-
-@pytest.mark.parametrize(
-    ("more", "where", "what"),
-    [
-        ({"segments": [{"from": 0.0, "to": 0.4, **THIN}, {"from": 0.5, "to": L, **THIN}]}, "segments[1].from", "0.4 m"),
-        ({"segments": [{"from": 0.0, "to": 0.4, **THIN}]}, "segments[0].to", "0.9 m"),
-        ({"segments": [{"from": 0.0, "to": 0.0, **THIN}, {"from": 0.0, "to": L, **THIN}]}, "segments[0].to", "beyond"),
-        ({**THIN, "supports": {"left": {"kind": "pinned", "stiffness": 3.0}}}, "supports.left.stiffness", "no effect"),
-        ({**THIN, "nodes": [1.2]}, "nodes[0]", "beyond"),
-        (
-            {**THIN, "damping": {"kind": "rayleigh", "ratios": [{"frequency": 8, "ratio": 0.01}]}},
-            "damping.ratios",
-            "two are needed",
-        ),
-        (
-            {
-                **THIN,
-                "damping": {
-                    "kind": "rayleigh",
-                    "ratios": [{"frequency": 8, "ratio": 0.01}, {"frequency": 16, "ratio": 0.03}],
-                },
-            },
-            "damping.ratios",
-            "negative factor",
-        ),
-    ],
-)
-def test_what_makes_no_beam_is_said(more, where, what):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(beam(**more))
-    assert any(problem.path == f"beam.{where}" and what in problem.message for problem in caught.value.problems), (
-        caught.value
-    )

@@ -99,40 +99,6 @@ def test_two_chains_are_one_chain_with_a_spring_of_nothing():
         )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ("probes[0].at.body=iner", "probes[0].at.body = iner is an unknown body; did you mean inner?"),
-        ("snubbers[0].between[1].position=1 m", "position = 1 m lies beyond bodies.outer.length = 0.77 m"),
-        ("snubbers[0].between[0].position=0", "is the clamped left end, which cannot deflect: a snubber has no effect"),
-        ("probes=[{name: b, position: 0.1}]", "probes[0] names no body, and there are several: inner, outer"),
-        ("probes[1].at={body: inner, mass: 1}", "mass applies to a chain, but bodies.inner is a beam"),
-        ("snubbers[0].between=[{body: inner, position: 0.1}]", "snubbers[0].between names 1 place"),
-        ("bodies.inner.kind=plate", "bodies.inner"),
-        ("bodies.inner.length=-1", "bodies.inner.length = -1 must be positive"),
-        ("run.start={displacement: [0, 0, 1]}", "start gives one shape, and there are 2 bodies; name the body: start:"),
-        (
-            "run.start={bodies: {iner: {velocity: [0, 0, 1]}}}",
-            "run.start.bodies.iner = iner is an unknown body; did you mean",
-        ),
-        (
-            "run.start={bodies: {inner: {velocity: [1]}}}",
-            "run.start.bodies.inner.velocity = [1] has the deflection vel",
-        ),
-        ("beam={length: 1, width: 1, thickness: 0.1, youngs_modulus: 7e10, density: 2700}", "and beam exclude each"),
-        (
-            "identify_stiffness={snubber: tip, measured_with: [10],"
-            " shapes_without: {positions: [0.1, 0.2], shapes: [[1, 2]]}}",
-            "shapes_without holds the shapes of one body, and tip acts between inner and outer",
-        ),
-    ],
-)
-def test_errors_name_the_body(change, message):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(EXAMPLE, change)
-    assert message in str(caught.value)
-
-
 def test_masses_beyond_a_chain():
     with pytest.raises(ScenarioError, match=r"between\[0\].mass = 3, but the chain has 2 masses"):
         load_scenario(CHAINS, "snubbers[0].between[0].mass=3")

@@ -86,23 +86,6 @@ def test_contact_under_several_forces_against_independent_integration():
     np.testing.assert_allclose(got, expected, atol=2e-6 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize(
-    ("excitation", "where", "what"),
-    [
-        (together({**HARMONIC, "applied_to": "base", "level": "1 g"}), "forces[0].applied_to", "is the base"),
-        (together(HARMONIC, {**STEP, "applied_to": {"position": 1.2}}), "forces[1].applied_to.position", "beyond"),
-        (together({**STEP, "applied_to": {"position": 0.0}}), "forces[0].applied_to.position", "clamped"),
-        (together({**HARMONIC, "level": "1 g"}), "forces[0].level", "a point takes a force"),
-        (together(), "forces", "empty"),
-    ],
-)
-def test_what_cannot_act_is_said(excitation, where, what):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(case(excitation))
-    assert any(p.path == f"excitation.{where}" and what in p.message for p in caught.value.problems), caught.value
-    assert len(caught.value.problems) == 1
-
-
 def test_a_sweep_of_forces_that_are_no_sines_is_refused():
     sweep = {"kind": "stepped", "from": 10.0, "to": 20.0, "points": 3}
     with pytest.raises(ScenarioError, match="has no frequency that sweep could change"):

@@ -111,27 +111,6 @@ def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():
     assert any("run.sample_rate to 20000 Hz" in w for w in coarse.warnings)
 
 
-@pytest.mark.parametrize(
-    ("srs", "said"),
-    [
-        ({"from": 100, "to": 10}, "run.srs.to = 10 Hz lies below from = 100 Hz"),
-        ({"from": 100, "to": 100}, "run.srs.to = 100 Hz equals the start of the spectrum"),
-        (
-            {"from": 10, "to": 100, "quality": 0.5},
-            "run.srs.quality = 0.5 must be above 0.5",
-        ),
-        # an internal error, or hours
-        ({"from": 1e-20, "to": 1e20}, "run.srs.to = 1e+20 Hz has"),
-        ({"from": 10, "to": 1e9}, "periods in run.duration"),
-        ({"from": 10, "to": 2000, "per_octave": 100_000}, "run.srs.per_octave = 100000 makes 7.64e+05 oscillators"),
-    ],
-)
-def test_errors(srs, said):
-    with pytest.raises(ScenarioError) as raised:
-        panel(run={"srs": srs})
-    assert said in str(raised.value)
-
-
 def test_a_low_pass_beyond_all_sense_is_refused():
     """It was an internal error: an array was too big."""
     with pytest.raises(ScenarioError) as raised:

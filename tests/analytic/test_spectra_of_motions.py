@@ -118,16 +118,3 @@ def test_amplitudes_at_chosen_frequencies(tmp_path):
     assert [(k.frequency_hz, k.amplitude, k.kind) for k in kept] == [
         (k.frequency_hz, k.amplitude, k.kind) for k in spectrum.lines
     ]
-
-
-@pytest.mark.parametrize(
-    ("chosen", "more", "said"),
-    [
-        ([20, 21], {}, "cannot be distinguished from"),
-        ([20, 20], {}, "given twice"),
-        ([900], {"run__method": "reference", "run__sample_rate": 1000}, "not below half"),
-    ],
-)
-def test_frequencies_that_cannot_be_known_are_refused(chosen, more, said):
-    with pytest.raises(beamsim.ScenarioError, match=said):
-        run(BOUNCING, run__spectrum__frequencies=chosen, **more)

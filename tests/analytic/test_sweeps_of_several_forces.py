@@ -5,7 +5,6 @@ import pytest
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from tests.helpers.independent import Beam
 
@@ -23,7 +22,6 @@ STOP = {"name": "s", "position": 0.6, "side": "below", "stiffness": 500.0, "gap"
         "damping": {"kind": "viscous", "coefficient": 0.0}}  # fmt: skip
 STEPPED = {"kind": "stepped", "from": 24.0, "to": 25.0, "points": 3, "steady_to": 1e-11}
 CONTINUED = {"kind": "continuation", "from": 24.0, "to": 25.0, "points_at": [25.0], "side_branches": "none"}
-SWEPT = {"kind": "swept_sine", "from": 24.0, "to": 32.0, "rate": "60 oct/min"}
 
 
 def case(*forces, sweep=None, excitation=None, supports=PINNED, **more):
@@ -109,21 +107,3 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
         assert abs(branch.frequency_hz[k] - 25.0) < 1e-9
         assert branch.displacement["p"].peak[k] == pytest.approx(np.abs(x).max(), rel=2e-4)
         assert np.abs(branch.harmonics["p"][k, 1]) == pytest.approx(abs(first), rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("forces", "sweep", "where", "what"),
-    [
-        ((FORCE, {**LINE, "frequency": 31.0}), STEPPED, "excitation.forces[1].frequency", "another force has 25 Hz"),
-        ((FORCE, {"kind": "step", "applied_to": {"position": 0.4}, "level": 1.0}), CONTINUED,
-         "excitation.forces[1].kind", "no frequency"),
-        ((FORCE, LEFT), SWEPT, "excitation.forces[1].applied_to", "a swept sine does not follow"),
-        ((FORCE,), {**STEPPED, "levels": ["2 N"]}, "sweep.levels[0]", "multiplies the levels of all forces"),
-        ((FORCE,), {**SWEPT, "profile": [{"frequency": 20.0, "level": "2 N"}]}, "sweep.profile[0].level",
-         "multiplies the levels of all forces"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_swept_is_said(forces, sweep, where, what):
-    with pytest.raises(ScenarioError) as caught:
-        case(*forces, sweep=sweep)
-    assert any(p.path == where and what in p.message for p in caught.value.problems), caught.value

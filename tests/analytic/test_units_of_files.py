@@ -5,7 +5,6 @@ import pytest
 from scipy.io import mmwrite, savemat
 from scipy.sparse import csc_array
 
-from beamsim.errors import ScenarioError
 from beamsim.matrix_files.formats import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import bodies_of, summaries_of_files
@@ -212,18 +211,3 @@ def test_validate_says_what_was_assumed(tmp_path, without_run):
         in printed.stdout
     )
     assert "beamsim: warning: bar: the structure has 0.0003375 kg, 500 x 10 x 20 m, if its files are" in printed.stderr
-
-
-@pytest.mark.parametrize(
-    ("units", "message"),
-    [
-        ("mm", "bodies.bar.units = mm is no system of units; write SI, mm-t-s"),
-        ("{length: mm, mass: N, force: N}", "bodies.bar.units.mass = N is no unit of it: must be a mass, not a force"),
-        ("{length: mm, mass: kg}", "bodies.bar.units.force is missing"),
-    ],
-)
-def test_units_that_there_are_not(tmp_path, units, message):
-    with pytest.raises(ScenarioError) as caught:
-        case(tmp_path, in_si(), units=units)
-    assert message in str(caught.value)
-    assert "case.yaml:11" in str(caught.value)

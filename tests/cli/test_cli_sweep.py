@@ -101,34 +101,6 @@ def test_json_has_the_fixed_names(here):
     assert not list(Path().glob("*.png"))
 
 
-@pytest.mark.parametrize(
-    ("override", "words"),
-    [
-        ("sweep.to=0.1", "equals the start of the sweep"),
-        ("sweep.rate=0 oct/min", "must be positive"),
-        ("sweep.rate=1", "needs a unit"),
-        ("sweep.to=0.05", "lies below"),
-        ("sweep.orders=[0.37]", "is not an order"),
-        ("sweep.rate=1e-9 oct/min", "cycles"),
-        ("sweep.rate=1e9 oct/min", "more slowly"),
-        ("sweep.tolerance=1e-30", "must be from 1e-13 to 0.001"),
-        ("sweep.profile=[{frequency: 1, level: 1}, {frequency: 0.5, level: 1}]", "does not lie above"),
-        ("sweep.notches=[{from: 2, to: 1, level: 1}]", "does not lie above"),
-        ("sweep.history_rate=1e9", "samples"),
-        ("chain.springs_to_ground=[{mass: 1, kind: cubic, stiffness: 1}]", "no closed form"),
-        ("sweep={profile: [{frequency: 0.1, level: 1 g}], levels: []}", "give at least one level"),
-        ("sweep={profile: [{frequency: 0.1, level: 1 N}], levels: [2 N]}", "multiplies"),
-        ("sweep.notches=[{from: 0.1, to: 0.2, level: 1 mm}]", "a level of displacement"),
-        ("sweep=null", "missing"),
-    ],
-)
-def test_nonsense_is_refused_with_a_remedy(here, override, words):
-    done = call("case.yaml", "--set", override)
-    assert done.exit_code == 2, done.output
-    assert words in done.stderr
-    assert not Path("case.h5").exists()
-
-
 def test_a_limit_that_is_exceeded_ends_with_4(here):
     done = call("case.yaml", "--check", "--no-plots", "--set", "limits={peak_force: 1000 N}")
     assert done.exit_code == 0, done.output

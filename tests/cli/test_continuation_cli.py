@@ -15,8 +15,6 @@ from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CHAIN, BEAM = CONFIGS / "chain_two_dof.yaml", CONFIGS / "one_sided_65hz.yaml"
-GAP = "kind: continuation, continue_in: {kind: gap, from: 0, to: 1}"
-SHORT = "kind: continuation, from: 20, to: 30"
 
 
 def sweep(*arguments):
@@ -176,44 +174,6 @@ def test_a_study_of_continuations(tmp_path):
     assert peak[0] == max(float(b.displacement["first"].peak[b.stable].max()) for b in single.branches)
     assert peak[1] > peak[0]
     assert set(stored.margins) == {"peak_force"}
-
-
-@pytest.mark.parametrize(
-    ("case", "change", "text"),
-    [
-        (BEAM, "sweep={kind: continuation, from: 20, to: 30, levels: []}", "sweep.levels is an empty list"),
-        (BEAM, "sweep={kind: swept_sine, from: 20, to: 30, rate: 2 oct/min, levels: []}", "levels is an empty list"),
-        (BEAM, "sweep={kind: stepped, from: 20, to: 30, levels: []}", "sweep.levels is an empty list"),
-        (BEAM, "sweep={kind: continuation}", "sweep.from is missing"),
-        (BEAM, "sweep={kind: continuation, from: 20}", "sweep.to is missing"),
-        (BEAM, "sweep={kind: continuation, from: 20, to: 20}", "equals the start of the continuation"),
-        (BEAM, "sweep={kind: continuation, from: 20, to: 30, continue_in: {kind: level, from: 1, to: 2}}", "exclude"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: gap, from: 1 mm, to: 1 mm}}", "give a range"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: gap, snubber: tpi, from: 0, to: 1 mm}}", "mean tip?"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "beyond beam.length"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: position, from: 0, to: 0.2}}", "cannot deflect"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 0 g, to: 2 g}}", "must be positive"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: level, from: 1 N, to: 2 N}}", "a level of force"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: stiffness, from: 0, to: 1}}", "must be positive"),
-        (BEAM, "sweep={kind: continuation, continue_in: {kind: colour}}", "is not one of frequency, level, gap"),
-        (BEAM, "sweep={kind: continuation, from: 20, to: 30, levels: [0 g]}", "sweep.levels[0] = 0 excites nothing"),
-        (BEAM, "sweep={kind: continuation, from: 20, to: 30, method: guess}", "method = guess is not a known method"),
-        (BEAM, f"sweep={{{GAP}, method: harmonic_balance}}", "not the gap"),
-        (BEAM, f"sweep={{{GAP}, overlay: {{rate: 1 Hz/s}}}}", "in gap"),
-        (BEAM, f"sweep={{{SHORT}, follow_folds_in: {{kind: level, from: 3 g, to: 4 g}}}}", "widen"),
-        (CHAIN, "sweep={kind: continuation, continue_in: {kind: position, from: 0.1, to: 0.3}}", "moves along a beam"),
-        (CHAIN, "chain.snubbers=[]", None),
-    ],
-)  # fmt: skip
-def test_nonsense_is_refused_with_a_remedy(case, change, text, tmp_path):
-    more = []
-    if text is None:
-        more = ["--set", "sweep={kind: continuation, continue_in: {kind: gap, from: 0, to: 1}}"]
-        text = "needs a snubber"
-    done = sweep(case, "-o", tmp_path, "--no-plots", "--set", change, *more)
-    assert done.exit_code == 2, done.output
-    assert text in done.stderr
-    assert "; " in done.stderr
 
 
 @pytest.mark.parametrize("excitation", ["{kind: none}", "{kind: random, applied_to: base, psd: 0.01 g^2/Hz}"])

@@ -70,34 +70,6 @@ def test_a_loop_that_jumps_ends_with_3_and_keeps_what_it_has(tmp_path):
     assert (tmp_path / "identify_snubber.h5").is_file()
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("  measured_with: [448 Hz, 196.5 Hz]\n", "swapped"),
-        ("  measured_with: [1234.6]\n", "rad/s"),
-        ("  measured_with: [0.1965]\n", "kHz"),
-        ("  measured_with: [51 Hz]\n", "52.394 Hz to 236.061 Hz"),
-        ("  measured_with: [196.5 mm]\n", "must be a frequency"),
-        ("  measured_with: [196.5]\n  fit_to: [2]\n", "measured_with has 1 frequency"),
-        ("  measured_with: [196.5]\n  fit_to: [1, 1]\n", "listed twice"),
-        ("  measured_with: [196.5]\n  uncertainty: 0.3\n", "write 0.3 % if that was meant"),
-        ("  fit_to: [1]\n", "there are no nonlinear tests"),
-        ("  measured_with: [196.5]\n  update: [beam.youngs_modulus]\n", "from 0 measured frequencies"),
-        ("  measured_with: [196.5, 448]\n  fit_to: [1, 2]\n  method: thesis\n", "fits one mode"),
-        ("  measured_with: [.nan]\n", "measured_with"),
-    ],
-)
-def test_mistakes_are_located_and_end_with_2(tmp_path, text, says):
-    case = tmp_path / "case.yaml"
-    case.write_text(section(text))
-    done = invoke("identify-stiffness", case)
-    assert done.exit_code == 2, done.output
-    assert says in done.output
-    assert f"{case}:" in done.output
-    assert "identify_stiffness." in done.output
-    assert not list(tmp_path.glob("*.h5"))
-
-
 def test_without_the_section():
     done = invoke("identify-stiffness", CONFIGS / "one_sided_65hz.yaml")
     assert done.exit_code == 2

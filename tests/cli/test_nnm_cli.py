@@ -75,24 +75,6 @@ def test_nnm_table(tmp_path):
     assert not list(tmp_path.glob("*.png"))
 
 
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({"nnm": None}, "is missing"),
-        ({"nnm": {"mode": 1, "continue_in": {"kind": "energy", "from": "1 mJ", "to": "1 J"}}}, "use stiffness_factor"),
-        ({"nnm": {"mode": 40}}, "choose a lower mode"),
-        ({"snubbers": []}, "no snubber"),
-        ({"snubbers[0].gap": "0.1 mm"}, "add for example `energy"),
-    ],
-)
-def test_nonsense_is_refused_with_a_remedy(changes, text, tmp_path):
-    from beamsim.errors import ScenarioError
-
-    scenario = load_scenario(CONFIGS / "nnm_first.yaml", changes)
-    with pytest.raises(ScenarioError, match=text):
-        nnm(scenario)
-
-
 def test_rigid_body_mode_is_refused():
     from beamsim.errors import ScenarioError
 

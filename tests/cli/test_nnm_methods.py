@@ -10,7 +10,6 @@ from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.orbits import orbit_motion
 from beamsim.analyses.nnm.paths import mode_path
 from beamsim.cli.report import table_rows
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result
 from tests.helpers.commands import invoke
@@ -142,32 +141,6 @@ def test_jumps_that_nothing_explains(compared):
 def test_the_old_name_of_relaxed_minimisation(method):
     expected = "relaxed_minimisation" if isinstance(method, str) else {"kind": "relaxed_minimisation", "steps": 12}
     assert load_scenario(CHAIN, {"nnm.method": method}) == load_scenario(CHAIN, {"nnm.method": expected})
-
-
-@pytest.mark.parametrize(
-    ("case", "changes", "text"),
-    [
-        (FIRST, {"nnm.method": "relaxed"}, "write shooting, full_period"),
-        (FIRST, {"nnm.method": {"kind": "relaxed_minimisation", "stepps": 3}}, "did you mean steps"),
-        (FIRST, {"nnm.method": {"kind": "relaxed_minimisation", "steps": 0}}, "from 1 to 10000"),
-        (FIRST, {"nnm.method": {"kind": "relaxed_minimisation", "steps": 20000}}, "from 1 to 10000"),
-        (FIRST, {"nnm.method": {"kind": "relaxed_minimisation", "tolerance": 2}}, "must be from 1e-20 to 0.1"),
-        (FIRST, {"nnm.method": {"kind": "full_period", "branches": -1}}, "0 or more"),
-        (ENERGY, {"nnm.method": "relaxed_minimisation"}, "use continue_in: {kind: stiffness_factor}"),
-        (ENERGY, {"nnm.method": "multiple_scales"}, "use continue_in: {kind: stiffness_factor}"),
-        (ENERGY, {"nnm.method": "full_period", "nnm.continue_in": {"kind": "frequency", "from": 52.5, "to": 60}},
-         "continue_in: {kind: energy"),
-        (FIRST, {"nnm.mode": 0}, "1 or more"),
-        (CHAIN, {"nnm.mode": 7}, "choose a mode from 1 to 6"),
-        (FIRST, {"nnm.continue_in.to": -1}, "must not be negative"),
-        (ENERGY, {"nnm.continue_in.from": 0}, "must be positive"),
-        (ENERGY, {"nnm.continue_in.to": "1 uJ"}, "give a range"),
-        (FIRST, {"nnm.energy": "-1 J"}, "must be positive"),
-    ],
-)  # fmt: skip
-def test_nonsense_in_the_section_is_refused(case, changes, text):
-    with pytest.raises(ScenarioError, match=text.replace("{", r"\{")):
-        load_scenario(case, changes)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.cli.report import table_rows
-from beamsim.errors import ScenarioError
 from beamsim.outcomes import OutcomeKind
 from beamsim.scenario import load_scenario
 
@@ -243,19 +242,3 @@ def test_one_branch_does_not_spend_the_points_of_all():
     assert max(high for _, high in covered) == pytest.approx(120.0)
     assert any(low <= 110 <= high for low, high in covered)
     assert not result.complete
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        (sweep_of(60, 70, "points_at: [80]"), "sweep.points_at[0] = 80 lies outside the range"),
-        (sweep_of(60, 70, "stored_harmonics: 900"), "sweep.stored_harmonics = 900 is out of range"),
-        (
-            "sweep={kind: continuation, points_at: [1], continue_in: {kind: level, from: 1, to: 2}}",
-            "give points_at there",
-        ),
-    ],
-)
-def test_refusals(change, text):
-    with pytest.raises(ScenarioError, match=text.replace("[", r"\[").replace("]", r"\]")):
-        load_scenario(BEAM, [change])

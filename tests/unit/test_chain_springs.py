@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import yaml
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
@@ -25,35 +24,6 @@ excitation: {kind: harmonic, applied_to: base, level: 0.3, frequency: 1.1 rad/s}
 run: {duration: 60, sample_rate: 10}
 sweep: {kind: continuation, from: 0.9 rad/s, to: 1.3 rad/s}
 """
-
-
-@pytest.mark.parametrize(
-    ("change", "problem"),
-    [
-        ("chain.snubbers[0].between=[1, 4]", r"chain.snubbers\[0\].between\[1\] = 4, but the chain has 3 masses"),
-        ("chain.snubbers[0].between=[1, 1]", r"\.between joins a place to itself; name two different"),
-        ("chain.snubbers[0].between=[1]", r"\.between names 1 place; name the two"),
-        ("chain.snubbers[0].mass=1", r"snubbers\[0\].mass is not a known key"),
-        ("chain.snubbers[0].side=below", r"snubbers\[0\].side is not a known key"),
-        ("chain.snubbers[0].mounted_on=ground", r"snubbers\[0\].mounted_on is not a known key"),
-        ("chain.snubbers[1].resists=approach", r"snubbers\[1\].resists is not a known key"),
-        ("chain.snubbers[0].resists=opening", r"= opening is not one of approach, separation"),
-        ("chain.springs_between[0].masses=[0, 1]", r"masses\[0\] = 0 is out of range"),
-        ("chain.springs_between[0].masses=[1, 2, 3]", r"names 3 places"),
-        ("chain.springs_between[0].kind=square", r"= square is not one of linear, cubic, piecewise_linear"),
-        ("chain.springs_between[0].breakpoints=[0.2, 0.2]", r"breakpoints\[1\] = 0.2 m does not lie above the one"),
-        ("chain.springs_between[0].breakpoints=[]", r"breakpoints is an empty list; give at least one"),
-        ("chain.springs_between[0].breakpoints=[1]", r"stiffnesses has 3 values for 1 breakpoint; give 2 slopes"),
-        ("chain.springs_between[0].breakpoints=[1 kg, 2]", r"must be a displacement, not a mass"),
-        ("chain.springs_between[0].breakpoints=[.inf, 2]", r"breakpoints\[0\] = inf must be finite"),
-        ("chain.springs_between[0].stiffnesses=[1, -1, 1]", r"stiffnesses\[1\] = -1 must not be negative"),
-        ("chain.springs_between[0].name=stop", r"= stop is already the name of chain.snubbers\[1\]"),
-    ],
-)
-def test_what_is_refused_and_where(change, problem):
-    path, value = change.split("=", 1)
-    with pytest.raises(ScenarioError, match=problem):
-        load_scenario(CASE, {path: yaml.safe_load(value)})
 
 
 def test_a_factor_that_gives_a_softening_spring_a_negative_slope_is_refused():

@@ -190,27 +190,6 @@ def test_a_curve_without_a_loop_is_not_remarked_on():
 
 
 @pytest.mark.parametrize(
-    ("stop", "says"),
-    [
-        ({}, "stiffness is missing"),
-        ({"stiffness": 1e4, "force_deflection": POINTS}, "force_deflection and stiffness exclude each other"),
-        ({"force_deflection": [[0, 0], [1e-4, 8], [2e-4, 7]]}, "force_deflection[2][1] = 7 N falls below"),
-        ({"force_deflection": [[0, 0], [1e-4, 8], [1e-4, 9]]}, "force_deflection[2][0] = 0.0001 m does not lie above"),
-        ({"force_deflection": [[0, 2], [1e-4, 8]]}, "force_deflection[0] starts at 0 m, 2 N instead of zero"),
-        ({"force_deflection": [[1e-5, 0], [1e-4, 8]]}, "force_deflection[0] starts at 1e-05 m, 0 N instead of zero"),
-        ({"force_deflection": [[0, 0]]}, "force_deflection has 1 point"),
-        ({"force_deflection": [[0, 0], [1e-4, 0]]}, "force_deflection[1][1] has no force at all"),
-        ({"force_deflection": {"fit": {"segments": 3}}}, "force_deflection needs file or points"),
-        ({"force_deflection": {"points": POINTS, "fit": {"segments": 51}}}, "force_deflection.fit.segments = 51"),
-        ({"force_deflection": "nowhere.csv"}, "= nowhere.csv does not exist"),
-        ({"force_deflection": {"points": POINTS, "segment_factors": [1, 1]}}, "has 2 values, and the curve has 3 segm"),
-    ],
-)  # fmt: skip
-def test_bad_tables_are_refused(stop, says):
-    assert says in refused(stop)
-
-
-@pytest.mark.parametrize(
     ("text", "says"),
     [
         ("x (mm),N (N)\n0,0\n0.1,8\n0.2,7\n", "pad.csv, row 3 of the numbers = 7 N falls below"),

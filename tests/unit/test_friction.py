@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 import beamsim
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import friction_law
-from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
@@ -210,21 +209,3 @@ def test_the_start_says_which_equilibrium(start, force):
     np.testing.assert_allclose(contact.displacement[:], (20.0 - force) / 1000.0, rtol=1e-9)
     np.testing.assert_allclose(contact.force[:], force, atol=1e-7)
     assert result.summary["friction"]["pad"]["start_force_n"] == force
-
-
-@pytest.mark.parametrize(
-    ("pad", "says"),
-    [
-        ({"normal_force": {"snubber": "tip"}, "coefficient": 0.3}, "normal_force.snubber = tip is an unknown snubber"),
-        ({"normal_force": {"spring": "tip"}}, "friction[0].normal_force"),
-        ({"coefficient": {"static": 0.2, "sliding": 0.3}}, "friction[0].coefficient.sliding = 0.3 is above static"),
-        ({"coefficient": 0.3, "start": 90.0}, "friction[0].start = 90 N is not held"),
-        ({"coefficient": 0.0}, "friction[0].coefficient = 0 must be positive"),
-        ({"coefficient": 0.3, "normal_force": -1.0}, "friction[0].normal_force = -1 must be positive"),
-        ({"coefficient": 0.3, "at": {"mass": 3}}, "friction[0].at.mass = 3"),
-    ],
-)
-def test_bad_friction_is_refused(pad, says):
-    with pytest.raises(ScenarioError) as refused:
-        scenario([{**PAD, **pad}])
-    assert says in str(refused.value)

@@ -5,7 +5,6 @@ import pytest
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.paths import mode_path
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 
@@ -156,19 +155,6 @@ def test_points_at_energies_and_frequencies(tmp_path):
     assert missed.outcome.code == "values_not_passed"
     assert not missed.complete
     assert "points at frequencies were asked for that no branch passes: at 0.1 Hz" in missed.status
-
-
-@pytest.mark.parametrize(
-    ("section", "text"),
-    [
-        ({"continue_in": {"kind": "energy", "from": 1e-3, "to": 1.0}, "energies": [2.0]}, "outside the range"),
-        ({"energy": 1.0, "energies": [2.0]}, "holds constant"),
-        ({"energy": 1.0, "method": "relaxed_minimisation", "frequencies": [1.0]}, "no points on request"),
-    ],
-)
-def test_points_that_cannot_be(section, text):
-    with pytest.raises(ScenarioError, match=text):
-        load_scenario({"chain": STOPPED, "nnm": {"mode": 1, **section}})
 
 
 COUPLED = {

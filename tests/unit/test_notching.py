@@ -135,35 +135,6 @@ def test_limits_that_impacts_exceed_are_an_outcome():
 
 
 @pytest.mark.parametrize(
-    ("settings", "path", "words"),
-    [
-        (
-            {"notch_to": {"probes.thirdd.acceleration": "2 g"}},
-            "sweep.notch_to[probes.thirdd.acceleration]",
-            "an unknown probe",
-        ),
-        ({"notch_to": {"second": "2 g"}}, "sweep.notch_to.second", "can be limited"),
-        ({"notch_to": {"base.force": "2 g"}}, "sweep.notch_to[base.force]", "none of force"),
-        ({"notch_to": {"base.force": "0 N"}}, "sweep.notch_to[base.force]", "positive"),
-        ({"notch_to": {"outputs.gauge": 3}}, "sweep.notch_to[outputs.gauge]", "an unknown output"),
-        ({"notch_to": {}}, "sweep.notch_to", "limits nothing"),
-        ({"direction": "both"}, "sweep.notch_to", "one direction"),
-        ({"accelerations": False}, "sweep.notch_to", "accelerations = false"),
-        ({"levels": [1.0, -2.0]}, "sweep.levels[1]", "cannot be lowered"),
-        ({"profile": [{"frequency": 10, "level": 0}]}, "sweep.profile[0].level", "nothing to lower"),
-        ({"profile": [{"frequency": 10, "level": 1}], "profile_file": "a.csv"}, "sweep.profile_file", "beside profile"),
-    ],
-)
-def test_what_cannot_be_notched_is_refused(settings, path, words):
-    with pytest.raises(ScenarioError) as error:
-        case(**settings)
-    (problem,) = error.value.problems
-    assert problem.path == path
-    assert words in problem.message
-    assert problem.remedy
-
-
-@pytest.mark.parametrize(
     ("text", "words"),
     [
         ("frequency (Hz),level\n10,1\n20,2\n", "no unit"),

@@ -120,26 +120,6 @@ def test_a_relaxation_curve_from_a_file(tmp_path, unit):
 
 
 @pytest.mark.parametrize(
-    ("pad", "says"),
-    [
-        ({}, "pad.height is missing"),
-        ({"height": 0.02}, "pad.area is missing"),
-        ({"data": {}}, "needs one of dynamic, relaxation and file"),
-        ({"data": {"file": "a.csv", "relaxation": [[1, 2], [2, 1]]}}, "has relaxation and file"),
-        ({"data": {"dynamic": [[1, 2, 0.1], [1, 3, 0.1]]}}, "does not lie above the one before"),
-        ({"data": {"dynamic": [[1, 2, 0.0], [2, 3, 0.0]]}}, "no loss at all"),
-        ({"data": {"dynamic": [[1, 2, 0.1], [2, 3, 0.1]], "branches": 3}}, "measure at 4 or more"),
-        ({"data": {"relaxation": [[1, -2], [2, 3]]}}, "relaxation"),
-        ({"data": {"dynamic": [[1, 2, 0.1], [2, 3, 0.1]], "ramp": "1 s"}}, "ramp goes with a relaxation test"),
-        ({"data": {"relaxation": [[1, 2], [2, 1]], "ramp": "0 s"}}, "ramp = 0"),
-    ],
-)
-def test_bad_measurements_are_refused(pad, says):
-    with pytest.raises(ScenarioError, match=says):
-        load_scenario(case(**pad))
-
-
-@pytest.mark.parametrize(
     ("text", "says"),
     [
         (None, "does not exist"),

@@ -224,21 +224,6 @@ def test_a_pad_rests_at_the_start():
     assert np.ptp(pad.force) < 1e-12 * pad.preload
 
 
-@pytest.mark.parametrize(
-    ("maxwell", "others", "says"),
-    [
-        ([{"stiffness": 1.0, "relaxation_time": 0}], {}, "maxwell[0].relaxation_time = 0 must be positive"),
-        ([{"stiffness": -1.0, "relaxation_time": 1}], {}, "maxwell[0].stiffness = -1 must not be negative"),
-        ([BRANCH], {"law": "kelvin_voigt"}, "law = kelvin_voigt does not go with maxwell"),
-        ([{"stiffness": 1.0}], {}, "maxwell[0].relaxation_time is missing"),
-    ],
-)
-def test_bad_branches_are_refused(maxwell, others, says):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(chain(maxwell, **others))
-    assert says in str(caught.value)
-
-
 def test_what_needs_contacts_without_losses_says_so():
     case = {**chain([BRANCH]), "run": None, "nnm": {"mode": 1}}
     with pytest.raises(ScenarioError, match=r"nnm needs contacts without losses.*leave out maxwell of pad"):

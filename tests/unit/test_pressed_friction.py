@@ -13,7 +13,6 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
-from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
@@ -240,22 +239,3 @@ def test_nothing_sticks_that_would_have_to_hold_more_than_it_can():
             y[None], inputs[:, : flow.sources.count], inputs[:, flow.sources.count :]
         )
         assert guards.min() > -1e-9
-
-
-@pytest.mark.parametrize(
-    ("pad", "guide", "others", "says"),
-    [
-        ({"normal_force": {"snubber": "guid"}}, {}, {}, "snubber = guid is an unknown snubber"),
-        ({"start": 1.0}, {}, {}, "friction[0].start does not go with the normal force of a snubber"),
-        ({}, {"damping": {"kind": "viscous", "coefficient": 4.0}}, {}, "may pull"),
-        ({"stiffness": 1e5}, {"damping": {"kind": "viscous", "coefficient": 4.0}, "law": "no_tension"}, {},
-         "friction[0].stiffness does not go with the force of guide"),
-        ({}, MAXWELL, {}, "friction[0].stiffness is missing, and guide relaxes"),
-        ({}, {}, {"run": {"duration": 1.0, "sample_rate": 1e3, "method": "reference"}}, "not by run.method"),
-        ({}, {}, {"friction": [PAD, {**PAD, "name": "other", "normal_force": 1.0}]}, "and other sticks without"),
-    ],
-)  # fmt: skip
-def test_what_is_not_followed_is_refused(pad, guide, others, says):
-    with pytest.raises(ScenarioError) as refused:
-        beamsim.run(scenario(pad, guide, **others))
-    assert says in str(refused.value)

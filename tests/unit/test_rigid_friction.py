@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 import beamsim
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.friction import rigid_friction_law
-from beamsim.errors import ScenarioError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
@@ -260,27 +259,3 @@ def test_a_motion_begins_sliding():
     assert not pad.stuck[0]
     assert pad.force[0] == pytest.approx(-60.0)
     assert pad.slides >= 1
-
-
-RUBBER = [{"stiffness": 100.0, "relaxation_time": 0.1}]
-
-
-@pytest.mark.parametrize(
-    ("others", "says"),
-    [
-        (
-            {"springs_to_ground": [{"kind": "linear", "at": {"mass": 2}, "stiffness": 10.0, "maxwell": RUBBER}]},
-            "ground_spring_1 relaxes",
-        ),
-        (
-            {"friction": [{"at": {"mass": 1}, "mounted_on": "ground", "normal_force": 1.0, "coefficient": 0.2}]},
-            "the base moves while the contact sticks to the ground",
-        ),
-    ],
-)
-def test_what_is_refused(others, says):
-    with pytest.raises(ScenarioError) as refused:
-        beamsim.run(scenario(**others))
-    assert "friction[0].stiffness is missing" in str(refused.value)
-    assert says in str(refused.value)
-    assert "give the contact a tangential stiffness" in str(refused.value)

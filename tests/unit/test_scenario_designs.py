@@ -96,46 +96,6 @@ def test_the_resolved_text_loads_to_the_same_study(kind):
     assert scenario.limits.given == {"peak_force": 50.0, "bending_stress": 80e6, "gap": 1e-3}
 
 
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        (["{path: beam.thicknes, values: [1 mm]}"], "[0].path = beam.thicknes does not exist: beam has no thicknes;"),
-        (["{path: snubbers.tp.gap, values: [1 mm]}"], "snubbers has no tp; the names are tip"),
-        (["{path: snubbers.tip.preload, values: [1 N]}"], "has no value in this scenario"),
-        (["{path: snubbers.tip, values: [1]}"], "is not a number; continue with one of"),
-        (["{path: 'beam.point_masses[7].mass', values: [1 g]}"], "has 2 items"),
-        (["{path: title, values: [a, b]}"], "has no effect on a case"),
-        (["{path: excitation.kind, values: [harmonic]}"], "is neither a number nor a choice"),
-        (["{path: snubbers.tip.name, values: [a, b]}"], "is neither a number nor a choice"),
-        (["{path: beam.thickness, values: []}"], "values is an empty list"),
-        (["{path: beam.thickness}"], "names no values"),
-        (["{path: beam.thickness, values: [1 mm], from: 1}"], "from is not a known key"),
-        (["{path: beam.thickness, values: [1 kg]}"], "values[0] = 1 kg must be a length, not a mass"),
-        (["{path: beam.thickness, values: [1 mm, -1 mm]}"], "values[1] = -1 mm must be positive"),
-        (["{path: beam.thickness, values: [true]}"], "must be a number"),
-        (["{path: beam.thickness, values: [.nan]}"], "must be finite"),
-        (["{path: beam.thickness, values: [1 mm, 0.1 cm]}"], "lists a value twice"),
-        (["{path: beam.thickness, from: 1 mm, to: 1 mm, points: 3}"], "equals the start of the range"),
-        (["{path: beam.thickness, from: 1 mm, to: 2 mm, points: 1}"], "points = 1 is out of range"),
-        (["{path: beam.thickness, from: 1 mm, to: 2 mm}"], "points is missing"),
-        (["{path: snubbers.tip.gap, from: 0, to: 2 mm, points: 3, spacing: logarithmic}"], "from must be positive"),
-        (["{path: beam.elements, from: 4, to: 6, points: 9}"], "more than the whole numbers from 4 to 6"),
-        (["{path: beam.elements, values: [4.5]}"], "must be a whole number"),
-        (["{path: beam.supports.right, values: [fre]}"], "= fre is not one of clamped, pinned, free, guided"),
-        (["{path: beam.supports.right, tolerance: 1 %}"], "is a choice, which has no range"),
-        (["{path: beam.thickness, tolerance: 200 %}"], "must be positive"),
-        (["{path: beam.thickness, tolerance: 1 kg}"], "tolerance = 1 kg must be a length"),
-        (["{path: snubbers.tip.gap, tolerance: 2 %}"], "leaves nothing to vary; give it in the quantity's own unit"),
-        (["{path: 'beam.point_masses[*].mass', tolerance: 2 %}"], "different ones; vary them separately"),
-        (["{path: excitation.level, values: [1 mm]}"], "unit of displacement, and the level there is of accel"),
-        ([STIFFNESS, STIFFNESS], "is varied twice, also by vary.parameters[0]"),
-        (["{path: a b, values: [1]}"], "is not a path"),
-    ],
-)  # fmt: skip
-def test_nonsense_is_refused_where_it_stands(parameters, message):
-    assert message in refused(study(*parameters))
-
-
 def test_a_grid_of_ten_million_cases_is_refused_without_being_built():
     text = refused(
         study(
@@ -150,35 +110,6 @@ def test_a_grid_of_ten_million_cases_is_refused_without_being_built():
 def test_lists_of_different_lengths_cannot_be_zipped():
     three = "{path: beam.thickness, from: 4 mm, to: 6 mm, points: 3}"
     assert "have 2, 3 values, which cannot be zipped" in refused(study(STIFFNESS, three, kind="zip"))
-
-
-@pytest.mark.parametrize(
-    ("parameter", "extra", "message"),
-    [
-        ("{path: beam.thickness, values: [1 mm]}", "  samples: 5\n", "names no range to sample"),
-        ("{path: beam.thickness, from: 2 mm, to: 1 mm}", "  samples: 5\n", "lies below from"),
-        ("{path: beam.thickness, tolerance: 1 %}", "", "vary.samples is missing"),
-        ("{path: beam.thickness, tolerance: 1 %}", "  samples: 1\n", "samples = 1 is out of range"),
-        ("{path: beam.thickness, tolerance: 1 %}", "  samples: 100000000\n", "is out of range"),
-    ],
-)
-def test_nonsense_in_samples(parameter, extra, message):
-    assert message in refused(study(parameter, kind="latin_hypercube", extra=extra))
-
-
-@pytest.mark.parametrize(
-    ("limits", "message"),
-    [
-        ("{}", "limits limit nothing"),
-        ("{peak_force: 0 N}", "must be positive"),
-        ("{peak_force: 50 mm}", "must be a force"),
-        ("{bending_stress: 80 N}", "must be a stress"),
-        ("{peak_acceleration: 20 kg}", "must be an acceleration"),
-        ("{force: 80 N}", "did you mean peak_force"),
-    ],
-)
-def test_limits_that_are_none(limits, message):
-    assert message in refused(f"{BASE}limits: {limits}\n")
 
 
 def test_limits_of_what_the_structure_does_not_have():

@@ -175,46 +175,10 @@ def test_a_start_by_name_gives_way_to_one_by_keys():
     assert (scenario.run.start.mode, scenario.run.start.amplitude) == (1, 0.001)
 
 
-@pytest.mark.parametrize(
-    ("override", "says"),
-    [
-        ("beam.thicknes=4 mm", "beam.thicknes is not a known key; did you mean thickness?"),
-        ("beam.thicknes=null", "beam.thicknes is not a known key"),
-        ("foo=1", "foo is not a known key; known keys: title, beam"),
-        ("foo.bar=1", "foo is not a known key"),
-        ("extends=a.yaml", "extends is not a known key; extends must be at the top level of a file"),
-        ("snubbers[3].gap=1", "snubbers[3].gap does not exist: snubbers has 1 item; the last one is snubbers[0]"),
-        (
-            "snubbers.gap=1",
-            "snubbers.gap does not exist: snubbers is a list; name the item, for example snubbers[0].gap",
-        ),
-        ("snubbers.tp.gap=1", "snubbers.tp.gap does not exist: snubbers has no item called tp; did you mean tip?"),
-        ("snubbers.foot.gap=1", "snubbers has no item called foot; the names are tip"),
-        (
-            "beam.point_masses.first.mass=1",
-            "beam.point_masses is a list; name the item, for example beam.point_masses[0]",
-        ),
-        ("beam[*].length=1", "beam[*].length does not exist: beam is not a list"),
-        ("constant_forces[*].force=1", "constant_forces[*].force does not exist: constant_forces is not a list"),
-        ("beam[0]=1", "beam[0] does not exist: beam is not a list"),
-        ("beam.length.x=1", "beam.length.x does not exist: beam.length is 270 mm, without keys"),
-        ("constant_forces[0].force=1", "there is no constant_forces; give constant_forces as a whole list"),
-        ("snubbers[-1].gap=1", "is not a path"),
-        ("=1", "is not a path"),
-        ("beam.length", "has no ="),
-        ("beam.length={", "is not YAML"),
-        ("beam.length=4 kg", "beam.length = 4 kg must be a length, not a mass"),
-        ("snubbers[0]=null", "snubbers[0] = null must be a mapping"),
-    ],
-)
-def test_overrides_that_lead_nowhere(override, says):
-    found = problems(load_scenario, BASE, [override])
-    assert any(says in line for line in found)
-    assert not any(line.startswith("<text>") for line in found)  # an override stands in no file
-
-
 def test_all_bad_overrides_at_once():
-    assert len(problems(load_scenario, BASE, ["a", "b c=1", "snubbers[9].gap=1", "beam.length=}"])) == 4
+    found = problems(load_scenario, BASE, ["a", "b c=1", "snubbers[9].gap=1", "beam.length=}"])
+    assert len(found) == 4
+    assert not any(line.startswith("<text>") for line in found)  # an override stands in no file
 
 
 def test_overrides_name_items_of_lists_as_vary_does():

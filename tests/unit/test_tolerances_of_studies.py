@@ -152,35 +152,6 @@ def test_a_case_with_a_realisation_that_failed_does_not_pass(tmp_path):
     assert [float(row["passing_share"]) for row in rows] == pytest.approx([0.8, 0.8, 0.6])
 
 
-@pytest.mark.parametrize(
-    ("tolerances", "message"),
-    [
-        ("{parameters: [{path: beam.elements, tolerance: 1}]}", "is a whole number, which has no tolerance"),
-        ("{quantile: 0.2, parameters: [{path: beam.thickness, tolerance: 1 %}]}", "must be from 0.5 to 1"),
-        (
-            "{samples: 10, quantile: 95 %, parameters: [{path: beam.thickness, tolerance: 1 %}]}",
-            "quantile = 95 % of 11 realisations is the worst of them; give samples: 20 or more",
-        ),
-        ("{parameters: [{path: beam.thicknes, tolerance: 1 %}]}", "did you mean thickness"),
-        ("{parameters: [{path: snubbers.tip.gap, tolerance: 1 %}]}", "leaves nothing to vary"),
-        ("{parameters: []}", "parameters"),
-        (
-            "{parameters: [{path: beam.thickness, tolerance: 1 %}, {path: beam.thickness, tolerance: 2 %}]}",
-            "varied twice",
-        ),
-        (
-            "{parameters: [{path: beam.width, also: [beam.thickness], tolerance: 1 %}]}",
-            "needs one nominal value",
-        ),
-        ("{samples: 100000, parameters: [{path: beam.thickness, tolerance: 1 %}]}", "cases"),
-    ],
-)
-def test_tolerances_that_cannot_be_are_located(tolerances, message):
-    with pytest.raises(ScenarioError, match=message) as caught:
-        scenario(tolerances)
-    assert all(p.path.startswith("vary") for p in caught.value.problems)
-
-
 def test_a_number_that_is_varied_with_others_has_a_tolerance_with_them():
     both = "[{name: tip, position: 270 mm, side: below, stiffness: 1 kN/m}, {name: top, position: 270 mm, side: above, "
     text = BASE.replace("snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm}]", (
