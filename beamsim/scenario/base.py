@@ -406,6 +406,15 @@ def counted(number: int, noun: str, plural: str = "") -> str:
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
+def distinct(a: float, b: float) -> tuple[str, str]:
+    """Print two numbers with enough digits to distinguish them."""
+    for digits in range(6, 18):
+        texts = f"{a:.{digits}g}", f"{b:.{digits}g}"
+        if texts[0] != texts[1]:
+            return texts
+    return repr(a), repr(b)
+
+
 def suggestion(name: str, names: Iterable[str], otherwise: str) -> str:
     """The remedy for an unknown name.
 

@@ -404,6 +404,7 @@ _HOLDS_SLOPE = ("clamped", "guided")
 
 SHORTEST = 1e-3
 """Part of an element below which a segment is too short for the mesh."""
+_TOGETHER = 1e-9  # of the length, within which ends of segments are the same
 
 
 class ElasticSupport(Schema):
@@ -611,22 +612,16 @@ class BeamBody(Body):
             remedy = "give the distance from its left end, position: 270 mm"
             yield problem(at, f"is a point [x, y] of a plate, but {path_text(where)} is a beam", remedy)
             return
-        x = self.metres(position)
-        if x > self.length:
-            given = _distinct(x, self.length)
+        yield from self.beyond(where, at, position)
+        if what and (held := self.held_end(position)) is not None:
             yield problem(
                 at,
-                f"= {given[0]} m lies beyond {path_text((*where, 'length'))} = {given[1]} m",
-                f"positions run from 0 to {given[1]} m, from the left end",
-            )
-        elif what and (held := self.held_end(position)) is not None:
-            yield problem(
-                at,
-                f"= {x:g} m is the {held[1]} {held[0]} end, which cannot deflect: {what} has no effect there",
+                f"= {self.metres(position):g} m is the {held[1]} {held[0]} end, which cannot deflect: {what} has no "
+                "effect there",
                 f"move it along the beam, or change {path_text((*where, 'supports', held[0]))}",
             )
 
-    def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+    def movable_problems(self, where: Path, at: Path, position: float | q.Share) -> Iterator[Problem]:
         """Why no snubber can move to a position of the beam.
 
         Parameters
@@ -637,12 +632,11 @@ class BeamBody(Body):
         ------
         Problem
         """
-        if self.metres(position) > self.length:
-            yield from self.position_problems(where, at, position, "")
+        yield from self.beyond(where, at, position)
         if (held := self.held_end(position)) is not None:
             yield problem(
                 at,
-                f"= {position:g} m is the {held[1]} {held[0]} end, which cannot deflect",
+                f"= {self.metres(position):g} m is the {held[1]} {held[0]} end, which cannot deflect",
                 "begin or end a little beside it",
             )
 
@@ -697,15 +691,6 @@ class BeamBody(Body):
                 )
 
 
-def _distinct(a: float, b: float) -> tuple[str, str]:
-    """Print two numbers with enough digits to distinguish them."""
-    for digits in range(6, 18):
-        texts = f"{a:.{digits}g}", f"{b:.{digits}g}"
-        if texts[0] != texts[1]:
-            return texts
-    return repr(a), repr(b)
-
-
 class UniformBeam(Bent, BeamBody):
     """A beam along which nothing changes but point masses."""
 
@@ -755,8 +740,12 @@ class SegmentedBeam(BeamBody):
     def problems(self, where: Path) -> Iterator[Problem]:
         """Segments that leave a part of the beam out, overlap, or are too short for the mesh."""
         yield from super().problems(where)
-        shortest = SHORTEST * self.length / self.elements
-        stretches = self.stretches
+        shortest, stretches = SHORTEST * self.length / self.elements, self.stretches
+        ends = [(each.path, key, x) for each in stretches for key, x in (("from", each.start), ("to", each.end))]
+        for path, key, x in ends:
+            if x > self.length * (1.0 + _TOGETHER):
+                yield from self.beyond(where, (*where, *path, key), x)
+                return
         for stretch in stretches:
             if stretch.length <= shortest:
                 yield problem(
@@ -769,7 +758,7 @@ class SegmentedBeam(BeamBody):
         bounds += [("from", before.end, after.start, after) for before, after in pairwise(stretches)]
         bounds += [("to", self.length, stretches[-1].end, stretches[-1])]
         for key, expected, given, stretch in bounds:
-            if abs(given - expected) > 1e-9 * self.length:
+            if abs(given - expected) > _TOGETHER * self.length:
                 yield problem(
                     (*where, *stretch.path, key),
                     f"= {given:g} m, where {expected:g} m is expected",

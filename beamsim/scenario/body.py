@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, overload
 
 from pydantic import BeforeValidator, Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import BY_FORM, Path, Schema, counted, fail, path_text, problem
+from beamsim.scenario.base import BY_FORM, Path, Schema, counted, distinct, fail, path_text, problem
 from beamsim.scenario.quantities import (
     Force,
     Frequency,
@@ -501,6 +501,12 @@ class Body(Schema):
             return side * position.value
         return side if side < position <= side * (1.0 + 1e-12) else position
 
+    @overload
+    def point(self, position: float | Share) -> float: ...
+    @overload
+    def point(self, position: tuple[float | Share, float | Share]) -> tuple[float, float]: ...
+    @overload
+    def point(self, position: WrittenPosition) -> Point: ...
     def point(self, position: WrittenPosition) -> Point:
         """A position on the body in m, of a share that of the side."""
         if not isinstance(position, tuple):
@@ -539,6 +545,29 @@ class Body(Schema):
         """
         yield self._misplaced(where, at, "a beam")
 
+    def beyond(self, where: Path, at: Path, position: float | Share, axis: int = 0) -> Iterator[Problem]:
+        """A position beyond the end of a side.
+
+        Parameters
+        ----------
+        where, at : see `position_problems`.
+        position : along the side.
+        axis : number of the side, from 0.
+
+        Yields
+        ------
+        Problem
+        """
+        x, side = self.metres(position, axis), self.sides[axis]
+        if x > side:
+            given, last = distinct(x, side)
+            key, begins = (("length", "left"), ("width", "bottom"))[axis]
+            yield problem(
+                at,
+                f"= {given} m lies beyond {path_text((*where, key))} = {last} m",
+                f"positions run from 0 to {last} m, from the {begins} {'end' if len(self.sides) == 1 else 'edge'}",
+            )
+
     def mass_problems(self, where: Path, at: Path, mass: int) -> Iterator[Problem]:
         """What is wrong with the number of a mass of the body.
 
@@ -563,14 +592,14 @@ class Body(Schema):
         this = "the structure" if len(where) == 1 else path_text(where)
         return problem(at, f"applies to {of}, but {this} is {self.called}", self.how_to_place)
 
-    def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+    def shape_problems(self, where: Path, at: Path, position: float | Share) -> Iterator[Problem]:
         """What is wrong with a position at which a mode shape was measured.
 
         Parameters
         ----------
         where : path of the body.
         at : path at which the position is written.
-        position : m along the body, or the number of a mass.
+        position : along the body, as it is written, or the number of a mass.
 
         Yields
         ------
@@ -582,14 +611,14 @@ class Body(Schema):
         """The body with the files that it names where they are; ``folder_of`` tells the folder of a key's file."""
         return self
 
-    def movable_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+    def movable_problems(self, where: Path, at: Path, position: float | Share) -> Iterator[Problem]:
         """Why no snubber can move to a position of the body; by default that it is no beam.
 
         Parameters
         ----------
         where : path of the body.
         at : path at which the position is written.
-        position : m.
+        position : as it is written.
 
         Yields
         ------

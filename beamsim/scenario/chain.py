@@ -13,7 +13,7 @@ from beamsim.errors import Problem
 from beamsim.scenario.base import Path, counted, fail, path_text, problem
 from beamsim.scenario.body import AtPlace, Body, ChainDamping, numbered
 from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring, PiecewiseLinearSpring
-from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness
+from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness, Share
 
 
 class Chain(Body):
@@ -115,7 +115,7 @@ class Chain(Body):
                 f"masses are numbered from 1 to {self.count}",
             )
 
-    def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+    def shape_problems(self, where: Path, at: Path, position: float | Share) -> Iterator[Problem]:
         """Mode shapes are measured at masses, given by their numbers.
 
         Parameters

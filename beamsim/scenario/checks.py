@@ -16,10 +16,10 @@ from beamsim.scenario.connections import SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
 from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, sine_problems
 from beamsim.scenario.parameters import (
+    bounds_of,
     case_count,
     choices_at,
     find_parameters,
-    read_as,
     resolve_parameter,
     tolerances_of,
     value_at,
@@ -54,11 +54,11 @@ Problems = Iterator[Problem]
 
 def problems(scenario: ScenarioParts) -> list[Problem]:
     """Return all inconsistencies between the parts of a scenario."""
-    missing = list(_structure(scenario))
-    if missing:
+    if missing := list(_structure(scenario)):
         return missing
+    if unfit := list(_bodies(scenario)):  # from which rates and frequencies follow
+        return [*unfit, *_places(scenario)]
     checks = (
-        _bodies,
         _directions, _places, _joints, _names, _outputs, _run, _start, _sweeps, _levels, _identification, _modes,
         _cases, _tolerances, _limits, _pressed_friction,
     )  # fmt: skip
@@ -223,11 +223,10 @@ def _distributed(scenario: ScenarioParts, path: Path, load: DistributedLoad) -> 
         if any(last <= first for first, last in pairs):
             yield problem((*path, key), "does not end beyond where it begins", "give the lower end first")
     if isinstance(load.shape, TableShape):
-        if body.body_kind == "beam":
-            for index, position in enumerate(load.shape.x):
-                yield from body.position_problems(where, (*path, "shape", "x", index), position, "")
         shape: Any = load.shape.on_the_body(body)
-        for key in ("x", "y"):
+        for axis, key in enumerate(("x", "y")):
+            for index, position in enumerate(getattr(shape, key) or ()):
+                yield from body.beyond(where, (*path, "shape", key, index), position, axis)
             for index, (one, two) in enumerate(pairwise(getattr(shape, key) or ()), start=1):
                 if two <= one:
                     at = (*path, "shape", key, index)
@@ -707,35 +706,67 @@ def _swept_supports(excitation: Harmonic | Forces) -> Problems:
 def _continuation(scenario: ScenarioParts, sweep: Continuation) -> Problems:
     """Inconsistencies between a continuation and its structure and excitation."""
     given: list[tuple[str, Any]] = [("follow_folds_in", sweep.follow_folds_in), ("continue_in", sweep.continue_in)]
-    for key, path in given:
-        if isinstance(path, SnubberPath):
-            yield from _snubber_problems(scenario, f"sweep.{key}", path)
-    second = sweep.follow_folds_in
-    if second is not None:
-        present = _value_in_scenario(scenario, sweep, second)
-        low, high = sorted((float(second.from_), float(second.to)))
-        if present is not None and not low <= present <= high:
-            yield Problem(
-                "sweep.follow_folds_in",
-                f"runs from {low:g} to {high:g}, which leaves out the scenario's own {second.kind} of {present:g}, "
-                "where the folds are found",
-                "widen the range to hold it",
-            )
+    unfit = [
+        found
+        for key, path in given
+        if isinstance(path, SnubberPath)
+        for found in _snubber_problems(scenario, f"sweep.{key}", path)
+    ]
+    yield from unfit or _range_problems(scenario, sweep)
     if isinstance(sweep.method, HarmonicBalance) and not (scenario.all_snubbers or scenario.nonlinear_springs):
         yield Problem(
             "sweep.method", "= harmonic_balance needs a snubber or a nonlinear spring", "use shooting, or add a snubber"
         )
 
 
+def _range_problems(scenario: ScenarioParts, sweep: Continuation) -> Problems:
+    """Points beyond the range, and a second range that leaves out where the folds are."""
+    at: Path = ("sweep",) if sweep.continue_in is None else ("sweep", "continue_in")
+    second = sweep.follow_folds_in
+    try:
+        parameter = in_metres(scenario, sweep.parameter)
+        parameter.check()
+        parameter.demand_inside(parameter.points_at, ("points_at",))
+        if second is not None:
+            at, second = ("sweep", "follow_folds_in"), in_metres(scenario, second)
+            second.check()
+    except PydanticCustomError as error:
+        yield refused(error, at)
+        return
+    if second is None:
+        return
+    present = _value_in_scenario(scenario, sweep, second)
+    low, high = sorted((float(second.from_), float(second.to)))
+    if present is not None and not low <= present <= high:
+        yield Problem(
+            "sweep.follow_folds_in",
+            f"runs from {low:g} to {high:g}, which leaves out the scenario's own {second.kind} of {present:g}, "
+            "where the folds are found",
+            "widen the range to hold it",
+        )
+
+
+def in_metres(scenario: ScenarioParts, path: Any) -> Any:
+    """What a continuation goes along, positions of a snubber on its body in m."""
+    return path.on_the_body(_moved_body(scenario, path)) if isinstance(path, PositionPath) else path
+
+
+def _moved_body(scenario: ScenarioParts, path: PositionPath) -> Body:
+    """The body along which a snubber moves."""
+    index = snubber_index(scenario, path)
+    assert index is not None
+    return scenario.all_bodies[scenario.located_snubbers[index].bodies[0]]
+
+
 def _value_in_scenario(scenario: ScenarioParts, sweep: Continuation, path: Any) -> float | None:
     if isinstance(path, LevelPath):
         return float(sweep.levels[0]) if sweep.levels else getattr(scenario.excitation, "level", None)
     index = snubber_index(scenario, path)
-    if index is None:
-        return None
-    if path.kind != "position":
-        return getattr(scenario.all_snubbers[index], path.kind)  # type: ignore[no-any-return]
-    return scenario.all_snubbers[index].places[0].position  # type: ignore[no-any-return]
+    assert index is not None
+    snubber: Any = scenario.all_snubbers[index]
+    if isinstance(path, PositionPath):
+        return float(_moved_body(scenario, path).metres(snubber.places[0].position))
+    return getattr(snubber, path.kind)  # type: ignore[no-any-return]
 
 
 def snubber_index(scenario: ScenarioParts, path: SnubberPath) -> int | None:
@@ -860,7 +891,7 @@ def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> N
         raise fail(zero, "give it a rough value to start from, or leave it out", at)
     if not item.bounds:
         return
-    low, high = (read_as(scenario, places[0], bound, ("bounds",)) for bound in item.bounds)
+    low, high = bounds_of(scenario, item)
     if not low < high:
         raise fail(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
     if not low <= values[0] <= high:

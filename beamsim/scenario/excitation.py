@@ -214,7 +214,7 @@ class Span(Schema, Generic[Number]):
         if self.from_ == self.to:
             types = type(self).model_fields["to"].metadata
             unit = next((item.dimension.unit for item in types if isinstance(item, quantities.Quantity)), "")
-            shown = f"{self.to:g} {unit}".rstrip()
+            shown = str(self.to) if isinstance(self.to, quantities.Share) else f"{self.to:g} {unit}".rstrip()
             raise fail(f"= {shown} equals the start of the {self.changing}", self.suitable, ("to",))
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic_core import PydanticCustomError
 
@@ -29,20 +29,22 @@ from beamsim.scenario.base import (
     within,
     words_of,
 )
-from beamsim.scenario.body import Body
 from beamsim.scenario.parts import ScenarioParts
-from beamsim.scenario.quantities import FieldType, LevelValue, Share, meant
+from beamsim.scenario.quantities import FieldType, LevelValue, PositionType, Share, meant
 from beamsim.scenario.studies import (
+    IdentifyStiffness,
     LatinHypercube,
     ListedParameter,
     RangedParameter,
     SampledRange,
     Sobol,
+    SoughtParameter,
     TolerancedParameter,
     Tolerances,
     Vary,
     Zipped,
 )
+from beamsim.scenario.sweep import PositionPath
 from beamsim.scenario.units import RATIO, UnitError, read_level, read_quantity
 
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
@@ -88,23 +90,49 @@ def value_at(scenario: ScenarioParts, place: Path) -> Any:
     if place == ("run", "sample_rate"):
         return scenario.sample_rate
     value: Any = scenario
-    body = scenario.all_bodies.get(scenario.default_body)
     for part in place:
-        if isinstance(value, Body):
-            body = value
-        elif isinstance(named := getattr(value, "body", None), str):
-            body = scenario.all_bodies.get(named)
         value = _inside(value, part)
-    if isinstance(value, Share) and body is not None:
-        return body.metres(value, _axis(place) if len(body.sides) > 1 else 0)
-    return value
+    return _in_metres(scenario, place, value)
 
 
-def _axis(place: Path) -> int:
-    """Along which side of its body a position is: the second number of a point, and y of a table, along the second."""
-    if isinstance(place[-1], str):
-        return 0
-    return 1 if place[-2] == "y" or (place[-2] != "x" and place[-1] == 1) else 0
+def _in_metres(scenario: ScenarioParts, place: Path, value: Any) -> Any:
+    """A value of the field at a place, a share of a length in metres."""
+    side = side_at(scenario, place) if isinstance(value, Share) else None
+    return value if side is None else scenario.all_bodies[side.body].metres(value, side.axis)
+
+
+class Side(NamedTuple):
+    """What a position is measured along."""
+
+    body: str  # its name
+    axis: int  # number of the side of the body, from 0
+
+
+def side_at(scenario: ScenarioParts, place: Path) -> Side | None:
+    """What the position at a place is measured along; None where there is none, or of no body."""
+    body = scenario.all_bodies.get(body_of(scenario, place))
+    if body is None or not isinstance(field_type_at(scenario, place), PositionType):
+        return None
+    # the second number of a point, and y of a table, lie along the second side
+    second = isinstance(place[-1], int) and (place[-2] == "y" or (place[-2] != "x" and place[-1] == 1))
+    return Side(body_of(scenario, place), int(second and len(body.sides) > 1))
+
+
+def body_of(scenario: ScenarioParts, place: Path) -> str:
+    """Name of the body that something at a place is on; empty where none is named and there are several.
+
+    It is that in which the place is, which is named beside it, or that of the snubber which is.
+    """
+    value: Any = scenario
+    named = scenario.body_at(place) or scenario.default_body
+    for part in place:
+        value = _inside(value, part)
+        if isinstance(value, PositionPath | IdentifyStiffness):
+            found = [each for each in scenario.located_snubbers if value.snubber in (None, each.item.name)]
+            named = found[0].bodies[0] if found else ""
+        elif isinstance(body := getattr(value, "body", None), str):
+            named = body
+    return named
 
 
 def _inside(owner: Any, part: str | int) -> Any:
@@ -155,7 +183,7 @@ def _as_read(scenario: ScenarioParts, place: Path, value: object) -> object:
 
 
 def read_as(scenario: ScenarioParts, place: Path, value: object, at: Path = ()) -> Any:
-    """Read a value as the field at a place would: an SI number, which may know its quantity, a word, or a rate.
+    """Read a value as the field at a place would: an SI number, which may know its quantity, a word, rate or share.
 
     Parameters
     ----------
@@ -166,7 +194,7 @@ def read_as(scenario: ScenarioParts, place: Path, value: object, at: Path = ()) 
 
     Returns
     -------
-    float | int | str | Rate
+    float | int | str | Rate | Share
 
     Raises
     ------
@@ -190,6 +218,26 @@ def read_as(scenario: ScenarioParts, place: Path, value: object, at: Path = ()) 
         raise fail(f"{shown} {error.message}{as_place}", error.remedy, at) from None
 
 
+def bounds_of(scenario: ScenarioParts, sought: SoughtParameter) -> tuple[float, float]:
+    """Lowest and highest value of a number that is sought, in SI units; infinite where none are given.
+
+    Raises
+    ------
+    PydanticCustomError
+        Where the field would refuse one of them, or it lies beyond the body that the number is a position on.
+    """
+    if not sought.bounds:
+        return -math.inf, math.inf
+    place = find_parameters(scenario, sought.parameter)[0]
+    low, high = (_in_metres(scenario, place, read_as(scenario, place, bound, ("bounds",))) for bound in sought.bounds)
+    if (side := side_at(scenario, place)) is not None:
+        for bound in (low, high):
+            beyond = scenario.all_bodies[side.body].beyond(scenario.body_path(side.body), ("bounds",), bound, side.axis)
+            for found in beyond:
+                raise fail(found.message, found.remedy, ("bounds",))
+    return low, high
+
+
 def choices_at(scenario: ScenarioParts, place: Path) -> tuple[str, ...]:
     """The words that the field at a place may hold (supports); none for a number."""
     if not isinstance(place[-1], str) or not isinstance(value_at(scenario, place), str):
@@ -210,7 +258,7 @@ def field_type_at(scenario: ScenarioParts, place: Path) -> FieldType | None:
         return None
     field = _field(owner, str(place[last]))
     types = (item for item in (*field.metadata, *within(field.annotation)) if isinstance(item, FieldType))
-    return next((item.absolute for item in types), None)
+    return next(types, None)
 
 
 def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: tuple[type, ...]) -> list[Path]:
@@ -271,7 +319,7 @@ def _replaced(owner: Any, place: Path, value: object) -> Any:
 
 Value = float | str
 
-_SECTIONS = ("vary", "limits", "title")  # no case depends on them
+_SECTIONS = ("vary", "limits", "title", "identify_stiffness", "nnm")  # no case depends on them
 _LIST_EXAMPLE = "write for example {path: snubbers.tip.gap, values: [0 mm, 0.1 mm]}"
 
 
@@ -384,6 +432,12 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
     def read(value: Value, at: Path, place: Path = first) -> Value:
         return _read(scenario, place, value, at)
 
+    def read_end(value: Value, at: Path) -> float:
+        end = read(value, at)
+        if isinstance(end, str):
+            raise fail(f"= {value} is a share, and a range has lengths", "write a length, or values: [40 %, 60 %]", at)
+        return float(end)
+
     if isinstance(parameter, ListedParameter):
         values = tuple(read(value, ("values", k)) for k, value in enumerate(parameter.values))
         for k, value in enumerate(parameter.values):
@@ -396,7 +450,7 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
         raise fail(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
     points = getattr(parameter, "points", 0)
     if isinstance(parameter, (RangedParameter, SampledRange)):
-        low, high = (float(read(v, (key,))) for v, key in ((parameter.from_, "from"), (parameter.to, "to")))
+        low, high = (read_end(v, (key,)) for v, key in ((parameter.from_, "from"), (parameter.to, "to")))
         if low == high:
             raise fail(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
         if isinstance(parameter, SampledRange) and low > high:
@@ -451,7 +505,7 @@ def _read(scenario: ScenarioParts, place: Path, value: Value, at: Path) -> Value
                 at,
             )
         return float(read)
-    return str(read) if isinstance(read, q.Rate) else read
+    return str(read) if isinstance(read, q.Rate | Share) else read  # a share follows the length in each case
 
 
 def _deviation(scenario: ScenarioParts, place: Path, tolerance: Value, nominal: float) -> float:

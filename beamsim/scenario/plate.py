@@ -152,20 +152,16 @@ class PlateBody(Body):
     @property
     def mass_points(self) -> tuple[tuple[float, float], ...]:
         """Places of the point masses, m."""
-        return tuple(self.corner(mass.position) for mass in self.point_masses)
+        return tuple(self.point(mass.position) for mass in self.point_masses)
 
     @property
     def supported_points(self) -> tuple[tuple[float, float], ...]:
         """Places of the point supports, m."""
-        return tuple(self.corner(point.position) for point in self.supports.points)
-
-    def corner(self, position: tuple[float | q.Share, float | q.Share]) -> tuple[float, float]:
-        """A point of the plate in m."""
-        return self.metres(position[0], 0), self.metres(position[1], 1)
+        return tuple(self.point(point.position) for point in self.supports.points)
 
     def line_of(self, stiffener: Stiffener) -> tuple[tuple[float, float], tuple[float, float]]:
         """Where a stiffener begins and ends, m."""
-        return self.corner(stiffener.from_), self.corner(stiffener.to)
+        return self.point(stiffener.from_), self.point(stiffener.to)
 
     @property
     def gives_stress(self) -> bool:
@@ -220,7 +216,7 @@ class PlateBody(Body):
         """The edge or point support at a point; empty where it can deflect."""
         if not isinstance(position, tuple):
             return ""
-        x, y = self.corner(position)
+        x, y = self.point(position)
         at = {"left": x == 0.0, "right": x == self.length, "bottom": y == 0.0, "top": y == self.width}
         for edge, on_it in at.items():
             support = getattr(self.supports, edge)
@@ -270,19 +266,13 @@ class PlateBody(Body):
         if not isinstance(position, tuple):
             yield problem(
                 at,
-                f"= {position if isinstance(position, q.Share) else f'{position:g}'} is one number, but "
-                f"{path_text(where)} is a plate",
+                f"= {position:g} is one number, but {path_text(where)} is a plate",
                 "give x and y from its left and bottom edge: position: [270 mm, 100 mm]",
             )
             return
-        point = self.corner(position)
-        for index, (key, size) in enumerate((("length", self.length), ("width", self.width))):
-            if point[index] > size:
-                yield problem(
-                    (*at, index),
-                    f"= {point[index]:.9g} m lies beyond {path_text((*where, key))} = {size:.9g} m",
-                    f"{'xy'[index]} runs from 0 to {size:g} m, from the {('left', 'bottom')[index]} edge",
-                )
+        for axis, along in enumerate(position):
+            yield from self.beyond(where, (*at, axis), along, axis)
+        point = self.point(position)
         if what and (held := self.held(position)):
             yield problem(
                 at,
@@ -290,7 +280,7 @@ class PlateBody(Body):
                 f"move it into the plate, or change {path_text((*where, 'supports'))}",
             )
 
-    def shape_problems(self, where: Path, at: Path, position: float) -> Iterator[Problem]:
+    def shape_problems(self, where: Path, at: Path, position: float | q.Share) -> Iterator[Problem]:
         """Measured mode shapes have one coordinate.
 
         Parameters
@@ -307,7 +297,7 @@ class PlateBody(Body):
         """Stress has no limit under a point force, other than at a free corner."""
         if not self.gives_stress or not isinstance(position, tuple) or self.holds(position):
             return
-        x, y = self.corner(position)
+        x, y = self.point(position)
         if x in (0.0, self.length) and y in (0.0, self.width):
             return
         yield (

@@ -35,11 +35,6 @@ class FieldType:
         """Return the value; raises `UnitError`."""
         raise NotImplementedError
 
-    @property
-    def absolute(self) -> FieldType:
-        """The type that reads values in units alone, no shares of something else."""
-        return self
-
     def json_schema(self) -> JsonSchemaValue:
         """Return the schema of what is accepted."""
         raise NotImplementedError
@@ -164,15 +159,13 @@ class Share:
         percent = (Decimal(repr(self.value)) * 100).normalize()
         return f"{percent:f} %"
 
+    def __format__(self, spec: str) -> str:
+        return str(self)
+
 
 @dataclass(frozen=True)
 class PositionType(Quantity):
     """A length, or a share of the body's length in percent."""
-
-    @property
-    def absolute(self) -> FieldType:
-        """A length."""
-        return Quantity(self.dimension, minimum=self.minimum)
 
     def read(self, value: Any) -> Any:
         """Return the SI number, or the share."""
@@ -424,7 +417,6 @@ Factor = Annotated[float, _not_negative(replace(units.NUMBER, name="factor"))]
 Ratio = Annotated[float, _not_negative(units.RATIO)]
 Length = Annotated[float, _positive(units.LENGTH)]
 Amplitude = Annotated[float, Quantity(replace(units.LENGTH, example="1 mm"))]
-Position = Annotated[float, _not_negative(replace(units.LENGTH, name="position"))]
 PositionOrShare = Annotated[float | Share, PositionType(replace(units.LENGTH, name="position"), minimum=0.0)]
 Gap = Annotated[float, Quantity(replace(units.LENGTH, example="0.1 mm"))]
 Area = Annotated[float, _positive(units.AREA)]

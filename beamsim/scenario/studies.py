@@ -331,8 +331,9 @@ Sought = Annotated[SoughtParameter, _OrItsPath()]
 class MeasuredShapes(Schema):
     """Mode shapes measured without the snubber; compared with the model's by the modal assurance criterion."""
 
-    positions: Annotated[tuple[q.Position, ...], Field(min_length=2)]
-    """Where the deflection was measured on the body that the snubber acts on (mass numbers for a chain)."""
+    positions: Annotated[tuple[q.PositionOrShare, ...], Field(min_length=2)]
+    """Where the deflection was measured on the body that the snubber acts on, in m or as shares of its length: 60 %
+    (mass numbers for a chain)."""
     shapes: Annotated[tuple[tuple[q.Coefficient, ...], ...], Field(min_length=1)]
     """Deflections of each mode at these positions, from the first mode on, to any scale."""
 

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from math import log2
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, Variants, fail
+from beamsim.scenario.body import Body
 from beamsim.scenario.excitation import Between, FrequencyRange, Notch, Number, ProfilePoint, Span, check_profile
 from beamsim.scenario.quantities import meant
 from beamsim.scenario.reporting import OutputLimit
@@ -62,11 +63,17 @@ class StiffnessPath(SnubberPath, _Path[q.Stiffness]):
     """A snubber's stiffness."""
 
 
-class PositionPath(SnubberPath, _Path[q.Position]):
+class PositionPath(SnubberPath, _Path[q.PositionOrShare]):
     """A snubber moves along the beam; a dashpot given by a ratio changes with its position."""
 
     kind: Literal["position"] = "position"
-    """A snubber's position along the beam."""
+    """A snubber's position along the beam, or the share of its length: 60 %."""
+
+    def on_the_body(self, body: Body) -> Self:
+        """The same with positions in m."""
+        points_at = tuple(map(body.metres, self.points_at))
+        ends = {"from": body.metres(self.from_), "to": body.metres(self.to)}
+        return self.model_copy(update={**ends, "points_at": points_at})
 
 
 ResponseParameter = Annotated[FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath, BY_FORM]
@@ -178,9 +185,6 @@ class Continuation(Schema):
             raise fail("has several values, and the folds' level changes", "give one level", ("levels",))
         if self.follow_folds_in is not None and self.follow_folds_in.points_at:
             raise fail("belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at"))
-        parameter.demand_inside(
-            parameter.points_at, ("continue_in", "points_at") if self.continue_in is not None else ("points_at",)
-        )
 
     def _demand_one_range(self) -> None:
         if self.continue_in is not None:

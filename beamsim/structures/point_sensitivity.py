@@ -26,7 +26,7 @@ from scipy.sparse.linalg import spsolve
 
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import walk
-from beamsim.scenario.parameters import replaced, value_at
+from beamsim.scenario.parameters import replaced, side_at, value_at
 from beamsim.scenario.quantities import Share
 from beamsim.structures.assembly import assemble, couplings_of, snubber_site
 from beamsim.structures.places import Site
@@ -35,7 +35,6 @@ from beamsim.structures.structure import BodyStructure, Path, Structure
 from beamsim.typing import Floats
 
 _STEP = 1e-5  # relative, of central differences
-_JOINING = ("joints", "springs_to_ground", "springs_between")
 
 
 def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> dict[Path, float]:
@@ -129,7 +128,7 @@ def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -
         if body.section is None:
             continue
         base = scenario.body_path(body.name)
-        for path, _ in _numbers(scenario.all_bodies[body.name]):
+        for path in _numbers(scenario.all_bodies[body.name]):
             along = {(*base, *path)}
             if len(path) == 1 and path[0] in body.sides:
                 along |= _at_edge(scenario, body.name, body.sides.index(str(path[0])))
@@ -139,7 +138,7 @@ def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -
         for axis in range(len(sides[place.body or contact.body])):
             number = (*contact.path, *path, "position", *((axis,) if isinstance(place.position, tuple) else ()))
             yield number, {number}
-    for section in _JOINING:
+    for section in ("joints", "springs_to_ground", "springs_between"):
         for index, item in enumerate(getattr(scenario, section)):
             for key in ("stiffness", "rotational_stiffness"):
                 if getattr(item, "kind", "") not in ("cubic", "piecewise_linear") and getattr(item, key, 0.0) > 0.0:
@@ -148,23 +147,16 @@ def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -
 
 def _at_edge(scenario: Scenario, name: str, axis: int) -> set[Path]:
     """Coordinates of what sits on the end or edge of a body."""
-    base = scenario.body_path(name)
-    edge = getattr(scenario.all_bodies[name], ("length", "width")[axis])
-    found = set()
-    for path, part in _numbers(scenario):
-        if path[: len(base)] == base:
-            body = name
-        elif path[0] in ("snubbers", *_JOINING):
-            body = getattr(part, "body", None) or scenario.default_body
-        else:
-            continue
-        if body == name and _axis(path) == axis and value_at(scenario, path) == edge:
-            found.add(path)
-    return found
+    edge = scenario.all_bodies[name].sides[axis]
+    return {
+        path
+        for path in _numbers(scenario)
+        if side_at(scenario, path) == (name, axis) and value_at(scenario, path) == edge
+    }
 
 
-def _numbers(section: Any) -> Iterator[tuple[Path, Any]]:
-    """Paths of the numbers, not zero, of a section, and what holds them; but for the bounds of segments."""
+def _numbers(section: Any) -> Iterator[Path]:
+    """Paths of the numbers, not zero, of a section, but for the bounds of segments."""
     for path, part in walk(section):
         for key, name in type(part).keys().items():
             value: Any = getattr(part, name)
@@ -172,18 +164,11 @@ def _numbers(section: Any) -> Iterator[tuple[Path, Any]]:
             for place, number in (items or {(*path, key): value}).items():
                 bound = "segments" in place and place[-1] in ("from", "to")
                 if isinstance(number, (float, Share)) and number not in (0.0, Share(0.0)) and not bound:
-                    yield place, part
+                    yield place
 
 
 def _bounds(section: Any) -> list[Path]:
     return [("segments", i, key) for i, _ in enumerate(getattr(section, "segments", ())) for key in ("from", "to")]
-
-
-def _axis(place: Path) -> int | None:
-    """Which coordinate of a point a number is; None where it is none."""
-    if place[-1] == "position":
-        return 0
-    return place[-1] if isinstance(place[-1], int) and place[-2] in ("position", "from", "to") else None
 
 
 def _mode(model: Structure, row: Floats, squared: float) -> tuple[Floats, float]:

@@ -187,7 +187,7 @@ def _trace(
             branches += coexisting_branches(replace(tracer, reach=beside), list(values), branches, budget)
         if not isinstance(settings.method, HarmonicBalance):
             branches += side_branches(branches, beside, settings.longest_period, budget)
-    values_at = [f.inward(float(value)) for value in settings.parameter.points_at]
+    values_at = [f.inward(value) for value in f.points_at]
     wanted = [Wanted(f.kind, value, lambda point: point.parameter, value) for value in values_at]
     pieces: list[OrbitBranch] = []
     for branch in branches:

@@ -11,7 +11,7 @@ from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import Stop, never
 from beamsim.scenario import Scenario
-from beamsim.scenario.sweep import Continuation, SweptSine
+from beamsim.scenario.sweep import Continuation, FrequencyPath, SweptSine
 
 
 def swept_overlay(
@@ -39,6 +39,7 @@ def swept_overlay(
     assert isinstance(settings, Continuation)
     assert settings.overlay is not None
     path = settings.parameter
+    assert isinstance(path, FrequencyPath)  # no other is overlaid
     low, high = sorted((path.from_, path.to))
     swept = SweptSine.model_construct(
         from_=low, to=high, levels=settings.levels, rate=settings.overlay.rate, direction=settings.overlay.direction

@@ -26,7 +26,7 @@ from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
-from beamsim.scenario.checks import snubber_index
+from beamsim.scenario.checks import in_metres, snubber_index
 from beamsim.scenario.excitation import Forces, Harmonic, Sine
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, PositionPath, SnubberPath
 from beamsim.structures.assembly import snubber_site
@@ -48,6 +48,7 @@ class FollowedParameter:
     first: float  # SI, frequencies in Hz
     last: float
     unit: str
+    points_at: tuple[float, ...] = ()  # SI, values at which every branch gets a point
     snubber: str = ""
     moved: MovedContact | None = None
 
@@ -189,22 +190,21 @@ def response_model(scenario: Scenario) -> ResponseModel:
     ]:
         if settings.parameter.kind != "level" and level == 0:
             raise scenario.located(ScenarioError(Problem(at, "= 0 excites nothing", "give a positive level")))
-    parameter: Any = settings.parameter
+    parameter, second = (in_metres(scenario, path) for path in (settings.parameter, settings.follow_folds_in))
     highest = excitation.frequency
     if parameter.kind == "frequency":
         highest = max(parameter.from_, parameter.to)
     level = excitation.level if excitation.level else 1.0
     forced = scenario.model_copy(update={"run": None, "excitation": excitation.at(highest, level)})
-    moving = [p for p in (parameter, settings.follow_folds_in) if isinstance(p, PositionPath)]
+    moving = [p for p in (parameter, second) if p is not None and p.kind == "position"]
     shape_at = None
     if moving:
-        ends = [float(x) for p in moving for x in (p.from_, p.to)]
+        ends = [x for p in moving for x in (p.from_, p.to)]
         places = [_moving_place(scenario, moving[0], end) for end in (min(ends), max(ends))]
         system, shape_at = build_with_moving_point(forced, *places)
     else:
         system = build_system(forced)
     loads = periodic_forcing(forced, system)
-    second = settings.follow_folds_in
     return ResponseModel(
         scenario,
         system,
@@ -217,26 +217,25 @@ def response_model(scenario: Scenario) -> ResponseModel:
 
 
 def _moving_place(scenario: Scenario, path: PositionPath, position: float) -> Place:
-    """Where a snubber that moves is at a position, on the end where round-off puts it beyond."""
+    """Where a snubber that moves is at a position, m."""
     index = snubber_index(scenario, path)
     assert index is not None
     site = snubber_site(scenario.located_snubbers[index])
     assert isinstance(site, Place)
-    return replace(site, point=scenario.all_bodies[site.body].point(position))
+    return replace(site, point=position)
 
 
 def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, shape_at: Any) -> FollowedParameter:
     first, last = float(path.from_), float(path.to)
+    points_at = tuple(map(float, path.points_at))
     if not isinstance(path, SnubberPath):
         unit = "Hz" if path.kind == "frequency" else scenario.level_unit or "1"
-        return FollowedParameter(path.kind, first, last, unit)
+        return FollowedParameter(path.kind, first, last, unit, points_at)
     index = snubber_index(scenario, path)
     assert index is not None
     snubber: Any = scenario.all_snubbers[index]
     damping = snubber.damping
     ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
-    if isinstance(path, PositionPath):
-        first, last = (_moving_place(scenario, path, end).coordinate for end in (first, last))
     kind = path.kind  # type: ignore[attr-defined]
     if kind == "stiffness" and ratio and system.cubic.count:
         raise scenario.located(
@@ -258,7 +257,8 @@ def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, 
         )  # fmt: skip
     rigid = int(np.sum(system.dynamics.stiffness == 0))
     moved = MovedContact(system.dynamics.contacts, system.dynamics.stiffness, index, kind, ratio, rigid, shape_at)
-    return FollowedParameter(kind, first, last, "N/m" if kind == "stiffness" else "m", snubber.name, moved)
+    unit = "N/m" if kind == "stiffness" else "m"
+    return FollowedParameter(kind, first, last, unit, points_at, snubber.name, moved)
 
 
 def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicForcing:

@@ -196,7 +196,9 @@ def _mac(scenario: Scenario, section: IdentifyStiffness, warnings: list[str]) ->
     given = section.shapes_without
     if given is None:
         return None
-    predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), given.positions)
+    body = scenario.all_bodies[scenario.located_snubber(section.snubber).bodies[0]]
+    positions = tuple(map(body.metres, given.positions))
+    predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), positions)
     mac = assurance(np.array(given.shapes).T, predicted)
     for i, row in enumerate(mac):
         best = int(np.argmax(row))

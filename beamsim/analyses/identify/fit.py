@@ -19,7 +19,7 @@ from beamsim.analyses.identify.result import ParameterEstimate, ProfileLikelihoo
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
-from beamsim.scenario.parameters import choices_at, find_parameters, read_as, value_at, with_values
+from beamsim.scenario.parameters import bounds_of, choices_at, find_parameters, value_at, with_values
 from beamsim.scenario.studies import SoughtParameter
 from beamsim.typing import Bools, Floats
 
@@ -83,12 +83,9 @@ def sought_numbers(scenario: Scenario, items: Sequence[SoughtParameter]) -> tupl
             words += places
             continue
         values = tuple(float(value_at(scenario, place)) for place in places)
-        bounds = (-np.inf, np.inf)
-        if item.bounds:
-            bounds = (read_as(scenario, places[0], item.bounds[0]), read_as(scenario, places[0], item.bounds[1]))
         prior = np.nan if item.prior is None else item.prior
         shift = 0.0 if values[0] > 0.0 else 0.01
-        numbers.append(Sought(item.parameter, tuple(places), values, bounds, prior, shift))
+        numbers.append(Sought(item.parameter, tuple(places), values, bounds_of(scenario, item), prior, shift))
     return numbers, words
 
 
