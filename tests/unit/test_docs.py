@@ -60,6 +60,7 @@ def test_every_package_has_its_place_in_contributing():
 def site_pages(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     import site_pages.commands
+    import site_pages.relative_values
     import site_pages.scenario_keys
     import site_pages.tutorial
 
@@ -77,6 +78,17 @@ def test_the_reference_has_every_key_and_every_command(site_pages):
         assert f"## `beamsim {command}`" in commands
     assert "| `--set PATH=VALUE` |" in commands
     assert "| `--output, -o PATH` |" in commands
+
+
+def test_what_every_relative_value_is_relative_to_is_said(site_pages):
+    """Say it of a new key in `docs/site_pages/relative_values.py`, and renew the page."""
+    pages = site_pages.relative_values
+    said = [name for _, of in pages.CHAPTERS.values() for name in of]
+    assert sorted(said) == sorted(pages.relative_fields())
+    assert pages.PAGE.read_text(encoding="utf-8").rstrip() == pages.page().rstrip()
+    known = set(pages.relative_fields().values())
+    assert {"snubbers[].damping.ratio", "run.sample_rate", "excitation.rise", "beam.nodes"} <= known
+    assert not known & {"beam.length", "snubbers[].stiffness", "excitation.frequency"}  # twin: these are absolute
 
 
 def test_the_files_of_the_tutorial_load_and_its_pictures_are_those_of_its_commands(site_pages, tmp_path):
