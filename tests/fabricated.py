@@ -158,5 +158,6 @@ def fabricate(
         warnings=("a fabricated warning",),
         wall_time_s=0.25,
         created="2026-01-01T00:00:00+00:00",
-        provenance={"beamsim": "0.1.0", "numpy": "2.0"},
+        beamsim_version="0.1.0",
+        provenance={"numpy": "2.0"},
     )

@@ -16,6 +16,7 @@ from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import Record
+from beamsim.version import __version__
 
 if TYPE_CHECKING:
     import pandas
@@ -82,6 +83,7 @@ class Result:
     summary: dict[str, Any] = field(default_factory=dict)  # plain Python values
     warnings: tuple[str, ...] = attribute("", "warnings, JSON list", codec=JSON, default=())
     wall_time_s: float = attribute("s", "wall time", default=0.0)
+    beamsim_version: str = attribute("", "version of beamsim that computed the result", default=__version__)
     created: str = attribute("", "when the result was made, ISO 8601, UTC", default_factory=_now)
     provenance: dict[str, str] = attribute(
         "", "versions of Python and of the packages that the numbers depend on, JSON object", codec=JSON,

@@ -24,7 +24,7 @@ from beamsim.report.contents import SketchedModel, page_of
 from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import named_files
-from beamsim.store.results import kind_of, open_consistent
+from beamsim.store.results import kind_of, open_result
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
@@ -71,7 +71,7 @@ def report(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None:
     target = output_file(output, f"{path.stem}_report", ".html", ".htm")
     plotly()  # that it is missing is said before anything is computed
     kind = kind_of(path)
-    result: Any = open_consistent(path)
+    result: Any = open_result(path)
     _note_unknown_files(result)
     with shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
@@ -104,7 +104,7 @@ def animate(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None
         folder = output_folder(output, path.stem)
         targets = [folder / f"{path.stem}_animation{suffix}" for suffix in (".gif", ".html")]
     shown = not (json or quiet)
-    result: Any = open_consistent(path)
+    result: Any = open_result(path)
     _note_unknown_files(result)
     with shown_in(result.scenario.display_scales):
         scene = scene_of(result, shown=shown)

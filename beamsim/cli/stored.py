@@ -14,7 +14,7 @@ from beamsim.kinds import KINDS, named
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import shown_in
 from beamsim.store.export import FORMATS, export_result, export_target, remark_on_places
-from beamsim.store.results import kind_of, open_consistent, open_result
+from beamsim.store.results import kind_of, open_result
 
 
 def info(path: Path, *, as_json: bool) -> None:
@@ -55,7 +55,7 @@ def plot(path: Path, output: Path | None, form: str, *, json: bool, quiet: bool)
     folder = output_folder(output, path.stem)
     with progress_of(f"plotting {path.name}", shown=not (json or quiet)):
         figures = named(KINDS[kind_of(path)].figures)
-        result = open_consistent(path)
+        result = open_result(path)
         with shown_in(result.scenario.display_scales):
             files = save_figures(figures(result), folder, path.stem, form)
     print_files(files, json=json, quiet=quiet)
@@ -88,7 +88,6 @@ def export(path: Path, output: Path | None, form: str | None, *, json: bool, qui
             target = export_target(output_folder(folder, stem), stem, form)
         else:
             target = output_file(output, path.stem, f".{form}")
-        open_consistent(path)
         written = export_result(path, target, form)
     remark = remark_on_places(path) if form == "uff" else ""
     if remark:

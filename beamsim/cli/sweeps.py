@@ -100,7 +100,7 @@ def _earlier(path: Path | str, scenario: Scenario) -> SweepResult | None:
     if not Path(path).exists():
         return None
     stored: SweepResult = open_result(path, "sweep")
-    if getattr(stored, "scenario_yaml", "") != scenario.to_yaml():
+    if stored.scenario != scenario:
         raise ResultFileError(
             f"{path}: contains a sweep of another scenario; leave out --resume, or choose another path with -o"
         )

@@ -94,5 +94,4 @@ def changes(result: Result) -> list[tuple[str, str, float, bool]]:
 def versions(result: Result) -> str:
     """The program and the packages that the numbers depend on."""
     packages = ", ".join(f"{name} {version}" for name, version in result.provenance.items())
-    program = getattr(result, "beamsim_version", "")
-    return f"beamsim {program}, {packages}" if program else packages
+    return f"beamsim {result.beamsim_version}, {packages}"

@@ -114,9 +114,6 @@ def parse(text: str, file: str | None = None) -> Any:
         If it is not YAML, holds several documents or custom tags, or a mapping has two equal keys
         or one that is not text; all of these at once.
     """
-    if len(text) > MOST_CHARACTERS:
-        message = f"has {len(text):.3g} characters, more than the {MOST_CHARACTERS:.0e} of the longest scenario"
-        raise ScenarioError(Problem("", message, "keep measured data in files of their own", file))
     try:
         document = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
@@ -339,7 +336,7 @@ def read_file(path: FilePath) -> Any:
     Raises
     ------
     ScenarioError
-        If the file cannot be read, is not text, or is not YAML.
+        If the file cannot be read, is too long, is not text, or is not YAML.
     """
     file = str(path)
     try:
@@ -356,6 +353,9 @@ def read_file(path: FilePath) -> Any:
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise ScenarioError(Problem("", "is not text in UTF-8", "give a YAML file", file, line)) from None
+    if len(text) > MOST_CHARACTERS:
+        message = f"has {len(text):.3g} characters, more than the {MOST_CHARACTERS:.0e} of the longest scenario"
+        raise ScenarioError(Problem("", message, "keep measured data in files of their own", file))
     return parse(text, file)
 
 

@@ -81,7 +81,6 @@ def _merged(sections: Iterable[Section]) -> list[Section]:
 def _root() -> str:
     rows = [
         Row("schema_version", "", "attribute", "version of the layout"),
-        Row("beamsim_version", "", "attribute", "version of beamsim that computed the result"),
         Row("command", "", "attribute", "command that wrote the file"),
         Row("scenario", "", "attribute", "the case as written, YAML in SI units; sufficient to run it again"),
     ]

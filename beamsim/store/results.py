@@ -15,25 +15,23 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
-from beamsim.errors import ResultFileError
+from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.fields import plain
 from beamsim.files import replacing
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.measurements.read import scale_along
+from beamsim.scenario import Scenario, load_scenario
+from beamsim.scenario.scenario import SolvedFiles
 from beamsim.store.flat import Item, Items, Reader, items_of, last, parent
-from beamsim.version import __version__
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
-    from beamsim.scenario import Scenario
-    from beamsim.scenario.scenario import Record
 
 SCHEMA_VERSION = 2
 JSON_ENCODED = "json_encoded"
@@ -53,7 +51,6 @@ def write_result(result: Result, path: Path | str) -> Path:
     items = items_of(result)
     items["/"].attributes |= {
         "schema_version": SCHEMA_VERSION,
-        "beamsim_version": result.provenance.get("beamsim", __version__),
         "command": KINDS[kind_of_class(type(result))].command,
         "scenario": result.scenario.to_yaml(),
     }
@@ -100,57 +97,13 @@ def _nan_for_null(value: Any) -> Any:
 # --- Reading ---------------------------------------------------------------------------------------------------------
 
 
-class LazyScenario:
-    """Mixin of results read from a file: the scenario is parsed on first use."""
-
-    scenario_yaml: str
-    beamsim_version: str
-    _title: str
-    _input_files: dict[str, Record] | None
-    _folder: Path  # of the result file
-
-    @cached_property
-    def scenario(self) -> Scenario:
-        """The scenario as it was written; the files that it names are those that were solved."""
-        from beamsim.scenario import load_scenario
-        from beamsim.scenario.scenario import SolvedFiles
-
-        scenario = load_scenario(self.scenario_yaml)
-        files = self._input_files
-        return scenario.with_solved_files(SolvedFiles(files, self._folder)) if files else scenario
-
-    @property
-    def input_files(self) -> dict[str, Record] | None:
-        """What the files of the scenario held; None where it names none, or an earlier version wrote the result."""
-        return self._input_files
-
-    @property
-    def title(self) -> str:
-        """Title of the scenario, available without parsing it."""
-        return self._title
-
-    @classmethod
-    def of(cls, fields: Mapping[str, Any]) -> Self:
-        """The result with these fields; without the scenario ``__init__`` cannot be called."""
-        stored = cls.__new__(cls)
-        stored.__dict__.update(fields)
-        return stored
-
-
-@cache
-def _stored(cls: Any) -> Any:
-    return type(f"Stored{cls.__name__}", (LazyScenario, cls), {"__doc__": f"A `{cls.__name__}` read from a file."})
-
-
 def open_result(path: Path | str, kind: str = "") -> Any:
     """Read a result file of one of `KINDS` (of any kind without `kind`).
-
-    ``result.scenario`` is parsed on first use.
 
     Raises
     ------
     ResultFileError
-        If the file is missing, unreadable, damaged, not from beamsim, or of another layout or kind.
+        If the file is missing, unreadable, damaged, not from beamsim, or of another layout, kind or scenario.
     """
     return open_with_items(path, kind)[0]
 
@@ -161,18 +114,31 @@ def open_with_items(path: Path | str, kind: str = "") -> tuple[Any, Items]:
         actual = _kind(file, path)
         if kind and actual != kind:
             raise ResultFileError(f"{path}: contains {KINDS[actual].called}, not {KINDS[kind].called}")
-        items, home = read_items(file), named(KINDS[actual].result)
-        root = items["/"].attributes
-        fields = {
-            "scenario_yaml": str(root["scenario"]),
-            "beamsim_version": str(root["beamsim_version"]),
-            "_title": str(root["title"]),
-            "_input_files": json.loads(root["input_files"]) if "input_files" in root else None,
-            "_folder": Path(path).absolute().parent,
-            "summary": decode_summary(items["/summary"].attributes),
-            **Reader(items).fields(home),
-        }
-    return _stored(home).of(fields), items
+        items, cls = read_items(file), named(KINDS[actual].result)
+        summary = decode_summary(items["/summary"].attributes)
+        result = cls(scenario=_scenario(items["/"], path), summary=summary, **Reader(items).fields(cls))
+        _check_curves(path, result, items)
+    return result, items
+
+
+def _scenario(root: Item, path: Path | str) -> Scenario:
+    """The scenario as it was written; the files that it names are those that were solved.
+
+    Raises
+    ------
+    ResultFileError
+        If it is none of this version.
+    """
+    try:
+        scenario = load_scenario(str(root.attributes["scenario"]))
+    except ScenarioError as error:
+        writer = root.attributes["beamsim_version"]
+        raise ResultFileError(
+            f"{path}: its scenario, written by beamsim {writer}, is none of this version ({error.problems[0]}); "
+            "open it with that version, or correct the scenario and run it again"
+        ) from error
+    files = json.loads(root.attributes.get("input_files", "{}"))
+    return scenario.with_solved_files(SolvedFiles(files, Path(path).absolute().parent))
 
 
 def kind_of(path: Path | str) -> str:
@@ -214,7 +180,6 @@ def _kind(file: Any, path: Path | str) -> str:
 
 
 TEXT = h5py.string_dtype("utf-8")
-MAPPED_BYTES = 2**24  # larger arrays are read from the file where they are used
 _OF_HDF5 = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME")
 _ITEM_BYTES = 4096  # more than HDF5 takes for an item besides its values and texts
 
@@ -229,7 +194,7 @@ def write_items(items: Items, path: Path | str) -> None:
     """
     with replacing(path) as temporary:
         _reserve(temporary, sum(map(_size, items.values())))
-        with h5py.File(temporary, "w", alignment_threshold=_ITEM_BYTES, alignment_interval=8) as file:  # for maps
+        with h5py.File(temporary, "w") as file:
             for place, item in items.items():
                 _create(file, place, item)
             for place, item in items.items():
@@ -330,11 +295,7 @@ def _values(dataset: h5py.Dataset) -> Any:
         return np.asarray(dataset.asstr()[()], dtype=object)
     if not np.issubdtype(dataset.dtype, np.number) and dataset.dtype != np.bool_:
         raise ValueError(f"{dataset.name} holds {dataset.dtype}, neither numbers nor text")
-    offset = dataset.id.get_offset() if dataset.nbytes > MAPPED_BYTES else None
-    if offset is None:
-        values = np.asarray(dataset[()])
-    else:
-        values = np.memmap(dataset.file.filename, dataset.dtype, "c", offset, dataset.shape)
+    values = np.asarray(dataset[()])
     flags = "flag_meanings" in dataset.attrs
     return values.view(np.bool_) if flags and values.dtype == np.uint8 else values
 
@@ -375,15 +336,14 @@ _OF_CURVES = ("peak_displacement", "max_displacement", "min_displacement")
 BEYOND = 1e100  # in its unit: no input within the range of physical quantities (1e30, 1e-30 Hz) leads there
 
 
-def open_consistent(path: Path | str, kind: str = "") -> Any:
-    """Read a result file as `open_result` does, and look at its curves.
+def _check_curves(path: Path | str, result: Result, items: Items) -> None:
+    """Look at the curves of a result.
 
     Raises
     ------
     ResultFileError
-        Also where a curve holds NaN or infinity, goes far beyond its peak, or beyond all that inputs lead to.
+        Where one holds NaN or infinity, goes far beyond its peak, or beyond all that inputs lead to.
     """
-    result, items = open_with_items(path, kind)
     times = items["/time"].values if "/time" in items else np.zeros(1)
     if not 0.0 <= times[0] <= times[-1] < np.inf:
         raise ResultFileError(f"{path}: damaged (its times are not those of a run); run the case again")
@@ -401,7 +361,6 @@ def open_consistent(path: Path | str, kind: str = "") -> Any:
         else:
             continue
         raise ResultFileError(f"{path}: damaged ({reason}); run the case again")
-    return result
 
 
 def _is_curve(items: Items, place: str, complete: bool) -> bool:

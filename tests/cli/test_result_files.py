@@ -87,8 +87,9 @@ def test_info_and_plot(name, files, tmp_path):
 def test_the_result_opens_whatever_it_is(name, files):
     result = beamsim.open_result(files(name))
     assert result.complete
-    assert result.scenario.to_yaml() == result.scenario_yaml
-    assert result.title == result.scenario.title
+    with h5py.File(files(name)) as file:
+        assert result.scenario.to_yaml() == file.attrs["scenario"]
+        assert result.title == file.attrs["title"]
 
 
 @pytest.mark.parametrize("name", CASES)

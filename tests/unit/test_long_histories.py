@@ -1,6 +1,5 @@
 """Histories of long runs are read, drawn and exported in parts: little memory, the same numbers."""
 
-import os
 from pathlib import Path
 
 import h5py
@@ -12,7 +11,7 @@ from beamsim.analyses.run import exact_motion
 from beamsim.flow import moments, trajectory
 from beamsim.store import export, results
 from beamsim.store.export import export_result
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import write_result
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RATE = 100e3
@@ -67,18 +66,6 @@ def test_tables_in_parts_hold_every_sample(small_parts, tmp_path):
     np.testing.assert_array_equal(rows[:, names.index("time_s")], stored["/time"])
     np.testing.assert_array_equal(rows[:, names.index("snubber_tip_force_n")], stored["/snubbers/tip/force"])
     np.testing.assert_array_equal(rows[:, names.index("snubber_tip_closed")], stored["/snubbers/tip/closed"])
-
-
-@pytest.mark.skipif(os.name != "posix", reason="open files are not replaced elsewhere")
-def test_a_history_of_a_file_that_was_replaced_is_that_of_the_earlier_one(small_parts, tmp_path, monkeypatch):
-    monkeypatch.setattr(results, "MAPPED_BYTES", 2**15)
-    path, short = tmp_path / "replaced.h5", long_run(**{"run.duration": "0.5 s"})
-    write_result(short, path)
-    stored = open_result(path)
-    write_result(long_run(**{"run.duration": "0.6 s"}), path)
-    assert isinstance(stored.snubbers["tip"].closed, np.memmap)
-    np.testing.assert_array_equal(stored.snubbers["tip"].force, short.snubbers["tip"].force)
-    np.testing.assert_array_equal(stored.snubbers["tip"].closed, short.snubbers["tip"].closed)
 
 
 def test_the_bound_on_memory_is_in_the_summary_and_ends_a_motion_that_exceeds_it(monkeypatch):
