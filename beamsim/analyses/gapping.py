@@ -25,7 +25,6 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _FREQUENCY = ("frequency_hz",)
-SLIGHT = 1e-9  # penetration, of the gap or m, at which a contact has just been made
 
 
 @declared(along=_FREQUENCY)
@@ -136,8 +135,7 @@ def pressed_phases(system: StructuralSystem, penetration: Floats) -> Ints:
     contacts = system.dynamics.contacts
     phases = contacts.resting_phases(penetration)
     for k in np.flatnonzero(~(penetration[: len(system.snubbers)] > 0)).tolist():
-        clearance = -float(penetration[k])
-        phases[k] = contacts.laws[k].resting_phase(SLIGHT * clearance if clearance > 0 else SLIGHT)  # also of nan
+        phases[k] = contacts.laws[k].closed_phase  # also where there is no equilibrium
     return phases
 
 

@@ -36,6 +36,11 @@ GAPPING = Entry(
 MODES = (
     Entry("open_frequencies_hz", label="natural frequencies", of="modes.open_frequencies_hz"),
     Entry("closed_frequencies_hz", of="modes.closed_frequencies_hz"),
+    Entry("resting_frequencies_hz", of="modes.resting_frequencies_hz"),
+    Entry("damping_ratios", label="modal damping", of="modes.damping_ratios"),
+    Entry("closed_damping_ratios", of="modes.closed_damping_ratios"),
+    Entry("resting_damping_ratios", of="modes.resting_damping_ratios"),
+    Entry("dashpots", label="dashpots", of="modes.dashpots"),
     Entry("kept_modes", of="modes.kept_modes"),
     Entry("static_vectors", of="modes.static_vectors"),
     Entry("reduction_bound", label="reduction", of="modes.reduction_bound"),

@@ -154,15 +154,24 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
     }
 
 
-def _natural_frequencies(result: Result, opened: Sequence[float]) -> dict[str, Any] | str:
-    """Those of the modes kept, with open and with closed contacts; once where they are the same.
+def _by_state(entry: str, unit: str, factor: float = 1.0) -> Callable[[Result, Sequence[float]], dict[str, str] | str]:
+    """The view of what modes have, with contacts open, closed and as they are at rest; once where these are the same.
 
-    What the static vectors add are no frequencies of the structure.
+    What the static vectors add are no modes of the structure.
     """
-    kept = result.summary.get("kept_modes", len(opened))
-    opened, closed = opened[:kept], result.summary["closed_frequencies_hz"][:kept]
-    states = {"open": told("", opened, "Hz"), "closed": told("", closed, "Hz")}
-    return states if opened != closed else states["open"]
+
+    def view(result: Result, opened: Sequence[float]) -> dict[str, str] | str:
+        s = result.summary
+        kept = s.get("kept_modes", len(opened))
+        states = {"open": opened, "closed": s.get(f"closed_{entry}"), "at rest": s.get(f"resting_{entry}")}
+        names: dict[str, str] = {}
+        for name, of in states.items():
+            if of is not None:
+                text = told("", [factor * x for x in of[:kept]], unit)
+                names[text] = f"{names[text]}, {name}" if text in names else name
+        return {name: text for text, name in names.items()} if len(names) > 1 else next(iter(names))
+
+    return view
 
 
 def _reduction(result: Result, bound: float) -> str:
@@ -294,7 +303,8 @@ SHARED: Views = {
     "processor_time_s": _solver,
     "convergence": lambda result, changes: list(_convergence(result, changes)),
     "margins": margins,
-    "open_frequencies_hz": _natural_frequencies,
+    "open_frequencies_hz": _by_state("frequencies_hz", "Hz"),
+    "damping_ratios": _by_state("damping_ratios", "%", 100.0),
     "reduction_bound": _reduction,
     "base_correction_share": _base_correction,
     "gapping": _gapping,

@@ -173,16 +173,22 @@ def limit_lines(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
 
 
 def modes(result: Any) -> Iterator[str]:
-    """The first natural frequency of a result with modes, with its damping, contacts open and closed."""
+    """The first natural frequency of a result with modes, with its damping: contacts open, closed, and as at rest."""
     table = result.modes
-    elastic = [k for k, f in enumerate(table.open_frequencies_hz[: table.kept_modes]) if f > 0.0]
-    if not elastic:
-        return
-    k = elastic[0]
-    ratio = float(table.damping_ratios[k])
-    damping = f" ({percent(ratio, 2)})" if is_known(ratio) else ""
-    text = f"first mode {table.open_frequencies_hz[k]:.3g} Hz open{damping}"
-    yield f"{text}, {table.closed_frequencies_hz[k]:.3g} Hz closed" if result.scenario.located_snubbers else text
+    states = {"open": (table.open_frequencies_hz, table.damping_ratios)}
+    if result.scenario.located_snubbers:
+        states["closed"] = table.closed_frequencies_hz, table.closed_damping_ratios
+        states["at rest"] = table.resting_frequencies_hz, table.resting_damping_ratios
+    texts: dict[str, str] = {}
+    for state, (frequencies, ratios) in states.items():
+        elastic = [] if frequencies is None else [k for k, f in enumerate(frequencies[: table.kept_modes]) if f > 0.0]
+        if elastic:
+            known = ratios is not None and is_known(ratios[elastic[0]])
+            damping = f" ({percent(ratios[elastic[0]], 2)})" if known else ""
+            text = f"{frequencies[elastic[0]]:.3g} Hz {{}}{damping}"
+            texts.setdefault(text, state)
+    if texts:
+        yield f"first mode {', '.join(text.format(state) for text, state in texts.items())}"
 
 
 def contact_levels(result: Result) -> Iterator[str]:

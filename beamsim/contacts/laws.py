@@ -40,6 +40,7 @@ import numpy as np
 
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
+SLIGHT = 1e-9  # m, penetration at which a contact has just been made
 OWN, PRESSING, INTERNAL = 3, 3, 6  # columns of its own motion, the force that presses it, first internal state
 
 
@@ -314,6 +315,11 @@ class ContactLaw:
                 return phase
             phase = following[0]
             visited.add(phase)
+
+    @cached_property
+    def closed_phase(self) -> int:
+        """The phase of a stop that is just closed, with a force that rises."""
+        return self.resting_phase(self.static_penetration(SLIGHT * self.stiffness))
 
     def dynamic_stiffness(self, phase: int, omega: Floats) -> Complexes:
         """(w,) force per penetration of small motions within a phase at frequencies, rad/s."""

@@ -390,7 +390,8 @@ ForceDeflection = Annotated[
 class SnubberRatioDamping(Schema):
     """Dashpot by a damping ratio: c = 2 ratio k / Omega.
 
-    Omega is the first natural frequency with only this snubber closed.
+    Omega is the first natural frequency with only this snubber closed. A closed mode has this ratio only where the
+    snubber holds all of its energy; which form suits which stop is in docs/stops.md.
     """
 
     kind: Literal["ratio"] = "ratio"

@@ -139,11 +139,3 @@ def _modal_ratios(damping: Any, size: int, modes: int) -> Floats:
     count = min(given.size, modes)
     ratio[:count] = given[:count]
     return ratio
-
-
-def damping_ratios(c: Floats, omega: Floats) -> Floats:
-    """(n,) ratios C_ii / (2 omega_i); nan for rigid-body modes."""
-    flexible = omega > 0
-    ratio = np.full(omega.size, np.nan)
-    ratio[flexible] = np.diag(c)[flexible] / (2 * omega[flexible])
-    return ratio

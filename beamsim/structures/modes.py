@@ -200,27 +200,30 @@ def _of_parts(model: Structure, count: int | None, below: float | None) -> Modes
     return Modes(together[order], np.hstack(vectors)[:, order])
 
 
-def closed_frequencies(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) -> Floats:
-    """(n,) angular frequencies of a structure (K = diag(omega^2), M = I) with springs added.
+def closed_modes(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) -> tuple[Floats, Floats]:
+    """Natural frequencies and modes of a structure (K = diag(omega^2), M = I) with springs added.
 
     Parameters
     ----------
     omega : (n,) natural angular frequencies, the first `rigid` of them zero.
     shape : (m, n) deflection at each spring for a unit of each coordinate.
-    stiffness : (m,) spring stiffnesses.
+    stiffness : (m,) spring stiffnesses, none negative.
     rigid : number of rigid-body coordinates; those that no spring restrains keep a frequency of exactly zero.
 
     Returns
     -------
-    (n,) array
-        rad/s, ascending.
+    (n,), (n, n)
+        rad/s, ascending; the modes are orthonormal columns.
     """
-    n = omega.size
+    shape, stiffness = shape[stiffness > 0.0], stiffness[stiffness > 0.0]
+    if not stiffness.size:
+        return omega, np.eye(omega.size)
     x = np.vstack([np.diag(omega), shape * np.sqrt(stiffness)[:, None]])
-    closed = np.linalg.svd(x, compute_uv=False)[::-1].copy()
+    _, closed, modes = np.linalg.svd(x, full_matrices=False)
+    closed, modes = closed[::-1].copy(), modes[::-1].T
     if rigid:
         scale = np.linalg.norm(shape, axis=1, keepdims=True)
         rows = shape[:, :rigid] / np.where(scale > 0, scale, 1.0)
-        restrained = int(np.linalg.matrix_rank(rows, tol=1e-12 * np.sqrt(n)))
+        restrained = int(np.linalg.matrix_rank(rows, tol=1e-12 * np.sqrt(omega.size)))
         closed[: rigid - restrained] = 0.0
-    return np.asarray(closed, dtype=float)
+    return closed, modes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from beamsim.contacts.snubbers import (
     SpringInfo,
     build_contacts,
     cubic_springs,
+    dashpots,
     describe_springs,
     pressed_by,
     resists,
@@ -32,12 +33,11 @@ from beamsim.scenario.base import Path, path_text, walk
 from beamsim.scenario.excitation import sine_problems
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.structures.assembly import load_site_in
-from beamsim.structures.damping import damping_ratios
-from beamsim.structures.modes import closed_frequencies
 from beamsim.structures.places import SLOPE, BaseDirection, LoadSite, Place, Site
 from beamsim.structures.reduction import ReceptanceBound, places_needed, receptance_bound
 from beamsim.structures.stations import Recovery, Stations
 from beamsim.structures.structure import ReducedBasis, Structure
+from beamsim.system.damped_modes import damping_remarks, modes_of_states
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import check_mechanisms, held_problems, initial_state, open_loops
@@ -242,9 +242,12 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     correction = None if corrections is None else CorrectionSize.of(corrections)
     sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
     recoveries = parts.structure.recoveries(basis, tuple(sites), base_direction(scenario)) if recovered else ()
-    modes = _mode_table(parts, pushing.stops, damping, recoveries, assessed)
+    dynamics = PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0))
+    at_rest = None if cubic.count else equilibrium.q
+    of_states = modes_of_states(dynamics, pushing.stops, at_rest, basis.rigid)
+    modes = replace(_mode_table(parts, of_states, recoveries, assessed), dashpots=dashpots(snubbers, contacts))
     return StructuralSystem(
-        dynamics=PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0)),
+        dynamics=dynamics,
         forcing=forcing,
         initial_state=np.append(initial, _settled(contacts, forcing, initial[: basis.size])),
         probes=_describe_probes(parts),
@@ -268,6 +271,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
             *warnings,
             *_remarks(snubbers, pushing.tables),
             *_doubts(modes),
+            *damping_remarks(snubbers, modes),
             *(correction.warnings() if correction else ()),
         ),
         base_correction=correction,
@@ -392,31 +396,29 @@ def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Co
 
 
 def _mode_table(
-    parts: Parts, stops: Contacts, damping: Floats, recoveries: tuple[Recovery, ...], assessed: bool
+    parts: Parts, of_states: Mapping[str, Any], recoveries: tuple[Recovery, ...], assessed: bool
 ) -> ModeTable:
     basis, structure = parts.basis, parts.structure
     bound = ReceptanceBound(math.nan, None)
     if assessed:
         omega = [2 * np.pi * frequency for frequency in parts.scenario.excitation.frequencies_hz]
         probes = structure.rows(parts.probe_sites)
-        bound = receptance_bound(structure, basis, damping, _loads(parts), probes, omega)
-    closed = closed_frequencies(parts.omega, stops.shape, stops.slow[0], basis.rigid)
+        bound = receptance_bound(structure, basis, parts.damping, _loads(parts), probes, omega)
     return ModeTable(
         open_frequencies_hz=parts.omega / (2 * np.pi),
-        closed_frequencies_hz=closed / (2 * np.pi),
         shapes=np.vstack([np.zeros((0, basis.size)), *(body.deflection for body in recoveries)]).T,
         stations=Stations.of_recoveries(recoveries),
-        damping_ratios=damping_ratios(damping, parts.omega),
         kept_modes=basis.modes,
         static_vectors=basis.static_vectors,
         highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
         reduction_bound=bound.loads,
         probe_bound=bound.probes,
+        **of_states,
         **_energy_shares(structure, basis),
     )
 
 
-def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, dict[str, Floats]]:
+def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Any]:
     """(r,) by body the shares of kinetic and of strain energy of the coordinates; nothing of a single body."""
     if len(structure.members) == 1:
         return {}

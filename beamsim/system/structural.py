@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.snubbers import SpringInfo
-from beamsim.fields import Counter, attribute, dataset, declared, group, key
+from beamsim.fields import JSON, Counter, attribute, dataset, declared, group, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.named_matrices import FileSummary
@@ -62,7 +63,7 @@ _MODE = (Counter("mode", "mode number"),)
 
 @declared(along=_MODE)
 class ModeTable:
-    """Natural frequencies and mode shapes of the reduced model."""
+    """Natural frequencies, damping and mode shapes of the reduced model."""
 
     stations: Stations = group("", Stations)  # nx of them
     # (r,), every snubber closed: piecewise-linear springs as at rest
@@ -92,6 +93,18 @@ class ModeTable:
         "share of a mode's strain energy in this body, the rest being in springs of joints; NaN for rigid-body modes",
         per="bodies",
         default_factory=dict,
+    )
+    # None in files of earlier versions
+    closed_damping_ratios: Floats | None = dataset(
+        "1", "modal damping ratios with every contact closed, its dashpot and Maxwell branches included", default=None
+    )
+    # None where there is no equilibrium, or where contacts hold, are pressed by others, or soften beside it
+    resting_frequencies_hz: Floats | None = dataset(
+        "Hz", "natural frequencies with every contact as it is at static equilibrium, friction included", default=None
+    )
+    resting_damping_ratios: Floats | None = dataset("1", "modal damping ratios there", default=None)
+    dashpots: dict[str, dict[str, Any]] = attribute(
+        "", "JSON object: by snubber its dashpot, N s/m, and what that follows from", codec=JSON, default_factory=dict
     )
 
 

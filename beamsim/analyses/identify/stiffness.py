@@ -30,7 +30,7 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.parameters import find_parameters, value_at, with_values
 from beamsim.scenario.studies import IdentifyStiffness
 from beamsim.structures.assembly import assemble, snubber_site
-from beamsim.structures.modes import DENSE_LIMIT, closed_frequencies, natural_modes
+from beamsim.structures.modes import DENSE_LIMIT, closed_modes, natural_modes
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.reduction import reduce_model
 from beamsim.structures.secular import SpringPoint
@@ -246,7 +246,7 @@ def thesis_loop(
     # 0.01: N/m; thesis, algorithm 1
     k, previous = 0.01, np.nan
     for count in range(1, most_solutions + 1):
-        predicted = float(closed_frequencies(point.omega, point.shape[None, :], np.array([k]), rigid)[mode - 1])
+        predicted = float(closed_modes(point.omega, point.shape[None, :], np.array([k]), rigid)[0][mode - 1])
         if abs(predicted - omega) <= tolerance * omega:
             return k, COMPLETE, count
         if predicted > omega:

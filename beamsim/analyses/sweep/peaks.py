@@ -26,7 +26,7 @@ LEVEL_STEP = 1.05  # ratio of the levels of two neighbouring cycles, above which
 # Behind a natural frequency fn that is passed at a rate r, its free motion beats with the excitation (f - fn)² / 2 r
 # times. The largest response is 0.37 beats behind it (undamped: F. M. Lewis, Trans. ASME 54 (1932) 253), the next
 # maximum 1.4.
-NARROWEST, UNKNOWN_WIDTH = 0.03, 0.1  # of a resonance, over its frequency: at least, and of contacts that stay closed
+NARROWEST = 0.03  # width of a resonance over its frequency
 ALWAYS = 1e-6  # contact shares within this distance of 0 or 1 count as never or always
 
 
@@ -134,12 +134,11 @@ def _has_passed_a_mode(curve: SweepCurve, modes: ModeTable, cycle: int) -> bool:
     shares = [share[cycle] for share in curve.contact_share.values()]
     if curve.steady is not None or (min(shares, default=0.0) < 0.5 < max(shares, default=0.0)):
         return True
-    if max(shares, default=0.0) < 0.5:
-        natural = modes.open_frequencies_hz
-        width = natural * np.maximum(2.0 * np.nan_to_num(modes.damping_ratios), NARROWEST)
-    else:
-        natural = modes.closed_frequencies_hz
-        width = natural * UNKNOWN_WIDTH
+    natural, ratios = modes.open_frequencies_hz, modes.damping_ratios
+    if max(shares, default=0.0) >= 0.5:
+        assert modes.closed_damping_ratios is not None
+        natural, ratios = modes.closed_frequencies_hz, modes.closed_damping_ratios
+    width = natural * np.maximum(2.0 * np.nan_to_num(ratios), NARROWEST)
     near = slice(max(cycle - 1, 0), cycle + 2)
     rate = np.mean(np.gradient(curve.frequency_hz[near], curve.time[near]))
     behind = np.sign(rate) * (curve.frequency_hz[cycle] - natural)
