@@ -1,5 +1,5 @@
-"""The values that analyses report of channels: what each is called in summaries, studies and limits, and what it is of
-the extremes of its channel. Everything that lists values takes them from this table.
+"""The values that analyses report: what each is called in summaries, studies and limits, and what it is of the extremes
+of its channel, if it is one of them. Everything that lists values takes them from this table.
 
 Of a limit the margin of safety is limit / value - 1: zero where the limit is just reached, negative beyond it.
 """
@@ -63,13 +63,16 @@ def openings(penetrations: Extreme) -> Floats:
 
 
 class Value(NamedTuple):
-    """A value of every channel of a section that has a quantity; of all outputs, whatever they are."""
+    """A value of every channel of a section that has a quantity; of all outputs, whatever they are.
+
+    Values that are no extremes of channels are found by each analysis in its own way.
+    """
 
     name: str  # in studies, in SI
-    entry: str  # in summaries, with its unit
+    entry: str  # in summaries, with its unit; empty where only studies have it
     section: str
     quantity: str  # empty: any
-    of: Callable[[Extreme], Floats]
+    of: Callable[[Extreme], Floats] | None  # None: no extreme
     unit: str  # SI
     meaning: str
     label: str = ""  # of its row in a printed table
@@ -77,8 +80,8 @@ class Value(NamedTuple):
     scale: float = 1.0  # SI over the unit of the entry
 
     def takes(self, key: Key) -> bool:
-        """Whether it is a value of channels of a section and quantity."""
-        return key[0] == self.section and self.quantity in ("", key[1])
+        """Whether it is an extreme of channels of a section and quantity."""
+        return self.of is not None and key[0] == self.section and self.quantity in ("", key[1])
 
     @property
     def key(self) -> Key:
@@ -130,8 +133,32 @@ VALUES = (
     Value("max_output", "max_output", "outputs", "", highest, "", "largest value of an output"),
     Value("bending_stress", "largest_bending_stress_pa", *STRESS, largest, "Pa",
           "largest bending stress at any time and place", "largest bending stress", "bending_stress"),
+    Value("contact_share", "contact_share", "snubbers", "", None, "1", "share of the time in contact of a snubber",
+          "time in contact"),
+    Value("contacts", "contacts", "snubbers", "", None, "1",
+          "closings of a snubber; a contact that begins at t = 0 counts, that of one pressed there does not"),
+    Value("static_force", "static_force_n", "snubbers", "", None, "N",
+          "contact force of a snubber at static equilibrium"),
+    Value("rms_absolute_acceleration", "rms_absolute_acceleration", *ACCELERATION, None, "m/s^2",
+          "root mean square of the absolute acceleration"),
+    Value("rms_displacement", "rms_displacement", *DISPLACEMENT, None, "m",
+          "root mean square of the displacement, relative to the base"),
+    Value("rms_force", "rms_force", *FORCE, None, "N", "root mean square of the contact force"),
+    Value("bending_stress_position", "largest_bending_stress_position_m", "bodies", "", None, "m",
+          "where the bending stress is largest, on a plate its x"),
+    Value("open_frequencies_hz", "open_frequencies_hz", "", "", None, "Hz",
+          "natural frequencies with every contact open"),
+    Value("closed_frequencies_hz", "closed_frequencies_hz", "", "", None, "Hz",
+          "natural frequencies with every contact closed"),
+    Value("bilinear_frequency_hz", "", "", "", None, "Hz",
+          "2 f F / (f + F) of the first open (f) and closed (F) frequency"),
+    Value("resonance_frequency", "", "probes", "", None, "Hz", "frequency of the largest response"),
+    Value("energy_error", "energy_error", "", "", None, "1",
+          "largest error of the energy balance, over the larger of stored energy and the integral of |power in|",
+          "energy balance error"),
 )  # fmt: skip
-BY_ENTRY = {value.entry: value for value in VALUES}
+BY_NAME = {value.name: value for value in VALUES}
+BY_ENTRY = {value.entry: value for value in VALUES if value.entry}
 OUTPUT = BY_ENTRY["peak_output"]
 LIMITED = {value.limit: value for value in VALUES if value.limit}
 
@@ -191,6 +218,8 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for value in VALUES:
+        if value.of is None:
+            continue
         some = [c for c in channels.channels if value.takes(c.key) and c.key in extremes]
         numbers = {key: iter((value.of(extremes[key]) / value.scale).tolist()) for key in {c.key for c in some}}
         if value.single:

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from beamsim.scenario import Scenario
 
 Progress = Callable[[float], None] | None
-OF_SWEEPS = ("contact_share", *BY_ENTRY)
 NOT_ASKED = "not asked for"
 FIRST_SHARE = 0.4  # of the time, that of the first model
 
@@ -238,7 +237,7 @@ def _frequencies(result: _Result) -> Values:
 
 def _of_sweep(result: SweepResult) -> Values:
     """Largest values of all curves; natural frequencies."""
-    entries = {entry: result.summary[entry] for entry in OF_SWEEPS if entry in result.summary}
+    entries = {entry: result.summary[entry] for entry, v in BY_ENTRY.items() if v.section and entry in result.summary}
     return compared(entries) | _frequencies(result)
 
 

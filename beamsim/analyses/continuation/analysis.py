@@ -343,8 +343,9 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
     """Peak displacement of every probe; where there are limits, what they limit, of stable motions."""
 
     def largest_of(value: Value, columns: Ints) -> Callable[[MeasuredMotion], float]:
-        none = np.zeros(columns.size)
-        return lambda m: float(value.of(np.array([m.low[columns], none, m.high[columns], none])).max())
+        none, of = np.zeros(columns.size), value.of
+        assert of is not None
+        return lambda m: float(of(np.array([m.low[columns], none, m.high[columns], none])).max())
 
     displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits
     maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]

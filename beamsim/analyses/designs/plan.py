@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.responses import QUANTITIES
 from beamsim.analyses.designs.result import Coordinate, Objective, Tolerance, limited_response
+from beamsim.analyses.values import BY_NAME
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, plain, suggestion
@@ -253,8 +253,8 @@ def check_cases(plan: DesignPlan) -> None:
 
 def _check_response(scenario: Scenario, name: str, where: str) -> None:
     quantity = name.rpartition("/")[2]
-    if quantity not in QUANTITIES:
-        remedy = suggestion(quantity, QUANTITIES, "the quantities are")
+    if quantity not in BY_NAME:
+        remedy = suggestion(quantity, BY_NAME, "the quantities are")
         raise scenario.located(ScenarioError(Problem(where, f"= {name} is not a response", remedy)))
     *_, section, place = ("", "", *name.split("/")[:-1])
     if section in ("probes", "snubbers", "outputs"):

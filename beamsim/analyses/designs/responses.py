@@ -12,50 +12,25 @@ from beamsim.analyses.branch import largest_of_stable
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, VALUES, Value
+from beamsim.analyses.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value
 
 Responses = dict[str, float | list[float]]
-
-OF_RUNS: dict[str, tuple[str, str, str, str]] = {
-    value.name: (value.section, value.entry, value.unit, value.meaning) for value in VALUES
-} | {
-    "contact_share": ("snubbers", "contact_share", "1", "share of the time in contact"),
-    "contacts": ("snubbers", "contacts", "1", "number of closings"),
-    "static_force": ("snubbers", "static_force_n", "N", "contact force at static equilibrium"),
-    "rms_absolute_acceleration": ("probes", "rms_absolute_acceleration", "m/s^2",
-                                  "root mean square of the absolute acceleration"),
-    "rms_displacement": ("probes", "rms_displacement", "m",
-                         "root mean square of the displacement, relative to the base"),
-    "rms_force": ("snubbers", "rms_force", "N", "root mean square of the contact force"),
-    "bending_stress_position": ("bodies", "largest_bending_stress_position_m", "m",
-                                "where the bending stress is largest"),
-    "open_frequencies_hz": ("", "open_frequencies_hz", "Hz", "natural frequencies with every contact open"),
-    "closed_frequencies_hz": ("", "closed_frequencies_hz", "Hz", "natural frequencies with every contact closed"),
-    "energy_error": ("", "energy_error", "1", "energy balance error"),
-}  # fmt: skip
-"""Responses of a run, extremes of channels first: section, entry of the summary, unit and meaning."""
-QUANTITIES: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (_, _, unit, meaning) in OF_RUNS.items()} | {
-    "bilinear_frequency_hz": ("Hz", "2 f F / (f + F) of the first open (f) and closed (F) frequency"),
-    "resonance_frequency": ("Hz", "frequency of the largest response"),
-}
-"""Unit and long name of a response, by the last part of its name."""
 
 
 def describe(name: str, output_units: Mapping[str, str]) -> tuple[str, str]:
     """Unit and long name of a response; ``output_units`` by name of the scenario's outputs."""
     place, _, quantity = name.rpartition("/")
-    if quantity.endswith("_output"):
-        return output_units.get(place.rpartition("/")[2], "1"), QUANTITIES[quantity][1]
-    return QUANTITIES.get(quantity, ("1", quantity.replace("_", " ")))
+    value = BY_NAME[quantity]
+    return output_units.get(place.rpartition("/")[2], "1") if value.section == "outputs" else value.unit, value.meaning
 
 
 def entries_of(asked: Collection[str], excitation: str) -> tuple[str, ...]:
     """Entries of a run's summary that the responses asked for need, with a kind of excitation."""
-    quantities = {name.rpartition("/")[2] for name in asked} or set(OF_RUNS)
+    quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME)
     if excitation not in ("random", "sampled"):  # whose responses have a root mean square
         quantities = {name for name in quantities if not name.startswith("rms_")}
     quantities |= {"static_force", "open_frequencies_hz", "closed_frequencies_hz"}  # which the model has anyway
-    return tuple(dict.fromkeys(entry for name, (_, entry, _, _) in OF_RUNS.items() if name in quantities))
+    return tuple(entry for entry, value in BY_ENTRY.items() if value.name in quantities)
 
 
 def is_asked(name: str, asked: Collection[str]) -> bool:
@@ -80,17 +55,11 @@ def responses_of_result(result: RunResult | SweepResult | ContinuationResult) ->
 def run_responses(figures: Mapping[str, Any]) -> Responses:
     """Responses of a run, from entries of its summary; of those that are not there, none."""
     values: Responses = {}
-    for owner in ("probes", "snubbers", "springs", "friction", "outputs"):
-        entries = {quantity: entry for quantity, (of, entry, _, _) in OF_RUNS.items() if of == owner}
-        names = dict.fromkeys(name for entry in entries.values() for name in figures.get(entry, ()))
-        for name in names:
-            for quantity, entry in entries.items():
-                if name in figures.get(entry, ()):
-                    scale = BY_ENTRY[entry].scale if entry in BY_ENTRY else 1.0
-                    values[f"{owner}/{name}/{quantity}"] = float(figures[entry][name]) * scale
-    for quantity, (of, entry, _, _) in OF_RUNS.items():
-        if of == "bodies" and entry in figures:
-            values[quantity] = figures[entry]
+    for section in ("probes", "snubbers", "springs", "friction", "outputs"):
+        found = [(v, figures[v.entry]) for v in BY_ENTRY.values() if v.section == section and v.entry in figures]
+        for name in dict.fromkeys(name for _, of in found for name in of):
+            values |= {f"{section}/{name}/{v.name}": float(of[name]) * v.scale for v, of in found if name in of}
+    values |= {v.name: figures[v.entry] for v in BY_ENTRY.values() if v.single and v.entry in figures}
     snubbers = bool(figures["static_force_n"])
     values |= _of_frequencies(figures["open_frequencies_hz"], figures["closed_frequencies_hz"], snubbers)
     return values | ({"energy_error": figures["energy_error"]} if "energy_error" in figures else {})

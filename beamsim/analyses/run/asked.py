@@ -12,17 +12,7 @@ from beamsim.analyses.run.impacts import SKIPPED
 from beamsim.analyses.run.motion import with_limit
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
 from beamsim.analyses.run.summary import by_name, motion_figures, static_figures
-from beamsim.analyses.values import (
-    ACCELERATION,
-    BY_ENTRY,
-    DISPLACEMENT,
-    FORCE,
-    STRESS,
-    VALUES,
-    Value,
-    largest,
-    searched,
-)
+from beamsim.analyses.values import BY_ENTRY, STRESS, VALUES, Value, largest, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
@@ -34,16 +24,9 @@ from beamsim.typing import Floats
 
 SAMPLES_A_PART = 100_000  # of those whose squares are added up
 
-ROOT_MEAN_SQUARES = {
-    "rms_displacement": DISPLACEMENT,
-    "rms_absolute_acceleration": ACCELERATION,
-    "rms_force": FORCE,
-}
+ROOT_MEAN_SQUARES = {entry: value.key for entry, value in BY_ENTRY.items() if entry.startswith("rms_")}
 """By entry the channels whose root mean square it is, of a random or sampled input."""
-_STATIC = ("static_force_n", "open_frequencies_hz", "closed_frequencies_hz")
 _PLACE = "largest_bending_stress_position_m"
-ENTRIES = (*BY_ENTRY, _PLACE, "contact_share", "contacts", *_STATIC, "energy_error", *ROOT_MEAN_SQUARES)
-"""Entries that can be asked for: of a run's summary, and those of `root_mean_squares`."""
 
 
 def gives_figures(scenario: Scenario) -> bool:
@@ -61,7 +44,7 @@ def needs_recovery(asked: Collection[str]) -> bool:
 
 
 def _values(asked: Collection[str]) -> list[Value]:
-    """Those among the entries that are extremes of channels."""
+    """The values among the entries, with the stress where its place is asked for."""
     needed = {*asked, "largest_bending_stress_pa"} if _PLACE in asked else asked
     return [value for value in VALUES if value.entry in needed]
 
@@ -80,7 +63,7 @@ def asked_figures(
     ----------
     system : of the scenario.
     scenario : for which `gives_figures`.
-    asked : among `ENTRIES`; what the system does not have (a stress, snubbers) is left out.
+    asked : entries of `beamsim.analyses.values.VALUES`; what the system does not have (a stress, snubbers) is left out.
     stop : asked between blocks of events whether to end; then only what does not need the whole motion is found.
 
     Returns
@@ -102,8 +85,7 @@ def asked_figures(
         figures.add(stretch)
         squares.add(stretch)
     outcome = figures.balance.checked(with_limit(motion.outcome))
-    found: dict[str, Any] = {name: value for name, value in static_figures(system).items() if name in _STATIC}
-    found["energy_error"] = figures.balance.error
+    found = {**static_figures(system), "energy_error": figures.balance.error}
     closings = np.bincount(motion.event_contact[motion.event_closing], minlength=motion.flow.system.contacts.count)
     extremes = figures.extremes if outcome.complete else {}
     found |= motion_figures(system, extremes, motion.contact_share(), closings)

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.impact_result import Fatigue, FigureInterval, Impacts
-from beamsim.analyses.values import VALUES
+from beamsim.analyses.values import BY_ENTRY, VALUES
 from beamsim.fields import (
     Counter,
     Entry,
@@ -438,19 +438,16 @@ def _spectrum_group(key: tuple[str, str]) -> tuple[str, ...]:
 
 _SUMMARY = (
     STATUS,
-    Entry("contact_share", "1", "share of the time in contact of a snubber", "time in contact"),
-    Entry(
-        "contacts", "1",
-        "closings of a snubber; a contact that begins at t = 0 counts, that of one pressed there does not",
-    ),
+    BY_ENTRY["contact_share"].summary_entry(),
+    BY_ENTRY["contacts"].summary_entry(),
     Entry("events", "1", "closings and openings of all snubbers"),
     Entry("linear", "", "whether contact neither begins nor ends and no spring is nonlinear"),
     GAPPING,
-    *(value.summary_entry() for value in VALUES),
+    *(value.summary_entry() for value in VALUES if value.of),
     Entry("peak_times_s", "s", "by entry (peak_force_n, peak_displacement_m, peak_acceleration_g) and name: when the "
              "peak is reached; of equal peaks any of them"),
     Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "preload"),
-    Entry("static_force_n", "N", "contact force of a snubber at static equilibrium"),
+    BY_ENTRY["static_force_n"].summary_entry(),
     Entry("blocked_force_n", "N", "contact force of a snubber with the structure held at zero displacement"),
     Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness"),
     Entry("residual_crush_m", "m", "of a snubber that yields, how far it stays crushed at the end", "residual crush"),
@@ -464,7 +461,7 @@ _SUMMARY = (
     Entry("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed"),
     Entry("rms_output", "", "its rms over the part of the spectra; energies have none"),
     Entry("output_unit", "", "units of the outputs"),
-    Entry("largest_bending_stress_position_m", "m", "where that is, on a plate its x"),
+    BY_ENTRY["largest_bending_stress_position_m"].summary_entry(),
     Entry("largest_bending_stress_across_m", "m", "on a plate its y"),
     Entry("largest_bending_stress_body", "", "on which body that is, where there are several"),
     Entry("largest_von_mises_stress_pa", "Pa", "largest von Mises stress at the surface of a plate",
@@ -481,8 +478,7 @@ _SUMMARY = (
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
     *MODES,
     *CONVERGENCE,
-    Entry("energy_error", "1", "largest error of the energy balance, over the larger of stored energy and the "
-             "integral of |power in|", "energy balance error"),
+    BY_ENTRY["energy_error"].summary_entry(),
     Entry("method", of="method", label="method"),
     Entry("memory_bytes", "byte", "bound on what the run keeps in memory, run.memory", "memory"),
     Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more"),
