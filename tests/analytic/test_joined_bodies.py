@@ -172,6 +172,15 @@ def yoke(order=("yoke", "panel", "alone")):
     }
 
 
+def test_the_order_of_the_bodies_does_not_matter():
+    orders = ("yoke", "panel", "alone"), ("alone", "panel", "yoke")
+    one, turned = (beamsim.run(load_scenario(yoke(order))) for order in orders)
+    assert min(one.summary["contacts"].values()) >= 2
+    for name, probe in one.probes.items():
+        expected = probe.displacement
+        np.testing.assert_allclose(turned.probes[name].displacement, expected, atol=1e-9 * np.abs(expected).max())
+
+
 def test_mechanism_is_refused_with_the_name_of_the_free_motion():
     case = yoke()
     del case["joints"][0]["rotational_stiffness"]
