@@ -57,9 +57,9 @@ def pytest_configure() -> None:
 # Of two workers one has those that share the kernels of the march, so that few are compiled by both.
 KERNEL_CASES: list[tuple[str, str, dict[str, Any]]] = [
     ("run", "one_sided_65hz", {"run.duration": 0.4}),
-    ("nnm", "nnm_chain_cubic_energy", {}),
+    ("continuation", "chain_two_dof", {}),  # before the next: it has the search for extremes of two kinds of motions
     ("sweep", "sweep_up_down", {"sweep.from": 60.0, "sweep.to": 62.0, "sweep.direction": "up", "sweep.levels": [9.81]}),
-    ("continuation", "chain_two_dof", {}),
+    ("nnm", "nnm_chain_cubic_energy", {}),
     ("run", "random_vibration", {"run.duration": 0.1, "run.spectrum.last": 0.05, "run.convergence": "off"}),
 ]
 

@@ -71,7 +71,7 @@ def test_a_run_that_is_integrated_itself_is_compared_with_another_method():
 def test_the_command_prints_one_table_and_json(tmp_path):
     case = tmp_path / "case.yaml"
     case.write_text((CONFIGS / "one_sided_65hz.yaml").read_text())
-    sets = ("run.duration=0.02 s", "run.spectrum.last=0.01 s", "run.convergence=off", "reduction.modes=3")
+    sets = ("run.duration=0.005 s", "run.spectrum.last=0.002 s", "run.convergence=off", "reduction.modes=3")
     short = [x for override in sets for x in ("--set", override)] + ["--no-plots", "-o", str(tmp_path / "a.h5")]
     done = invoke("run", case, *short, "--against", "reference:1e-7", "-v")
     assert done.exit_code == 0, done.output

@@ -27,9 +27,7 @@ def results():
 
     class Computed(dict):
         def __missing__(self, name):
-            # its curve at 9 N is that of tests/unit/test_rigid_friction.py
-            changes = {"sweep.levels": ["6 N"]} if name == "continuation_friction" else {}
-            return self.setdefault(name, continuation(load_scenario(CONFIGS / f"{name}.yaml", changes)))
+            return self.setdefault(name, continuation(load_scenario(CONFIGS / f"{name}.yaml")))
 
     return Computed()
 
@@ -48,6 +46,7 @@ def test_level_with_backlash_is_linear_until_it_touches(results):
     assert branch.stable.sum() < branch.stable.size
 
 
+@pytest.mark.slow
 def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(results):
     result = results["continuation_folds"]
     first, second = sorted(result.fold_curves, key=lambda c: c.start_hz)
@@ -72,6 +71,7 @@ def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(resu
     assert min(abs(f - at) for f in folds) < 1e-5 * at
 
 
+@pytest.mark.slow
 def test_reported_peaks_are_the_largest_of_all_motions(results):
     """A motion of period 2 goes further than those of period 1: 1.961 m against 1.884 m at the first mass."""
     result = results["continuation_folds"]
@@ -88,6 +88,7 @@ def test_reported_peaks_are_the_largest_of_all_motions(results):
     assert len(rows) == len(result.summary["peaks"])
 
 
+@pytest.mark.slow
 def test_the_sweep_rides_on_the_stable_motions(results):
     result = results["continuation_overlay"]
     assert list(result.overlay) == ["up_0", "down_0"]

@@ -28,6 +28,13 @@ LONG = (
     "stepped sweep",
     "nonlinear mode of a chain, other methods beside",
     "beam by the reference integrator",
+    "random vibration",
+    "swept sine",
+    "swept sine compared with a measurement",
+    "continuation in the gap",
+    "continuation by harmonic balance",
+    "study judged by the worst of its tolerances",
+    "forced oscillator by multiple scales",
 )
 
 

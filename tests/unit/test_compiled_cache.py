@@ -74,6 +74,7 @@ def test_the_users_folder_of_caches(installed, tmp_path):
     assert folder.stat().st_mode & 0o077 == 0
 
 
+@pytest.mark.slow
 def test_a_private_temporary_folder(installed, tmp_path):
     (tmp_path / "temporary").mkdir()
     done = python(installed, CALL, TMPDIR=str(tmp_path / "temporary"))
@@ -104,6 +105,7 @@ def test_nowhere(installed):
     assert "every process compiles" in line
 
 
+@pytest.mark.slow
 def test_a_change_of_one_file_compiles_its_callers_in_other_files_again(installed, tmp_path):
     """An upgrade replaces the sources and leaves the compiled code: no kernel may go on calling an old one."""
     flow, cache = installed / "beamsim/flow", tmp_path / "cache"

@@ -82,7 +82,7 @@ def test_spectrum_is_over_the_excitation_frequency(ax, fabricated_run):
     assert free.get_xlabel() == "Frequency (Hz)"
 
 
-@pytest.mark.parametrize("how", [{}, {"snubbers": tuple("abcdefgh")}])
+@pytest.mark.parametrize("how", slow_after(1, [{"snubbers": tuple("abcdefgh")}, {}]))
 def test_labels_lie_in_the_figure_and_panels_do_not_overlap(how, fabricated_run):
     for figure in plots.run_figures(fabricated_run(**how)).values():
         canvas = FigureCanvasAgg(figure)

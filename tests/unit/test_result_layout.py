@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from sampling import slow_after
 
 import beamsim
 from beamsim.kinds import KINDS
@@ -81,6 +82,7 @@ def test_every_dataset_is_described_and_every_axis_has_its_scale(kept):
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate dimension names")
+@pytest.mark.parametrize("kept", slow_after(4, FILES[::-4] + sorted(set(FILES) - set(FILES[::-4]))), indirect=True)
 def test_xarray_opens_every_group_of_every_kind(kept):
     xarray = pytest.importorskip("xarray")
     _, _, path = kept

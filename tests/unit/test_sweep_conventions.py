@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from sampling import slow_after
 
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.peaks import find_peaks
@@ -24,8 +25,8 @@ def curve(excitation, **settings):
     return sweep(load_scenario({**CHAIN, "excitation": excitation, "sweep": {**SWEEP, **settings}})).curves["up_0"]
 
 
-@pytest.mark.parametrize(("level", "opposite"), [("4 mm", "-4 mm"), ("5 cm/s", "-5 cm/s"), ("0.1 g", "-0.1 g")])
-def test_a_table_of_levels_has_the_sign_of_a_single_level(level, opposite):
+@pytest.mark.parametrize("level", slow_after(1, ["4 mm", "5 cm/s", "0.1 g"]))
+def test_a_table_of_levels_has_the_sign_of_a_single_level(level):
     """With a stop on one side the motion depends on the sign of the base's; a table of one point is that level."""
     table = {"profile": [{"frequency": "1 Hz", "level": level}]}
     single = curve({"level": level})
@@ -33,7 +34,7 @@ def test_a_table_of_levels_has_the_sign_of_a_single_level(level, opposite):
         given = curve({"level": level, **quantity}, **table, levels=[1.0])
         np.testing.assert_allclose(given.displacement["first"].maximum, single.displacement["first"].maximum, rtol=1e-9)
         assert given.contacts["stop"].sum() == single.contacts["stop"].sum() > 0
-    reversed_ = curve({"level": opposite})
+    reversed_ = curve({"level": f"-{level}"})
     factor = curve({"level": level}, **table, levels=[-1.0])
     np.testing.assert_allclose(factor.displacement["first"].maximum, reversed_.displacement["first"].maximum, rtol=1e-9)
     assert np.abs(reversed_.displacement["first"].maximum / single.displacement["first"].maximum - 1).max() > 0.1
