@@ -103,8 +103,8 @@ class ModeTable:
         "Hz", "natural frequencies with every contact as it is at static equilibrium, friction included", default=None
     )
     resting_damping_ratios: Floats | None = dataset("1", "modal damping ratios there", default=None)
-    dashpots: dict[str, dict[str, Any]] = attribute(
-        "", "JSON object: by snubber its dashpot, N s/m, and what that follows from", codec=JSON, default_factory=dict
+    dashpots: dict[str, dict[str, Any]] | None = attribute(
+        "", "JSON object: by snubber its dashpot, N s/m, and what that follows from", codec=JSON, default=None
     )
 
 
