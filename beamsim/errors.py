@@ -8,20 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from enum import IntEnum
 
-
-class ExitCode(IntEnum):
-    """Exit codes of the command line; after a signal it is 128 plus the signal's number."""
-
-    SUCCESS = 0
-    BUG = 1
-    USAGE = 2  # usage, scenario or file
-    NOT_CONVERGED = 3  # stopped before the end, or not reliable; the partial result is saved
-    LIMIT_EXCEEDED = 4  # under --check
-    INTERRUPTED = 130  # from the keyboard
-    BROKEN_PIPE = 141
-    TERMINATED = 143  # by SIGTERM
+from beamsim.outcomes import ExitCode
 
 
 @dataclass(frozen=True)
@@ -110,15 +98,9 @@ class NotTrustedError(BeamsimError):
     exit_code = ExitCode.NOT_CONVERGED
 
 
-class StoppedEarlyError(BeamsimError):
-    """A computation stopped early; the partial result was saved."""
+class VerdictError(BeamsimError):
+    """A result that was saved is partial or not reliable, or does not meet what is checked."""
 
     def __init__(self, text: str, exit_code: int) -> None:
         super().__init__(text)
         self.exit_code = exit_code
-
-
-class LimitExceededError(BeamsimError):
-    """An allowable is exceeded, and ``--check`` was given."""
-
-    exit_code = ExitCode.LIMIT_EXCEEDED

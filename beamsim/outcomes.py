@@ -2,7 +2,8 @@
 
 Every computation returns an `Outcome`. Programs compare its kind and its code and look up its numbers by name; nothing
 is parsed out of the text. An analysis asks between events, points and cases whether it is to end (`Stop`), and
-returns what it has.
+returns what it has. What a kind of outcome comes to, a limit, and the exit code are decided here alone (`STANDINGS`,
+`on_limit`, `exit_code`).
 
 >>> sentence = "no solution even with the smallest step"
 >>> outcome = Outcome.of(OutcomeKind.STOPPED, "step_too_small", sentence, at=Where(51.25, "Hz"), points=17)
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 from typing import Any, NamedTuple, Self, TypeVar
 
 Stop = Callable[[], bool]
@@ -47,17 +48,61 @@ Number = float | int | str | tuple["Number", ...]
 
 
 class OutcomeKind(StrEnum):
-    """What an outcome means for the result that it belongs to."""
+    """What an outcome means for the result that it belongs to; the gravest is last."""
 
     COMPLETE = "complete"  # everything requested was computed
     NOTED = "noted"  # complete; says something about what was found
+    DOUBTFUL = "doubtful"  # complete; values change by more than is allowed with a finer model
     INCOMPLETE = "incomplete"  # something requested was not computed
     STOPPED = "stopped"  # before the end; the results up to there are valid
+    FAILED = "failed"  # no result
     UNTRUSTED = "untrusted"  # computed to the end, but the estimated error is larger than allowed
     INTERRUPTED = "interrupted"  # on request; the results up to there are valid
-    FAILED = "failed"  # no result
 
 
+class ExitCode(IntEnum):
+    """Exit codes of the command line; after a signal it is 128 plus the signal's number."""
+
+    SUCCESS = 0
+    BUG = 1
+    USAGE = 2  # usage, scenario or file
+    NOT_CONVERGED = 3  # incomplete or not reliable; the result is saved; under --check: a limit that is neither
+    LIMIT_EXCEEDED = 4  # under --check
+    INTERRUPTED = 130  # from the keyboard
+    BROKEN_PIPE = 141
+    TERMINATED = 143  # by SIGTERM
+
+
+class Standing(NamedTuple):
+    """What a result is worth whose outcome is of a kind."""
+
+    exit_code: ExitCode
+    first_line: str = ""  # beside the title; empty where the comparison with a finer model says it
+
+
+STANDINGS = {
+    OutcomeKind.COMPLETE: Standing(ExitCode.SUCCESS),
+    OutcomeKind.NOTED: Standing(ExitCode.SUCCESS),
+    OutcomeKind.DOUBTFUL: Standing(ExitCode.SUCCESS, "NOT CONVERGED"),
+    OutcomeKind.INCOMPLETE: Standing(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
+    OutcomeKind.STOPPED: Standing(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
+    OutcomeKind.FAILED: Standing(ExitCode.NOT_CONVERGED, "INCOMPLETE"),
+    OutcomeKind.UNTRUSTED: Standing(ExitCode.NOT_CONVERGED, "NOT RELIABLE"),
+    OutcomeKind.INTERRUPTED: Standing(ExitCode.INTERRUPTED, "INCOMPLETE"),
+}
+
+
+class OnLimit(StrEnum):
+    """The verdict on a limit."""
+
+    MET = "ok"
+    EXCEEDED = "exceeded"
+    NOT_RELIABLE = "not reliable"  # neither
+
+
+_BEGINS = {
+    OutcomeKind.STOPPED: "stopped", OutcomeKind.UNTRUSTED: "not reliable", OutcomeKind.DOUBTFUL: "not converged",
+}  # fmt: skip
 _MISSING = (OutcomeKind.INCOMPLETE, OutcomeKind.STOPPED, OutcomeKind.FAILED, OutcomeKind.INTERRUPTED)
 
 
@@ -152,9 +197,14 @@ class Outcome:
         return cls(kind, code, sentence, remedy, place, "", {k: _plain(v) for k, v in numbers.items()}, parts)
 
     @property
+    def gravest(self) -> OutcomeKind:
+        """The gravest kind of this outcome and of its parts."""
+        return max((self.kind, *(part.gravest for part in self.parts)), key=list(OutcomeKind).index)
+
+    @property
     def complete(self) -> bool:
         """Whether everything requested was computed and is reliable."""
-        return self.kind in (OutcomeKind.COMPLETE, OutcomeKind.NOTED) and all(part.complete for part in self.parts)
+        return STANDINGS[self.gravest].exit_code == ExitCode.SUCCESS
 
     @property
     def trusted(self) -> bool:
@@ -183,7 +233,7 @@ class Outcome:
         where = "" if self.place is None else f" {self.place.phrase}"
         if self.kind is OutcomeKind.INTERRUPTED:
             return f"interrupted{where} {self.sentence}".rstrip()
-        begins = {OutcomeKind.STOPPED: "stopped", OutcomeKind.UNTRUSTED: "not reliable"}.get(self.kind)
+        begins = _BEGINS.get(self.kind)
         if begins is None:
             return f"{self.sentence}{where}".strip()
         return f"{begins}{where}: {self.sentence}" if self.sentence else f"{begins}{where}"
@@ -278,6 +328,55 @@ class Outcome:
 
 COMPLETE = Outcome(OutcomeKind.COMPLETE, "complete")
 """Everything requested was computed."""
+
+
+def on_limit(lowest: float, highest: float, limit: float, outcome: Outcome = COMPLETE) -> OnLimit:
+    """The verdict on a limit: met or exceeded only if that holds for a value with its change added and subtracted.
+
+    Parameters
+    ----------
+    lowest, highest : the value less and plus its change with a finer model, in the unit of the limit; nan if unknown.
+    limit : what the value must not exceed.
+    outcome : of the computation. What is not reliable meets and exceeds no limit; what is missing may exceed it.
+
+    Returns
+    -------
+    OnLimit
+
+    >>> [str(on_limit(0.9 * x, 1.1 * x, 1.0)) for x in (0.9, 1.0, 1.2)]
+    ['ok', 'not reliable', 'exceeded']
+    """
+    if not outcome.trusted:
+        return OnLimit.NOT_RELIABLE
+    if lowest > limit:
+        return OnLimit.EXCEEDED
+    return OnLimit.MET if highest <= limit and not outcome.cut_short else OnLimit.NOT_RELIABLE
+
+
+def exit_code(outcome: Outcome, limits: Iterable[str] = (), signal: int = 0) -> int:
+    """Exit code of a command.
+
+    Parameters
+    ----------
+    outcome : of its result.
+    limits : the verdicts on those that are checked.
+    signal : that ended it; 0 for none.
+
+    Returns
+    -------
+    int
+
+    >>> [int(exit_code(COMPLETE, ["ok", *other])) for other in ([], ["not reliable"], ["not reliable", "exceeded"])]
+    [0, 3, 4]
+    """
+    if signal:
+        return 128 + signal
+    code, verdicts = STANDINGS[outcome.gravest].exit_code, set(limits)
+    if code == ExitCode.INTERRUPTED:
+        return code
+    if OnLimit.EXCEEDED in verdicts:
+        return ExitCode.LIMIT_EXCEEDED
+    return max(code, ExitCode.NOT_CONVERGED) if OnLimit.NOT_RELIABLE in verdicts else code
 
 
 def interruption(when: str = "", *parts: Outcome, at: Where | None = None) -> Outcome:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from matplotlib.figure import Figure
 
+from beamsim.analyses.values import judged
 from beamsim.fields import JSON, Entry, attribute, declared, ending, stored, summary_of
 from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, interruption
@@ -25,7 +26,11 @@ if TYPE_CHECKING:
 
 # entries that the summaries of several analyses share
 STATUS = Entry("status", "", "complete, or why the computation stopped early", of="status")
-MARGINS = Entry("margins", "", "by limit: limit, value, margin = limit / value - 1, at, exceeded", "limits")
+MARGINS = Entry(
+    "margins", "", "by limit: limit, value, lowest and highest (the value less and plus its change with a finer "
+    "model), margin = limit / value - 1, at, verdict (ok or exceeded if both are, else not reliable), exceeded",
+    "limits",
+)  # fmt: skip
 GAPPING = Entry(
     "gapping", "", "by snubber: whether it is closed at rest, level (SI) and frequency (of a shock or a record: time) "
     "at which the linear motion first opens or closes it, that level over the one here (of a random input instead: "
@@ -114,12 +119,17 @@ class Result:
         KeyError
             If the summary does not declare a value.
         """
-        return replace(self, summary=summary_of(self, **computed))
+        return replace(self, summary=summary_of(self, **computed)).ended(self.outcome)
+
+    def ended(self, outcome: Outcome) -> Self:
+        """The result with another outcome, which its summary repeats as the status, and the verdicts on limits."""
+        said = {"status": outcome.text, "margins": judged(self.summary.get("margins", {}), outcome)}
+        summary = self.summary | {name: value for name, value in said.items() if name in self.summary}
+        return replace(self, outcome=outcome, summary=summary)
 
     def interrupted(self, during: str) -> Self:
         """The result, marked as incomplete because something was given up on request."""
-        outcome = interruption(f"during {during}", *self.outcome.unless_complete)
-        return replace(self, outcome=outcome, summary={**self.summary, "status": outcome.text})
+        return self.ended(interruption(f"during {during}", *self.outcome.unless_complete))
 
     @property
     def status(self) -> str:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.fields import Entry
+from beamsim.outcomes import COMPLETE, OnLimit, Outcome, on_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import OF_OUTPUTS, Limits
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -27,6 +28,9 @@ ALWAYS_THERE = ("probes", "snubbers")  # sections whose entries are there even w
 
 Extreme = Floats  # (4, k): lowest, its time, highest, its time
 Extremes = Mapping[Key, Extreme]  # by section and quantity of the channels
+Margins = dict[str, dict[str, Any]]
+"""By limit (SI) ``limit``, ``value``, ``lowest`` and ``highest`` (the range of its change), ``margin``, ``at``,
+``verdict``, ``exceeded``."""
 
 
 def largest(extreme: Extreme) -> Floats:
@@ -257,8 +261,8 @@ def margin_of(limit: float, value: float) -> float:
     return limit / value - 1.0 if value > 0.0 else math.nan if math.isnan(value) else math.inf
 
 
-def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Compare the summary of a run with the limits: by limit its limit, value, margin, at and exceeded (SI)."""
+def margins(limits: Limits | None, summary: Mapping[str, Any]) -> Margins:
+    """The margins of a run, from its summary."""
     largest = {}
     for name in {} if limits is None else limits.given:
         if name.startswith(OF_OUTPUTS):
@@ -276,27 +280,49 @@ def margins(limits: Limits | None, summary: Mapping[str, Any]) -> dict[str, dict
     return margins_of(limits, largest)
 
 
-def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) -> dict[str, dict[str, Any]]:
-    """By limit its limit, value, margin, at and exceeded, of the largest values by limit and where they are (SI)."""
-    given = {} if limits is None else limits.given
+def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) -> Margins:
+    """The margins of the largest values by limit and where they are (SI), without any change of them.
+
+    A limit that nothing is compared with has a value that is not known.
+    """
+    compared: Margins = {}
+    for name, limit in ({} if limits is None else limits.given).items():
+        value, at = largest.get(name, (math.nan, ""))
+        ends = {"lowest": value, "highest": value}
+        compared[name] = {"limit": limit, "value": value, **ends, "margin": margin_of(limit, value), "at": at}
+    return judged(compared)
+
+
+def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
+    """Margins with the verdict on each limit.
+
+    Parameters
+    ----------
+    compared : with the range of each value, ``lowest`` to ``highest``, by its change.
+    outcome : of the computation.
+
+    Returns
+    -------
+    With ``verdict`` (`OnLimit`), and ``exceeded`` where it says so.
+    """
+    verdicts = {
+        name: on_limit(item["lowest"], item["highest"], item["limit"], outcome) for name, item in compared.items()
+    }
     return {
-        name: {
-            "limit": limit,
-            "value": largest[name][0],
-            "margin": margin_of(limit, largest[name][0]),
-            "at": largest[name][1],
-            "exceeded": largest[name][0] > limit,
-        }
-        for name, limit in given.items()
-        if name in largest
+        name: item | {"exceeded": verdicts[name] is OnLimit.EXCEEDED, "verdict": verdicts[name].value}
+        for name, item in compared.items()
     }
 
 
-def exceeded_limits(scenario: Scenario, compared: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """A message for every limit that is exceeded."""
-    units = {name: limit_unit(scenario, name) for name, item in compared.items() if item["exceeded"]}
-    return [
-        f"{limit_label(name)} = {compared[name]['value']:.5g} {unit} exceeds limits.{name} = "
-        f"{compared[name]['limit']:.5g} {unit}"
-        for name, unit in units.items()
-    ]
+def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
+    """A message for every limit that is exceeded, and for every one of which nothing reliable can be said."""
+    texts = []
+    for name, item in compared.items():
+        if item["verdict"] == OnLimit.MET:
+            continue
+        unit, changes = limit_unit(scenario, name), item["lowest"] < item["highest"]
+        between = f" ({item['lowest']:.5g} to {item['highest']:.5g} {unit} with its change)" if changes else ""
+        verdict = "exceeds" if item["exceeded"] else "neither meets nor exceeds"
+        value = f"{limit_label(name)} = {item['value']:.5g} {unit}{between}"
+        texts.append(f"{value} {verdict} limits.{name} = {item['limit']:.5g} {unit}")
+    return texts

@@ -22,7 +22,7 @@ __all__ = ["main"]
 
 
 def main() -> None:
-    """Entry point of ``beamsim``; raises `SystemExit` with one of `beamsim.errors.ExitCode`."""
+    """Entry point of ``beamsim``; raises `SystemExit` with one of `beamsim.outcomes.ExitCode`."""
     gc.set_threshold(500_000)  # modules being imported are no garbage; searching among them takes a tenth of a run
     # the matrices are small: more threads would make the linear algebra slower
     for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):

@@ -14,8 +14,9 @@ from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.cli.conclusion import concluded
 from beamsim.cli.options import Given
 from beamsim.cli.preparation import located, output_file, prepared
-from beamsim.errors import LimitExceededError, Problem, ScenarioError
+from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.measurements.channels import history_named, read_tests
+from beamsim.outcomes import OnLimit, exit_code
 from beamsim.scenario import load_scenario
 from beamsim.store.results import kind_of, open_result
 
@@ -100,7 +101,7 @@ def compare_shapes(
 
     Raises
     ------
-    LimitExceededError
+    VerdictError
         Where a pair exceeds a limit.
     BeamsimError
         As `concluded`.
@@ -115,7 +116,7 @@ def compare_shapes(
     result = concluded("compare-modes", target, given.reporting, compared, f"comparing with {measured.name}")
     beyond = list(_beyond(result.summary["pairs"], **limits))
     if beyond:
-        raise LimitExceededError("; ".join(beyond))
+        raise VerdictError("; ".join(beyond), exit_code(result.outcome, [OnLimit.EXCEEDED]))
 
 
 def _beyond(

@@ -8,16 +8,16 @@ from typing import Any, TypeVar
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.values import exceeded_limits
+from beamsim.analyses.values import limits_not_met
 from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given, Reporting
 from beamsim.cli.preparation import located, prepared
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.cli.report import table_rows
-from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
+from beamsim.errors import VerdictError
 from beamsim.kinds import KINDS, named
-from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.outcomes import exit_code
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import scale_for, shown_in
 from beamsim.store.results import write_result
@@ -26,16 +26,6 @@ from beamsim.trust import checked
 _Result = TypeVar("_Result", bound=Result)
 Compute = Callable[[Progress, Interruption], _Result]
 """Computes a result; is given what to call with the fraction done, and what says whether to end."""
-
-EXIT_CODES = {
-    OutcomeKind.COMPLETE: ExitCode.SUCCESS,
-    OutcomeKind.NOTED: ExitCode.SUCCESS,
-    OutcomeKind.INCOMPLETE: ExitCode.NOT_CONVERGED,
-    OutcomeKind.STOPPED: ExitCode.NOT_CONVERGED,
-    OutcomeKind.UNTRUSTED: ExitCode.NOT_CONVERGED,
-    OutcomeKind.FAILED: ExitCode.NOT_CONVERGED,
-    OutcomeKind.INTERRUPTED: ExitCode.INTERRUPTED,
-}
 
 
 def concluded(
@@ -59,7 +49,7 @@ def concluded(
     ------
     ScenarioError, ResultFileError
         If the scenario or a file cannot be used.
-    StoppedEarlyError, LimitExceededError
+    VerdictError
         As `conclude`.
     """
     with interruptible() as interrupted:
@@ -82,10 +72,8 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, inte
 
     Raises
     ------
-    StoppedEarlyError
-        If the result is not complete, or a signal left out its plots.
-    LimitExceededError
-        If a limit is exceeded and limits are checked.
+    VerdictError
+        If the result is not complete or reliable, a signal left out its plots, or a limit that is checked is not met.
     """
     with shown_in(result.scenario.display_scales):
         files = [target]
@@ -94,16 +82,16 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, inte
         _print(kind, result, files, reporting)
         left_out = reporting.plots or result.outcome.interrupted
         signal = interrupted.signal if left_out else 0
-        code = exit_code(result.outcome, signal)
+        checked = result.summary.get("margins", {}) if reporting.check else {}
+        code = exit_code(result.outcome, [item["verdict"] for item in checked.values()], signal)
         if signal:
             what = "partial" if result.outcome.interrupted else "whole"
             text = f"interrupted; the {what} result is in {target}; `beamsim plot {target}` plots it"
-            raise StoppedEarlyError(text, code)
-        if code != ExitCode.SUCCESS:
-            raise StoppedEarlyError(f"{result.outcome.displayed(scale_for)}; the partial result is in {target}", code)
-    exceeded = exceeded_limits(result.scenario, result.summary.get("margins", {})) if reporting.check else []
-    if exceeded:
-        raise LimitExceededError("; ".join(exceeded))
+            raise VerdictError(text, code)
+        if code:
+            what = "partial result" if result.outcome.cut_short else "result"
+            ended = [] if result.complete else [f"{result.outcome.displayed(scale_for)}; the {what} is in {target}"]
+            raise VerdictError("; ".join([*ended, *limits_not_met(result.scenario, checked)]), code)
 
 
 def _plots(kind: str, result: Result, target: Path, reporting: Reporting, interrupted: Interruption) -> Iterator[Path]:
@@ -129,16 +117,6 @@ def _print(kind: str, result: Result, files: Sequence[Path], reporting: Reportin
     elif not reporting.quiet:
         written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
         print_table(result.title, [*table_rows(kind, result), *written])
-
-
-def exit_code(outcome: Outcome, signal: int = 0) -> int:
-    """Exit code of a command with this outcome, or after a signal.
-
-    >>> from beamsim.outcomes import COMPLETE
-    >>> int(exit_code(COMPLETE)), exit_code(COMPLETE, 15)
-    (0, 143)
-    """
-    return 128 + signal if signal else EXIT_CODES[outcome.kind]
 
 
 def analysed(kind: str, given: Given, doing: str, **options: Any) -> None:

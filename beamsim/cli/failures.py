@@ -1,4 +1,4 @@
-"""How commands end early: exceptions as messages and exit codes (`beamsim.errors.ExitCode`), Ctrl-C and SIGTERM.
+"""How commands end early: exceptions as messages and exit codes (`beamsim.outcomes.ExitCode`), Ctrl-C and SIGTERM.
 
 The first signal sets a flag, the second ends at once.
 """
@@ -19,7 +19,8 @@ from typing import ParamSpec
 
 import typer
 
-from beamsim.errors import BeamsimError, ExitCode, ScenarioError, StoppedEarlyError
+from beamsim.errors import BeamsimError, ScenarioError, VerdictError
+from beamsim.outcomes import ExitCode
 
 Parameters = ParamSpec("Parameters")
 
@@ -61,7 +62,7 @@ def interruption_behind(error: BaseException) -> BaseException | None:
     ...     interruption_behind(error)
     KeyboardInterrupt()
     """
-    if isinstance(error, StoppedEarlyError):  # the partial result is kept
+    if isinstance(error, VerdictError):  # the partial result is kept
         return None
     behind = error.__context__
     while behind is not None and not isinstance(behind, (KeyboardInterrupt, SystemExit)):
@@ -159,7 +160,7 @@ def interruptible() -> Iterator[Interruption]:
         for number in before:
             signal.signal(number, request)
         yield interruption
-    except StoppedEarlyError:  # what was found is kept
+    except VerdictError:  # what was found is kept
         raise
     except BaseException as error:
         if not (interruption.at_once or isinstance(error, KeyboardInterrupt)):

@@ -16,6 +16,7 @@ from beamsim.analyses.identify.result import FrequencyTable, IdentificationResul
 from beamsim.cli.printing import lines, percent, told
 from beamsim.cli.report import Labelled, Views
 from beamsim.cli.screens import SHOWN, Screen, rounded
+from beamsim.outcomes import STANDINGS
 from beamsim.plots.style import amount, extent, scale_for
 from beamsim.scenario.base import counted
 from beamsim.scenario.parameters import unit_of
@@ -55,8 +56,8 @@ def _scatter(deviation: float, low: float, high: float, unit: str, coverage: flo
 
 def _agreement(result: IdentificationResult) -> str:
     """How far the largest measured frequency is from the model, with and without the stop."""
-    if not result.complete:
-        return "INCOMPLETE" if result.outcome.cut_short else "NOT RELIABLE"
+    if said := STANDINGS[result.outcome.gravest].first_line:
+        return said
     tables = {"with contact": result.with_snubber, "without the stop": result.without_snubber}
     worst = {
         name: float(np.nanmax(np.abs(table.difference_percent)))

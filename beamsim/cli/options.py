@@ -35,7 +35,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print only one JSON object o
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress report and no summary.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print everything: the whole table and all notes.")]
-Check = Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded.")]
+Check = Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded, 3 if it may be.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
 

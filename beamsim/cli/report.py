@@ -17,7 +17,7 @@ from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.values import limit_label, limit_unit
 from beamsim.cli.printing import aligned, lines, percent, table_text, told, words
 from beamsim.kinds import KINDS, named
-from beamsim.outcomes import Outcome
+from beamsim.outcomes import OnLimit, Outcome
 from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import amplitude_unit
@@ -148,7 +148,7 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
             "value": amount(item["value"], limit_unit(result.scenario, name)),
             "at": item["at"] or "",
             "limit": amount(item["limit"], limit_unit(result.scenario, name)),
-            "verdict": "EXCEEDED" if item["exceeded"] else "ok",
+            "verdict": item["verdict"] if item["verdict"] == OnLimit.MET else item["verdict"].upper(),
         }
         for name, item in compared.items()
     }

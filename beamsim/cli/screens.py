@@ -15,6 +15,7 @@ from beamsim.analyses.result import Result
 from beamsim.analyses.values import limit_label
 from beamsim.cli.printing import aligned, percent, under_headings
 from beamsim.cli.report import ended, predicted
+from beamsim.outcomes import STANDINGS, OnLimit
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import amplitude_unit
@@ -139,12 +140,10 @@ def sureness(result: Result, change: float) -> str:
     """
     summary = result.summary
     model, doubtful = summary.get("convergence_model") or {"reason": "not known"}, summary.get("doubtful")
-    if not result.complete:
-        said = "INCOMPLETE" if result.outcome.cut_short else "NOT RELIABLE"
+    if said := STANDINGS[result.outcome.gravest].first_line:
+        said += f": {counted(len(doubtful), 'value')}" if doubtful and result.complete else ""
     elif model["reason"]:
         said = f"not checked with a finer model ({model['reason']})"
-    elif doubtful:
-        said = f"NOT CONVERGED: {counted(len(doubtful), 'value')}"
     elif not model["modes"]:
         said = "all modes kept"
     elif summary.get("after_parting"):
@@ -160,8 +159,10 @@ def limits_by_place(compared: Mapping[str, Mapping[str, Any]]) -> dict[str, list
     verdicts: dict[str, list[str]] = {}
     for name, item in compared.items():
         used = item["value"] / item["limit"] if item["limit"] else math.inf
-        said = f"EXCEEDED, {100 * used:.0f} %" if item["exceeded"] else f"ok, {100 * (1 - used):.0f} % left"
-        said = said if is_known(item["value"]) else "unknown"
+        share = f"{100 * used:.0f} %" if is_known(used) else "value unknown"
+        said = {OnLimit.MET: f"ok, {100 * (1 - used):.0f} % left", OnLimit.EXCEEDED: f"EXCEEDED, {share}"}.get(
+            item["verdict"], f"NOT RELIABLE, {share}"
+        )
         verdicts.setdefault(str(item["at"] or ""), []).append(f"{limit_label(name)} {said}")
     return verdicts
 

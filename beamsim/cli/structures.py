@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, cast
 
-import typer
-
 from beamsim.analyses.check import FAILS
 from beamsim.analyses.check import check as checked
 from beamsim.cli.preparation import located, output_file
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import progress_of
-from beamsim.errors import ExitCode, MethodError, Problem, ScenarioError
+from beamsim.errors import MethodError, Problem, ScenarioError, VerdictError
 from beamsim.files import replacing
 from beamsim.matrix_files.formats import ENDINGS, FORMATS, write_matrices
+from beamsim.outcomes import Outcome, OutcomeKind, exit_code
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.base import suggestion
 from beamsim.scenario.matrices import SYSTEMS, UnitSystem
@@ -36,7 +35,7 @@ def check(case: Path, overrides: Sequence[str], *, as_json: bool) -> None:
     ------
     ScenarioError
         If the scenario is invalid.
-    typer.Exit
+    VerdictError
         If a check fails.
     """
     scenario = load_scenario(case, overrides)
@@ -53,7 +52,8 @@ def check(case: Path, overrides: Sequence[str], *, as_json: bool) -> None:
         for name, rows in bodies.items():
             print_table(name, [(row.name.replace("_", " "), f"{row.verdict:<6}{row.text}") for row in rows])
     if failed:
-        raise typer.Exit(ExitCode.NOT_CONVERGED)
+        outcome = Outcome.of(OutcomeKind.UNTRUSTED, "checks_failed", ", ".join(failed).replace("_", " "))
+        raise VerdictError(outcome.text, exit_code(outcome))
 
 
 class MatrixForm(NamedTuple):

@@ -17,6 +17,7 @@ from beamsim.analyses.designs.result import (
 from beamsim.analyses.values import VALUES, limit_label
 from beamsim.cli.report import Labelled, Views, margins
 from beamsim.cli.screens import SHOWN, Screen, rounded
+from beamsim.outcomes import STANDINGS, OnLimit
 from beamsim.plots.style import amount, extent, margin_text
 from beamsim.scenario.base import counted
 
@@ -58,6 +59,7 @@ def _judged(result: DesignsResult) -> str:
     s = result.summary
     said = f"{s['solved']} of {result.cases} cases" if s["solved"] < result.cases else counted(result.cases, "case")
     failed = f", {s['failed']} FAILED" if s["failed"] else ""
+    said = " ".join(filter(None, (STANDINGS[result.outcome.gravest].first_line, said)))
     passing = f", {_passing(result, s['passing'])}" if "passing" in s else ""
     return f"{said}, each a {result.analysis.replace('_', ' ')}{failed}{passing}"
 
@@ -69,7 +71,7 @@ def _limit_lines(result: DesignsResult) -> Iterator[str]:
             yield f"{name} ok in all cases: at most {item['value']}{at}, limit {item['limit']}"
         else:
             worst = f"{item['value']}{at}, limit {item['limit']}, {item['most with']}"
-            yield f"{name} EXCEEDED in {item['cases']} cases: {worst}"
+            yield f"{name} {item['verdict']} in {item['cases']} cases: {worst}"
 
 
 def _range_row(result: DesignsResult, name: str, of: Mapping[str, Any]) -> dict[str, str]:
@@ -110,12 +112,12 @@ def _extent(coordinate: Coordinate) -> str:
 
 
 def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The worst margin of each limit; of one that is exceeded also in how many cases, and in which most."""
+    """The worst margin of each limit; of one that is not met also in how many cases, and in which most."""
     rows: dict[str, dict[str, Any]] = dict(margins(result, compared))
     for name, item in compared.items():
-        if item["exceeded"]:
+        if item["verdict"] != OnLimit.MET:
             rows[limit_label(name)] |= {
-                "cases": f"{item['cases_exceeding']} of {result.cases}", "most with": ", ".join(
+                "cases": f"{item['cases_exceeding'] or 'some'} of {result.cases}", "most with": ", ".join(
                     f"{label} {value}" for label, value in _parameters(result, item["parameters"]).items()
                 ),
             }  # fmt: skip

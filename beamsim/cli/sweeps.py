@@ -18,7 +18,8 @@ from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given, Reporting
 from beamsim.cli.preparation import located, prepared
 from beamsim.cli.progress import Progress, progress_of
-from beamsim.errors import Problem, ResultFileError, ScenarioError, StoppedEarlyError
+from beamsim.errors import Problem, ResultFileError, ScenarioError, VerdictError
+from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import Scenario
 from beamsim.store.results import holds, open_result, write_result
 from beamsim.store.studies import journal_path, opened_journal, stored_study
@@ -150,10 +151,8 @@ def sweep_designs(scenario: Scenario, target: Path, reporting: Reporting, *, res
     ------
     ScenarioError, ResultFileError
         Before the computation.
-    StoppedEarlyError, NotTrustedError
-        If cases failed or workers ended unexpectedly; the partial result is saved.
-    LimitExceededError
-        With ``--check``.
+    VerdictError, NotTrustedError
+        As `conclude`, or if workers ended unexpectedly; the partial result is saved.
     """
     plan = plan_designs(scenario)
     check_cases(plan)
@@ -195,7 +194,8 @@ def _compute(plan: DesignPlan, target: Path, reporting: Reporting, resume: bool,
                 raise
             kept = f"{len(journal.outcomes)} of {cases} cases are in {target}; --resume computes the others"
             if isinstance(error, KeyboardInterrupt):
-                raise StoppedEarlyError(f"interrupted; {kept}", 128 + (interrupted.signal or SIGINT)) from None
+                code = exit_code(COMPLETE, signal=interrupted.signal or SIGINT)
+                raise VerdictError(f"interrupted; {kept}", code) from None
             say(f"beamsim: {kept}")
             raise
         conclude("designs", result, target, reporting, interrupted)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from beamsim.analyses.result import MARGINS, Result
 from beamsim.analyses.values import limit_label, limit_unit
 from beamsim.fields import figure_in_words
+from beamsim.outcomes import STANDINGS, OnLimit
 from beamsim.plots.animation import Scene
 from beamsim.plots.model import excitation_text, model_figure
 from beamsim.plots.style import amount, margin_text
@@ -91,12 +92,14 @@ def page_of(
 def verdict_of(result: Result) -> Verdict:
     """Limits first, then whether the numbers can be trusted."""
     margins = result.summary.get("margins") or {}
-    exceeded = [limit_label(name) for name, item in margins.items() if item["exceeded"]]
-    reasons = doubts(result)
-    if exceeded:
-        return Verdict("bad", f"Limit exceeded: {', '.join(exceeded)}", reasons)
-    if not result.outcome.complete:
-        return Verdict("bad", "Incomplete or not to be trusted", reasons)
+    reasons, standing = doubts(result), STANDINGS[result.outcome.gravest]
+    on = {v: [limit_label(name) for name, item in margins.items() if item["verdict"] == v] for v in OnLimit}
+    if on[OnLimit.EXCEEDED]:
+        return Verdict("bad", f"Limit exceeded: {', '.join(on[OnLimit.EXCEEDED])}", reasons)
+    if standing.exit_code:
+        return Verdict("bad", standing.first_line.capitalize(), reasons)
+    if on[OnLimit.NOT_RELIABLE]:
+        return Verdict("doubt", f"Neither kept nor exceeded: {', '.join(on[OnLimit.NOT_RELIABLE])}", reasons)
     if reasons:
         within = " All limits are kept." if margins else ""
         return Verdict("doubt", f"To be read with care.{within}", reasons)
@@ -111,7 +114,7 @@ def _margins(scenario: Scenario, margins: Mapping[str, Mapping[str, Any]]) -> It
     for name, item in margins.items():
         unit = limit_unit(scenario, name)
         share = margin_text(item["margin"], item["value"])
-        kept = "! exceeded" if item["exceeded"] else "+ kept"
+        kept = {OnLimit.MET: "+ kept", OnLimit.EXCEEDED: "! exceeded"}.get(item["verdict"], "not reliable")
         yield [
             limit_label(name),
             amount(item["value"], unit),

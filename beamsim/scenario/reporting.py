@@ -148,7 +148,8 @@ OutputLimit = Annotated[
 
 
 class Limits(Schema):
-    """Limits; the summary has the margins, and `--check` exits with code 4 if one is exceeded."""
+    """Limits; the summary has margins and verdicts, and `--check` exits with code 4 if one is exceeded, 3 if that is
+    not certain."""
 
     peak_force: PositiveForce | None = None
     """Largest contact force of any snubber."""

@@ -12,7 +12,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from beamsim.analyses.values import BY_ENTRY
+import numpy as np
+
+from beamsim.analyses.branch import largest_of_stable
 from beamsim.outcomes import Stop, never
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.convergence import (
@@ -205,7 +207,8 @@ def _checked(
     checked = _convergence(values, result, lambda case: again(case, _part(progress, share, 1.0)), stop)
     if stop():
         return result.interrupted(COMPARISON)
-    result = with_convergence(result, replace(checked, processor_time_s=clock.process_time() - begin))
+    checked = replace(checked, processor_time_s=clock.process_time() - begin)
+    result = with_convergence(result, checked, values(result))
     return replace(result, wall_time_s=result.wall_time_s + clock.perf_counter() - wall)
 
 
@@ -237,24 +240,25 @@ def _frequencies(result: _Result) -> Values:
 
 def _of_sweep(result: SweepResult) -> Values:
     """Largest values of all curves; natural frequencies."""
-    entries = {entry: result.summary[entry] for entry, v in BY_ENTRY.items() if v.section and entry in result.summary}
-    return compared(entries) | _frequencies(result)
+    entries: dict[str, dict[str, float]] = {}
+    for curve in result.curves.values():
+        for value, of in curve.peaks():
+            largest = {f"{curve.name} {name}".strip(): float(np.nanmax(x, initial=0.0)) for name, x in of.items()}
+            entries.setdefault(value.entry, {}).update({name: x / value.scale for name, x in largest.items()})
+    return compared({"contact_share": result.summary["contact_share"]} | entries) | _frequencies(result)
 
 
 def _of_continuation(result: ContinuationResult) -> Values:
-    """Largest displacements with their frequencies by probe, level and period; other largest values; frequencies."""
+    """Largest displacements with their frequencies by probe, level and period; largest values of all stable motions;
+    frequencies."""
     peaks: list[dict[str, Any]] = result.summary["peaks"]
     names = [f"{p['probe']} level {p['level']:.6g} period {p['period_multiple']}" for p in peaks]
-    values: Values = {
-        "peak_displacement_m": {name: float(p["value_m"]) for name, p in zip(names, peaks, strict=True)},
-        "peak_frequency_hz": {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)},
-    }
-    if outputs := result.summary.get("peak_output"):
-        values["peak_output"] = {name: float(of["value"]) for name, of in outputs.items()}
-    values |= {
-        entry: result.summary[entry] for entry, value in BY_ENTRY.items() if value.followed and entry in result.summary
-    }
-    return values | _frequencies(result)
+    displacement = {name: float(p["value_m"]) for name, p in zip(names, peaks, strict=True)}
+    entries: dict[str, dict[str, float]] = {"peak_displacement_m": displacement}
+    for value, name, largest, _ in largest_of_stable(result.branches):
+        entries.setdefault(value.entry, {})[name] = largest / value.scale
+    frequency = {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)}
+    return compared(entries | {"peak_frequency_hz": frequency}) | _frequencies(result)
 
 
 def _of_mode(result: NormalModeResult) -> Values:

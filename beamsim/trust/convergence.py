@@ -20,6 +20,7 @@ import numpy as np
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
+from beamsim.analyses.values import LIMITED, OUTPUT
 from beamsim.errors import ScenarioError
 from beamsim.fields import figure_in_words
 from beamsim.flow.reference import ReferenceTrajectory
@@ -27,6 +28,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInStretches
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.scenario import Scenario
+from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.typing import Floats, Ints
 
 FREQUENCIES = 6  # natural frequencies that are compared
@@ -37,7 +39,8 @@ Changes = Values  # relative
 SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events further apart are not the same
 SMALL, ROUND_OFF = 1e-9, 1e-15  # relative disturbances of the stiffness
 LONGER = 8.0  # times the time up to which a disturbance has been followed in vain, or needed to diverge
-WORTHLESS = 0.5  # relative change of the displacements beyond which the default model is not to be used
+WORTHLESS = 0.5  # relative change of a displacement or force beyond which a result is not reliable
+MUST_HOLD = ("peak_displacement_m", "peak_force_n", "peak_spring_force_n", "peak_friction_force_n")
 MORE_MODES = 1.5
 COMPARISON = "the comparison with a finer model"
 _Result = TypeVar("_Result", bound="Result")
@@ -113,7 +116,7 @@ def relative_changes(
         size = np.abs(difference.mean(axis=0))
         if scatter:
             size = 2 * difference.std(axis=0, ddof=1) / math.sqrt(len(first))
-        relative = np.divide(size, scale, out=np.zeros_like(size), where=size > 0)
+        relative = np.divide(size, scale, out=np.zeros_like(size), where=size != 0)
         by_place = {place: float(x) for place, x in zip(of_entry, relative, strict=True) if not math.isnan(x)}
         changes[name] = by_place if isinstance(value, dict) else by_place.get("", 0.0)
     return changes
@@ -136,9 +139,19 @@ def larger(one: Changes, other: Changes) -> Changes:
 
 
 def doubtful(changes: Changes, scatter: Changes) -> Iterator[str]:
-    """``entry.place`` of the values that change by more than is allowed, and than their scatter explains."""
+    """``entry.place`` of the values that change by more than is allowed, and than their scatter explains.
+
+    Of a displacement or force that changes by more than half no scatter explains enough.
+    """
     chance = dict(named(scatter))
-    yield from (key for key, change in named(changes) if change > ALLOWED_CHANGE + chance.get(key, 0.0))
+    for key, change in named(changes):
+        if change > ALLOWED_CHANGE + chance.get(key, 0.0) or _worthless(key, change):
+            yield key
+
+
+def _worthless(key: str, change: float) -> bool:
+    """Whether it is a displacement or force that changes by so much that a result is not reliable."""
+    return key.partition(".")[0] in MUST_HOLD and change > WORTHLESS
 
 
 @dataclass(frozen=True)
@@ -246,11 +259,6 @@ class Convergence:
     lines: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)  # of each line of each spectrum
     compared_s: float = math.inf  # length of the first part that is compared, where a motion is not kept as a whole
 
-    @property
-    def largest_displacement_change(self) -> float:
-        """Largest change of a peak displacement."""
-        return max((x for key, x in named(self.changes) if key.startswith("peak_displacement_m")), default=0.0)
-
     def summary(self) -> dict[str, Any]:
         """Entries of the summary."""
 
@@ -303,13 +311,48 @@ def solved_again(
     return Convergence(reason="interrupted") if stop() else second
 
 
-def with_convergence(result: _Result, checked: Convergence) -> _Result:
-    """A result whose summary and outcome say which of its values do not converge."""
+def with_convergence(result: _Result, checked: Convergence, values: Values | None = None) -> _Result:
+    """A result whose summary and outcome say which of its values do not converge.
+
+    Parameters
+    ----------
+    result : with its margins, without any change of the values.
+    checked : the changes of its values.
+    values : that limits are compared with, where they were compared with a finer model's.
+
+    Returns
+    -------
+    Result
+        With the verdict on each limit, to which the change of its value counts.
+    """
     summary = result.summary | checked.summary()
+    if "margins" in summary:
+        margins = summary["margins"].items()
+        summary["margins"] = {name: item | _range(name, item, values or {}, checked.changes) for name, item in margins}
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
-    outcome = _outcome(result, checked)
-    summary = {**result.summary, "status": outcome.text}
-    return replace(result, outcome=outcome, summary=summary)
+    return result.ended(_outcome(result, checked))
+
+
+def _range(limit: str, item: Mapping[str, Any], values: Values, changes: Changes) -> dict[str, float]:
+    """The value of a limit less and plus its change: the largest of all places, each with its own.
+
+    Parameters
+    ----------
+    limit : its name.
+    item : of the margins; values above its own are not compared with it (unstable motions).
+    values, changes : by entry and place; a place that the finer model does not have makes the range unknown.
+    """
+    output = limit.removeprefix(OF_OUTPUTS) if limit.startswith(OF_OUTPUTS) else ""
+    value = OUTPUT if output else LIMITED[limit]
+    change = dict(places(changes.get(value.entry, {})))
+    highest = item["value"] * (1.0 + SMALLEST_SCALE)
+    pairs = [
+        (number * value.scale, change.get(place, math.nan if changes else 0.0))
+        for place, number in places(values.get(value.entry, {}))
+        if number * value.scale <= highest and output in ("", place.split(" ")[-1])
+    ] or [(item["value"], 0.0)]
+    size, change_of = np.transpose(pairs)
+    return {"lowest": float(np.max(size * (1.0 - change_of))), "highest": float(np.max(size * (1.0 + change_of)))}
 
 
 def _outcome(result: Result, checked: Convergence) -> Outcome:
@@ -326,18 +369,15 @@ def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) ->
     """Which values do not converge, the worst first, and what helps."""
     sizes = {key: change for key, change in named(checked.changes) if key in checked.doubtful}
     worst = sorted(sizes, key=lambda key: -sizes[key])
-    automatic = result.scenario.reduction is None and checked.diverged_s == math.inf
-    worthless = automatic and checked.largest_displacement_change > WORTHLESS
     finer = "with 1.5 times the modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
     figures = tuple(f"{figure_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
     remedy = _remedy(result, checked.doubtful)
-    if worthless:
-        sentence = f"{finer} values change, displacements among them: {listed(figures)}"
-        return Outcome.of(
-            OutcomeKind.UNTRUSTED, "figures_worthless", sentence, *parts, remedy=remedy, figures=figures
-        )  # fmt: skip
+    kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
     sentence = f"values change by more than {100 * ALLOWED_CHANGE:g} % {finer}: {listed(figures)}"
-    return Outcome.of(OutcomeKind.COMPLETE, "figures_doubtful", sentence, *parts, remedy=remedy, figures=figures)
+    if any(_worthless(key, change) for key, change in sizes.items()):
+        kind, code = OutcomeKind.UNTRUSTED, "figures_worthless"
+        sentence = f"{finer} displacements or forces change by more than {100 * WORTHLESS:g} %: {listed(figures)}"
+    return Outcome.of(kind, code, sentence, *parts, remedy=remedy, figures=figures)
 
 
 def _diverged(checked: Convergence) -> Outcome:

@@ -41,7 +41,7 @@ from beamsim.analyses.run.summary import (
     spectral_lines,
     static_figures,
 )
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, searched
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OUTPUT, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Stop
@@ -165,7 +165,10 @@ def checked_run(solution: Solution, shared: SharedBuilds, stop: Stop) -> RunResu
     )
     if stop():
         checked = replace(checked, reason="interrupted")
-    return with_histories(with_convergence(solution.result, checked), checked)
+    summary = solution.result.summary
+    limited = [value.entry for value in (*LIMITED.values(), OUTPUT) if value.entry in summary]
+    values = compared({entry: summary[entry] for entry in limited})
+    return with_histories(with_convergence(solution.result, checked, values), checked)
 
 
 def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Convergence:

@@ -16,8 +16,9 @@ _INTRODUCTION = """\
 # Commands
 
 This page is made from what `beamsim COMMAND --help` shows. Every command ends with one of these exit codes: 0 success,
-1 program error, 2 bad usage or invalid scenario, 3 not converged or not reliable (the partial result is kept), 4 a
-limit is exceeded under `--check`, 130 and 143 interrupted, 141 broken pipe.
+1 program error, 2 bad usage or invalid scenario, 3 incomplete or not reliable (the result is kept), under `--check`
+also a limit that is neither met nor exceeded for certain, 4 a limit is exceeded under `--check`, 130 and 143
+interrupted, 141 broken pipe. The README has the table of what is complete, doubtful and not reliable.
 
 """
 

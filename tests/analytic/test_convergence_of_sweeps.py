@@ -1,5 +1,6 @@
 """Sweeps, continuations and normal modes are compared with a finer model as runs are."""
 
+import math
 from itertools import count
 
 import pytest
@@ -91,6 +92,56 @@ def test_a_continuation_where_it_is_asked_for():
         key for entry, of in changes.items() for key in (f"{entry}.{x}" for x, y in of.items() if y > ALLOWED_CHANGE)
     }
     assert set(result.summary["doubtful"]) == listed
+
+
+PATH = {"kind": "continuation", "from": "50 Hz", "to": "56 Hz", "side_branches": "none"}
+
+
+@pytest.mark.parametrize(
+    "sweep", [None, PATH | {"from": "30 Hz", "to": "40 Hz", "convergence": "on"}], ids=["stepped", "continuation"]
+)
+def test_limits_near_values_that_change_are_neither_met_nor_exceeded(sweep):
+    """Gaps among them, which the summary does not have."""
+    more = {"sweep": sweep} if sweep else {}
+    analysis = beamsim.continuation if sweep else beamsim.sweep
+    far = {"peak_force": "1 MN", "peak_displacement": "1 m", "peak_acceleration": "1e6 g", "gap": "1 m"}
+    first = analysis(case(1, limits=far, **more)).summary["margins"]
+    assert {item["verdict"] for item in first.values()} == {"ok"}
+    assert all(item["lowest"] < item["value"] < item["highest"] for item in first.values())
+    near = {name: 0.5 * (item["value"] + item["highest"]) for name, item in first.items()}
+    again = analysis(case(1, limits=near, **more)).summary["margins"]
+    assert {item["verdict"] for item in again.values()} == {"not reliable"}
+    below = {name: 0.99 * item["lowest"] for name, item in first.items()}
+    again = analysis(case(1, limits=below, **more)).summary["margins"]
+    assert {item["verdict"] for item in again.values()} == {"exceeded"}
+
+
+def test_a_value_that_the_finer_model_does_not_have_does_not_say_that_it_stays():
+    """No motion between 50 and 56 Hz is stable in the finer model: the change was 0."""
+    limits = {"peak_force": "1 MN"}
+    result = beamsim.continuation(case(1, limits=limits, sweep=PATH | {"convergence": "on"}))
+    finer = beamsim.continuation(case(2, limits=limits, sweep=PATH, beam=BEAM | {"elements": 40}))
+    assert math.isfinite(result.summary["margins"]["peak_force"]["value"])
+    assert math.isnan(finer.summary["margins"]["peak_force"]["value"])
+    assert "tip" not in result.summary["convergence"]["peak_force_n"]
+    assert result.summary["margins"]["peak_force"]["verdict"] == "not reliable"
+    assert finer.summary["margins"]["peak_force"]["verdict"] == "not reliable"
+
+
+def test_a_study_judges_its_cases_as_their_runs_are_judged():
+    """Where its cases are compared with a finer model: one that may exceed a limit does not pass."""
+    run = {"duration": 0.1, "convergence": "on"}
+    alone = beamsim.run(case(1, sweep=None, run=run, limits={"peak_acceleration": "1e6 g"})).summary["margins"]
+    limit = 0.5 * (alone["peak_acceleration"]["value"] + alone["peak_acceleration"]["highest"])
+    vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": ["0.1 g", "2 g"]}]}
+    study = beamsim.design_study(case(1, sweep=None, run=run, vary=vary, limits={"peak_acceleration": limit}))
+    assert study.passing.tolist() == [True, False]
+    margin = study.summary["margins"]["peak_acceleration"]
+    assert margin["value"] < limit < margin["highest"] == pytest.approx(alone["peak_acceleration"]["highest"])
+    assert margin["verdict"] == "not reliable"
+    assert margin["cases_exceeding"] == 0
+    unchecked = case(1, sweep=None, run={"duration": 0.1}, vary=vary, limits={"peak_acceleration": limit})
+    assert beamsim.design_study(unchecked).passing.tolist() == [True, True]
 
 
 def test_a_normal_mode_where_it_is_asked_for():

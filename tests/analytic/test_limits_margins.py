@@ -5,7 +5,7 @@ import math
 import pytest
 
 import beamsim
-from beamsim.analyses.values import exceeded_limits, margin_of, margins
+from beamsim.analyses.values import limits_not_met, margin_of, margins
 from beamsim.scenario import Limits, load_scenario
 
 DROPPED = """\
@@ -75,4 +75,4 @@ def test_every_limit_takes_the_worst_place():
     }  # fmt: skip
     assert found["peak_acceleration"]["value"] == pytest.approx(3.0 * 9.80665)
     assert [name for name, item in found.items() if item["exceeded"]] == ["peak_force"]
-    assert exceeded_limits(load_scenario(DROPPED), found) == ["peak force = 30 N exceeds limits.peak_force = 20 N"]
+    assert limits_not_met(load_scenario(DROPPED), found) == ["peak force = 30 N exceeds limits.peak_force = 20 N"]

@@ -14,6 +14,7 @@ from beamsim.analyses.run.filters import FilteredPanels, FilteredSegments, filte
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.cli.report import table_rows
 from beamsim.flow.transient import simulate
+from beamsim.outcomes import OutcomeKind, exit_code
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -84,12 +85,13 @@ def test_the_change_is_that_of_the_finer_model_itself(damped):
 
 def test_status_table_file_and_pictures_say_so(damped, tmp_path):
     assert damped.complete  # a note: the displacements and forces are right
+    assert damped.outcome.kind is OutcomeKind.DOUBTFUL
     assert damped.outcome.code == "figures_doubtful"
     assert "run.low_pass" in damped.outcome.remedy
     assert "dashpot" in damped.outcome.remedy
     rows = list(table_rows("run", damped))
-    assert rows[0] == ("status", "complete")
-    assert rows[1] == ("", damped.status.removeprefix("complete: "))
+    assert rows[0] == ("status", damped.status)
+    assert damped.status.startswith("not converged: values change by more than 2 %")
     assert sum("NOT CONVERGED" in text for _, text in rows) == 4
     path = beamsim.write_result(damped, tmp_path / "run.h5")
     stored = beamsim.open_result(path)
@@ -175,6 +177,43 @@ def test_a_model_of_one_mode_is_told_from_a_good_one():
     })).summary  # fmt: skip
     assert "peak_displacement_m.tip" in s["doubtful"]
     assert s["convergence"]["peak_displacement_m"]["tip"] > ALLOWED_CHANGE
+
+
+def test_a_force_that_changes_by_more_than_half_is_not_reliable():
+    """It was complete, with exit code 0, where the modes were given: a stop that only one of the models touches."""
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": "100 Hz"}
+
+    def run(gap, modes, **more):
+        stop = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "10 kN/m", "gap": gap}
+        return beamsim.run(harmonic_beam(snubbers=[stop], reduction={"modes": modes}, excitation=shaken, **more))
+
+    free = {modes: -run(0.1, modes, run={"duration": 0.1}).summary["min_displacement_m"]["tip"] for modes in (2, 3)}
+    assert abs(free[2] / free[3] - 1.0) < ALLOWED_CHANGE
+    limits = {"peak_force": "1 kN", "peak_displacement": "1 m"}
+    result = run(0.5 * (free[2] + free[3]), 2, run={"duration": 0.1}, limits=limits)
+    assert result.summary["convergence"]["peak_force_n"]["tip"] == 1.0
+    assert (result.outcome.code, exit_code(result.outcome)) == ("figures_worthless", 3)
+    assert result.status.startswith("not reliable: with 1.5 times the modes")
+    assert {item["verdict"] for item in result.summary["margins"].values()} == {"not reliable"}
+    unchecked = run(0.5 * (free[2] + free[3]), 2, run={"duration": 0.1, "convergence": "off"}, limits=limits)
+    assert exit_code(unchecked.outcome) == 0
+    assert {item["verdict"] for item in unchecked.summary["margins"].values()} == {"ok"}
+
+
+def test_the_verdict_on_a_limit_takes_the_change_of_the_value(damped):
+    """The acceleration at the dashpot changes by a third: limits near it are neither met nor exceeded."""
+    at = damped.summary["peak_acceleration_g"]
+    changes = damped.summary["convergence"]["peak_acceleration_g"]
+    lowest, highest = (max(at[name] * (1 + sign * changes[name]) for name in at) for sign in (-1, 1))
+    for level, verdict in ((0.99 * lowest, "exceeded"), (1.01 * lowest, "not reliable"),
+                           (0.99 * highest, "not reliable"), (1.01 * highest, "ok")):  # fmt: skip
+        limits = {"peak_acceleration": level * 9.80665, "peak_force": "1 MN"}
+        margins = beamsim.run(panel(limits=limits)).summary["margins"]
+        assert margins["peak_acceleration"]["verdict"] == verdict
+        assert margins["peak_acceleration"]["exceeded"] == (verdict == "exceeded")
+        assert margins["peak_acceleration"]["lowest"] == pytest.approx(lowest * 9.80665)
+        assert margins["peak_acceleration"]["highest"] == pytest.approx(highest * 9.80665)
+        assert margins["peak_force"]["verdict"] == "ok"
 
 
 # --- The filter -------------------------------------------------------------------------------------------------------

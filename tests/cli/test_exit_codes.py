@@ -1,56 +1,113 @@
-"""Every exit code has one meaning, and every outcome leads to one."""
+"""Every exit code has one meaning, and every outcome and every verdict on a limit leads to one."""
 
 import gzip
+from itertools import product
 from pathlib import Path
 
 import pytest
 
-from beamsim.cli.conclusion import EXIT_CODES, conclude, exit_code
+from beamsim.analyses.values import judged, margins_of
+from beamsim.cli.conclusion import conclude
 from beamsim.cli.failures import Interruption
 from beamsim.cli.options import Reporting
-from beamsim.errors import ExitCode, LimitExceededError, StoppedEarlyError
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
+from beamsim.cli.screens import sureness
+from beamsim.errors import VerdictError
+from beamsim.outcomes import STANDINGS, OnLimit, Outcome, OutcomeKind, exit_code, on_limit
+from beamsim.scenario.reporting import Limits
 from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick
 
-STOPPED = Outcome.of(OutcomeKind.STOPPED, "stopped")
-INTERRUPTED = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted")
-UNTRUSTED = Outcome.of(OutcomeKind.UNTRUSTED, "harmonics_neglected")
+CODES = {
+    OutcomeKind.COMPLETE: 0, OutcomeKind.NOTED: 0, OutcomeKind.DOUBTFUL: 0, OutcomeKind.INCOMPLETE: 3,
+    OutcomeKind.STOPPED: 3, OutcomeKind.FAILED: 3, OutcomeKind.UNTRUSTED: 3, OutcomeKind.INTERRUPTED: 130,
+}  # fmt: skip
+FIRST_LINES = {
+    OutcomeKind.DOUBTFUL: "NOT CONVERGED", OutcomeKind.UNTRUSTED: "NOT RELIABLE", OutcomeKind.INCOMPLETE: "INCOMPLETE",
+    OutcomeKind.STOPPED: "INCOMPLETE", OutcomeKind.FAILED: "INCOMPLETE", OutcomeKind.INTERRUPTED: "INCOMPLETE",
+}  # fmt: skip
+
+
+def of_kind(kind):
+    return Outcome.of(kind, "a_code", "a sentence")
 
 
 def ended(result, **more):
     """Exit code of a command that ends with a result."""
     try:
         conclude("run", result, Path("case.h5"), Reporting(plots=False, quiet=True, **more), Interruption())
-    except (StoppedEarlyError, LimitExceededError) as error:
+    except VerdictError as error:
         return error.exit_code
     return 0
 
 
+@pytest.mark.parametrize("kind", OutcomeKind)
+def test_an_outcome_has_its_code_and_its_first_line(kind, fabricated_run):
+    outcome = of_kind(kind)
+    result = fabricated_run(outcome=outcome)
+    assert exit_code(outcome) == STANDINGS[kind].exit_code == CODES[kind]
+    assert ended(result) == CODES[kind]
+    assert outcome.complete == (CODES[kind] == 0)
+    assert sureness(result, 0.0).startswith(FIRST_LINES.get(kind, "not checked"))
+
+
+@pytest.mark.parametrize(("kind", "part"), [*product(OutcomeKind, OutcomeKind)])
+def test_what_accompanies_an_outcome_counts_as_the_outcome_itself(kind, part):
+    """A part that is not reliable made a result that is complete incomplete, with exit code 0."""
+    both = of_kind(kind).but(of_kind(part))
+    assert both.gravest is max(kind, part, key=list(OutcomeKind).index)
+    assert exit_code(both) == max(CODES[kind], CODES[part])
+    assert both.complete == (exit_code(both) == 0)
+
+
 @pytest.mark.parametrize(
-    ("outcome", "code"), [(COMPLETE, 0), (STOPPED, 3), (UNTRUSTED, 3), (INTERRUPTED, 130)], ids=["0", "3", "3", "130"]
+    ("lowest", "highest", "verdict"),
+    [(45, 49, "ok"), (50, 50, "ok"), (45, 51, "not reliable"), (51, 60, "exceeded"),
+     (float("nan"), float("nan"), "not reliable"), (45, float("nan"), "not reliable")],
+)  # fmt: skip
+def test_a_limit_is_met_or_exceeded_only_with_the_change_of_its_value(lowest, highest, verdict):
+    assert on_limit(lowest, highest, 50.0) == verdict
+
+
+@pytest.mark.parametrize("kind", OutcomeKind)
+def test_a_limit_is_judged_by_what_was_computed_reliably(kind):
+    """What is missing may exceed a limit that is met so far; what is not reliable says nothing."""
+    met, beyond = (on_limit(x, x, 50.0, of_kind(kind)) for x in (40.0, 60.0))
+    assert met == ("ok" if CODES[kind] == 0 else "not reliable")
+    assert beyond == ("not reliable" if kind in (OutcomeKind.UNTRUSTED, OutcomeKind.FAILED) else "exceeded")
+
+
+@pytest.mark.parametrize(
+    ("kind", "verdicts"), [*product(OutcomeKind, [(), (OnLimit.MET,), (OnLimit.NOT_RELIABLE,), tuple(OnLimit)])]
 )
-def test_an_outcome_has_its_code(outcome, code, fabricated_run):
-    assert exit_code(outcome) == code
-    assert ended(fabricated_run(outcome=outcome)) == code
+def test_limits_that_are_checked_have_their_codes(kind, verdicts):
+    """Exceeded 4, else not reliable 3; an interruption stays one."""
+    of_limits = 4 if OnLimit.EXCEEDED in verdicts else 3 if OnLimit.NOT_RELIABLE in verdicts else 0
+    interrupted = kind is OutcomeKind.INTERRUPTED
+    assert exit_code(of_kind(kind), verdicts) == (130 if interrupted else max(CODES[kind], of_limits))
+    assert exit_code(of_kind(kind), verdicts, signal=15) == 143
 
 
-def test_every_kind_of_outcome_has_a_code():
-    assert set(EXIT_CODES) == set(OutcomeKind)
-    assert [kind for kind, code in EXIT_CODES.items() if code == ExitCode.SUCCESS] == [
-        OutcomeKind.COMPLETE,
-        OutcomeKind.NOTED,
-    ]
-
-
-def test_a_limit_counts_only_where_it_is_checked(fabricated_run):
+@pytest.mark.parametrize(
+    ("value", "change", "code"), [(60.0, 0.1, 4), (52.0, 0.1, 3), (48.0, 0.1, 3), (40.0, 0.1, 0), (48.0, 0.0, 0)]
+)
+def test_a_limit_counts_only_where_it_is_checked(value, change, code, fabricated_run, capsys):
     result = fabricated_run()
-    result.summary["margins"] = {"peak_force": {"value": 60.0, "limit": 50.0, "exceeded": True}}
-    assert ended(result, check=True) == ExitCode.LIMIT_EXCEEDED == 4
+    (item,) = margins_of(Limits(peak_force=50.0), {"peak_force": (value, "tip")}).values()
+    ends = {"lowest": value * (1 - change), "highest": value * (1 + change)}
+    result.summary["margins"] = judged({"peak_force": item | ends})
+    assert ended(result, check=True) == code
     assert ended(result) == 0
-    result.summary["margins"]["peak_force"]["exceeded"] = False
-    assert ended(result, check=True) == 0
+    verdict = result.summary["margins"]["peak_force"]["verdict"]
+    assert {0: "ok", 3: "not reliable", 4: "exceeded"}[code] == verdict
+    conclude("run", result, Path("case.h5"), Reporting(plots=False), Interruption())
+    assert f"peak force {verdict if verdict == 'ok' else verdict.upper()}" in capsys.readouterr().out
+
+
+def test_a_limit_that_nothing_is_compared_with_is_neither_met_nor_exceeded():
+    """Of a continuation without a stable motion it was left out, and --check passed."""
+    (item,) = margins_of(Limits(peak_force=50.0), {}).values()
+    assert item["verdict"] == "not reliable"
 
 
 def test_a_reader_that_leaves_early_is_no_damage_of_the_file(tmp_path, monkeypatch):

@@ -13,10 +13,9 @@ from sampling import slow_after
 
 import beamsim
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.cli.conclusion import exit_code
 from beamsim.cli.failures import STOPPING, interruptible
 from beamsim.measurements.channels import read_tests
-from beamsim.outcomes import COMPLETE
+from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.plots.nnm import nnm_figures
 from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario

@@ -13,11 +13,10 @@ from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.swept_sine import sweep_level
-from beamsim.cli.conclusion import exit_code
 from beamsim.flow import transient
 from beamsim.flow.march import too_many_events
 from beamsim.flow.transient import motion_of, simulate
-from beamsim.outcomes import COMPLETE
+from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 

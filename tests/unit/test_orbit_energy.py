@@ -7,9 +7,8 @@ import pytest
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.cli.conclusion import exit_code
 from beamsim.flow.variational import VariationalFlow
-from beamsim.outcomes import OutcomeKind
+from beamsim.outcomes import OutcomeKind, exit_code
 from beamsim.scenario import Scenario
 
 STOP = {"name": "stop", "mass": 2, "side": "below", "stiffness": 300.0, "gap": 0.01}

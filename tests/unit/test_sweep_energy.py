@@ -8,8 +8,8 @@ import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.cycles import CycleRecord
-from beamsim.cli.conclusion import exit_code
 from beamsim.flow.contact_state import ContactModes
+from beamsim.outcomes import exit_code
 from beamsim.scenario import Scenario
 from beamsim.store.results import write_result
 

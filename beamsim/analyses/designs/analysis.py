@@ -11,9 +11,10 @@ from typing import Any
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import Case, DesignPlan, Study, check_cases, plan_designs
 from beamsim.analyses.designs.responses import Responses, entries_of, is_asked, responses_of_result, run_responses
-from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
+from beamsim.analyses.designs.result import RANGE, CaseOutcome, DesignsResult
 from beamsim.analyses.parallel import cluster, default_workers, processes, threads
 from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
+from beamsim.analyses.values import Margins
 from beamsim.errors import BeamsimError, Problem, ScenarioError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, never
@@ -133,7 +134,11 @@ class CaseSolver:
             return run_responses(figures), outcome
         kind = analysis if analysis in KINDS else "sweep"
         result: Any = named(KINDS[kind].analysis)(scenario, stop=self.stop)
-        return responses_of_result(result), result.outcome
+        margins: Margins = result.summary.get("margins", {})
+        ranges = {
+            RANGE + name: (x["lowest"], x["highest"]) for name, x in margins.items() if x["lowest"] < x["highest"]
+        }
+        return responses_of_result(result), result.outcome.but(numbers={**result.outcome.numbers, **ranges})
 
 
 _SOLVERS: dict[str, CaseSolver] = {}  # of the study that this worker process is computing

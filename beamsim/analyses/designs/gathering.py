@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.designs.plan import DesignPlan, Realisations, varies_seed
 from beamsim.analyses.designs.responses import describe
 from beamsim.analyses.designs.result import (
+    RANGE,
     CaseFailure,
     CaseOutcome,
     DesignsResult,
@@ -28,7 +29,7 @@ from beamsim.analyses.designs.result import (
 )
 from beamsim.analyses.doubts import forces_beyond_tables
 from beamsim.analyses.values import margin_of, margins_of
-from beamsim.outcomes import Outcome, OutcomeKind, together
+from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, on_limit, together
 from beamsim.scenario.parameters import Value
 from beamsim.system.outputs import output_units
 from beamsim.typing import Bools, Floats
@@ -56,14 +57,15 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
         for name, response in realised.items()
     }
     limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
-    margins, where, meets = _margins(plan, realised, limits)
+    margins, where, meets = _margins(plan, realised, limits, outcomes)
     known, solved = np.zeros((2, len(plan.cases)), dtype=bool)
     known[list(outcomes)] = True
     solved[[number for number, outcome in outcomes.items() if outcome.outcome.complete]] = True
     solved = solved.reshape(-1, count).all(axis=1).reshape(plan.shape)
     missing = int(np.sum(~known.reshape(-1, count).all(axis=1)))
     failures = _failures(plan, outcomes)
-    passing = np.logical_and.reduce([solved, *(margin.values >= 0.0 for margin in margins.values())])
+    met = [(of.verdict == OnLimit.MET).reshape(plan.shape) for of in where.values()]
+    passing = np.logical_and.reduce([solved, *met]) & (len(where) == len(limits))
     objective = Objective.of(plan.scenario.vary)
     values, unknown = None, False
     if objective.response:
@@ -223,10 +225,33 @@ def _about_seeds(plan: DesignPlan) -> list[str]:
     ]
 
 
+class Deciding(NamedTuple):
+    """What determines the margin of a limit in every case, one after the other."""
+
+    value: Floats
+    lowest: Floats  # less its change with a finer model
+    highest: Floats  # plus its change
+    place: NDArray[np.str_]
+    verdict: NDArray[np.str_]  # `OnLimit`
+
+
+def _ranges(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], limit: str, value: Floats) -> Floats:
+    """(2, cases and realisations) the values of a limit less and plus their changes, where these are known."""
+    ranges = np.array([value.ravel(), value.ravel()])
+    for number, outcome in outcomes.items():
+        known: Any = outcome.outcome.numbers.get(RANGE + limit)
+        if known is not None:
+            ranges[:, number] = known
+    return ranges
+
+
 def _margins(
-    plan: DesignPlan, realised: Mapping[str, Response], limits: Mapping[str, float]
-) -> tuple[dict[str, Response], dict[str, tuple[Floats, NDArray[np.str_]]], Bools]:
-    """Margin of every case, the value and place that determine it, and which realisations meet all limits."""
+    plan: DesignPlan,
+    realised: Mapping[str, Response],
+    limits: Mapping[str, float],
+    outcomes: Mapping[int, CaseOutcome],
+) -> tuple[dict[str, Response], dict[str, Deciding], Bools]:
+    """Margin of every case, what determines it, and which realisations meet all limits."""
     margins, where = {}, {}
     shape = (*plan.shape, plan.realisations.count)
     meets = np.ones(shape, dtype=bool)
@@ -238,11 +263,15 @@ def _margins(
             meets[:] = False
             continue
         worst, decisive = worst_of(compared, large_is_good=False)
-        meets &= (worst <= limit).reshape(shape)
+        ranges = _ranges(plan, outcomes, name, worst)
+        meets &= (ranges[1] <= limit).reshape(shape)
         rows = worst.reshape(-1, shape[-1])
         deciding = judging(rows, plan.realisations.quantile, large_is_good=False)
         chosen = np.arange(len(rows)) * shape[-1] + deciding
-        where[name] = worst[chosen], np.array([r.place for r in compared])[decisive[chosen]]
+        low, high = ranges[:, chosen]
+        verdicts = np.array([on_limit(a, b, limit) for a, b in zip(low.tolist(), high.tolist(), strict=True)])
+        place = np.array([r.place for r in compared])[decisive[chosen]]
+        where[name] = Deciding(worst[chosen], low, high, place, verdicts)
         margin = np.array([margin_of(limit, float(value)) for value in worst[chosen]]).reshape(plan.shape)
         margins[name] = Response(name, margin, "1", f"limits.{name} / value - 1")
     return margins, where, meets
@@ -251,7 +280,7 @@ def _margins(
 def _worst_margins(
     plan: DesignPlan,
     margins: Mapping[str, Response],
-    where: Mapping[str, tuple[Floats, NDArray[np.str_]]],
+    where: Mapping[str, Deciding],
     limits: Mapping[str, float],
 ) -> dict[str, Any]:
     summary = {}
@@ -260,12 +289,14 @@ def _worst_margins(
         if name not in where or not np.any(np.isfinite(flat) | np.isposinf(flat)):
             continue
         case = int(np.nanargmin(flat))
-        values, places = where[name]
+        of = where[name]
         summary[name] = {
-            **margins_of(plan.scenario.limits, {name: (float(values[case]), str(places[case]))})[name],
+            **margins_of(plan.scenario.limits, {name: (float(of.value[case]), str(of.place[case]))})[name],
+            "lowest": float(np.nanmax(of.lowest)),  # a limit is exceeded in all cases if it is in one
+            "highest": float(np.nanmax(of.highest)),
             "case": case,
             "parameters": _named(plan, case),
-            "cases_exceeding": int(np.sum(values > limits[name])),
+            "cases_exceeding": int(np.sum(of.verdict == OnLimit.EXCEEDED)),
         }
     return summary
 

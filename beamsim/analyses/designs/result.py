@@ -47,6 +47,9 @@ def parameter_label(path: str) -> str:
     return " ".join(words)
 
 
+RANGE = "range_of_"  # of a limit, in the numbers of a case's outcome: its value less and plus the change of that
+
+
 @dataclass(frozen=True)
 class CaseOutcome:
     """One case: its responses, or the reason why there are none."""
