@@ -66,7 +66,7 @@ def plot_peak_forces(impacts: Impacts, ax: Axes) -> Axes:
     top = max((float(x.max()) for x in forces), default=1.0)
     edges = np.linspace(0.0, top, 1 + int(np.clip(np.sqrt(impacts.begin.size), 5, 30)))
     for k, (name, x) in enumerate(zip(names, forces, strict=True)):
-        ax.stairs(np.histogram(x, edges)[0], edges, label=name, fill=len(names) == 1, **curve_style(k))
+        ax.hist(x, edges.tolist(), label=name, histtype="stepfilled" if len(names) == 1 else "step", **curve_style(k))
     finish(ax, with_unit("Peak force of an impact", newton), "Impacts")
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlim(left=0.0)
@@ -91,9 +91,8 @@ def plot_cycles(counted: Mapping[str, Rainflow], ax: Axes, label: str, of: str) 
     drawn = {name: cycles for name, cycles in counted.items() if cycles.range.size}
     curves = []
     for name, cycles in drawn.items():
-        order = np.argsort(-cycles.range, kind="stable")
-        number = np.cumsum(cycles.count[order])
-        x, y = np.append(0.5 * number[:1], number), np.append(cycles.range[order], 0.0)
+        ranges, number = cycles.exceedance()
+        x, y = np.append(0.5 * number[:1], number), np.append(ranges, 0.0)
         curves.append(Curve(name, x, y, {"drawstyle": "steps-post"}))
     unit = next((cycles.unit for cycles in drawn.values()), "")
     draw_curves(ax, ("Cycles with a larger range", ""), (label, unit), curves, of=of)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -9,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.nnm.result import ExpansionComparison
+from beamsim.analyses.nnm.result import ExpansionComparison, NormalModeResult
 from beamsim.plots.branches import UNSTABLE, BranchLine, branch_curves
 from beamsim.plots.drawing import HERTZ, MOST_CURVES, Curve, curve_style, draw_curves, legend, picture
 from beamsim.plots.stations import draw_along
@@ -36,14 +37,17 @@ def plot_expanded_frequency(comparison: ExpansionComparison, ax: Axes) -> Axes:
     return ax
 
 
-def plot_differences(comparison: ExpansionComparison, ax: Axes, values: Floats, orders: Floats, what: str) -> Axes:
+def plot_differences(
+    comparison: ExpansionComparison, ax: Axes, values: Floats, orders: Sequence[float], what: str
+) -> Axes:
     """Relative differences from exact motions over the factor, with the orders observed.
 
     Parameters
     ----------
     comparison : with nf factors.
     ax : to draw on.
-    values, orders : (nf, 3) differences, and the orders at which they fall, of the linear mode and both orders.
+    values : (nf, 3) differences of the linear mode and of both orders.
+    orders : at which those of both orders fall, of the summary; nan where unknown.
     what : differs.
 
     Returns
@@ -52,8 +56,7 @@ def plot_differences(comparison: ExpansionComparison, ax: Axes, values: Floats, 
     """
     order, curves = np.argsort(comparison.path.factor), []
     for k in (1, 2):
-        slopes = orders[np.isfinite(orders[:, k]), k]
-        label = f"order {k}" + (f": observed {np.median(slopes):.2f}" if slopes.size else "")
+        label = f"order {k}" + (f": observed {orders[k - 1]:.2f}" if np.isfinite(orders[k - 1]) else "")
         use = order[values[order, k] > ROUND_OFF]
         curves.append(Curve(label, comparison.path.factor[use], values[use, k], {"marker": "."}))
     draw_curves(ax, _FACTOR, (f"Difference in {what}", ""), curves, log="xy")
@@ -85,20 +88,22 @@ def plot_initial_vectors(comparison: ExpansionComparison, ax: Axes, stations: St
     return ax
 
 
-def comparison_figures(comparison: ExpansionComparison, stations: Stations) -> dict[str, Figure]:
+def expansion_figures(result: NormalModeResult) -> dict[str, Figure]:
     """Both pictures of a mode by multiple scales, by name; the second needs an exact motion."""
-    c = comparison
+    c, said = result.expansion, result.summary["multiple_scales"]
+    assert c is not None
+    frequency, initial = said["observed_order_frequency"], said["observed_order_initial"]
     figures = {
         "multiple_scales": picture(
             f"Mode {c.path.mode} by multiple scales",
             partial(plot_expanded_frequency, c),
-            partial(plot_differences, c, values=c.frequency_difference, orders=c.frequency_orders, what="frequency"),
-            partial(plot_differences, c, values=c.initial_difference, orders=c.initial_orders, what="initial vector"),
+            partial(plot_differences, c, values=c.frequency_difference, orders=frequency, what="frequency"),
+            partial(plot_differences, c, values=c.initial_difference, orders=initial, what="initial vector"),
             sharex=True,
         )
     }
     if np.any(np.isfinite(c.exact.frequency_hz)):
-        figures["multiple_scales_initial"] = picture("", partial(plot_initial_vectors, c, stations=stations))
+        figures["multiple_scales_initial"] = picture("", partial(plot_initial_vectors, c, stations=result.stations))
     return figures
 
 
@@ -134,11 +139,11 @@ def plot_expanded_response(result: ContinuationResult, ax: Axes, probe: str) -> 
 def plot_forced_orders(result: ContinuationResult, ax: Axes) -> Axes:
     """Difference from the exact motion while springs, damping and force are made smaller together."""
     curves = []
-    for k, c in enumerate(result.expansion):
+    for k, (c, said) in enumerate(zip(result.expansion, result.summary["multiple_scales"], strict=True)):
         for order, (name, dashes) in enumerate((("leading order", UNSTABLE), ("first order", "-"))):
-            slopes = c.orders[np.isfinite(c.orders[:, order]), order]
+            observed = said["observed_orders"][order]
             label = f"{level_text(c.level, result.level_unit)}, {name}"
-            label += f": observed order {slopes[-1]:.2f}" if slopes.size else ""
+            label += f": observed order {observed:.2f}" if np.isfinite(observed) else ""
             style = {"color": curve_style(k)["color"], "linestyle": dashes, "marker": "."}
             curves.append(Curve(label, c.factor, c.difference[:, order], style))
     across, up = ("Factor of springs, damping and force", ""), ("Difference over the motion's size", "")

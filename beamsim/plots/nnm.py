@@ -24,7 +24,7 @@ from beamsim.plots.drawing import (
     name_beside,
     picture,
 )
-from beamsim.plots.multiple_scales import comparison_figures
+from beamsim.plots.multiple_scales import expansion_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.relaxed import relaxed_figure
 from beamsim.plots.stations import draw_along
@@ -233,7 +233,7 @@ def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
     if result.parameter != "stiffness_factor":
         figures["frequency_energy"] = picture(result.title, partial(plot_frequency_energy, result))
     if result.expansion is not None:
-        figures |= comparison_figures(result.expansion, result.stations)
+        figures |= expansion_figures(result)
     if result.relaxed is not None:
         figures["relaxed_minimisation"] = relaxed_figure(result)
     if result.phase_resonance is not None:

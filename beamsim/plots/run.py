@@ -226,20 +226,8 @@ def spectra(result: RunResult, quantity: str = "absolute_acceleration") -> Chart
     if result.scenario.excitation.kind == "random" and shown:  # a record may hold tones, which are lines
         count = max(int(np.searchsorted(curves[0].x, _end_of_spectra(shown))) // MOST_BANDS, 1)
         across = (f"Frequency in bands of {count * float(np.diff(curves[0].x[:2])[0]):.2g} Hz", HERTZ)
-        curves = [Curve(c.label, *_in_bands(c.x, c.y, count)) for c in curves]
+        curves = [Curve(s.probe, *s.in_bands(count)) for s in shown]
     return Chart(across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""), curves, of="probes")
-
-
-def _in_bands(frequency: Floats, level_db: Floats, count: int) -> tuple[Floats, Floats]:
-    """Middles of bands of ``count`` lines, and the root mean square of the lines in each, dB.
-
-    >>> middles, levels = _in_bands(np.arange(5.0), np.array([0.0, 0.0, 0.0, -400.0, 7.0]), 2)
-    >>> middles.tolist(), levels.round(2).tolist()
-    ([0.5, 2.5], [0.0, -3.01])
-    """
-    whole = level_db.size - level_db.size % count
-    power = np.mean(10.0 ** (level_db[:whole].reshape(-1, count) / 10.0), axis=1)
-    return frequency[:whole].reshape(-1, count).mean(axis=1), 10.0 * np.log10(power)
 
 
 def _unit_of(shown: Sequence[Spectrum]) -> float:

@@ -97,12 +97,6 @@ def _level(result: SweepResult, curve: SweepCurve, *, always: bool = False) -> s
     return f", {level_text(curve.level, result.scenario.level_unit)}" if several else ""
 
 
-def _over_linear(result: SweepResult, curve: SweepCurve) -> Floats:
-    """Amplitude of the excitation at the frequencies of the linear structure."""
-    order = np.argsort(curve.frequency_hz)
-    return np.interp(result.linear.frequency_hz, curve.frequency_hz[order], curve.excitation_amplitude[order])
-
-
 def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
     """Peak displacement over frequency, up and down, with that of the linear structure without snubbers.
 
@@ -117,7 +111,7 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
     Curves of all directions at the level, with marks at up to eight classified peaks.
     """
     curves = _of_level(result, level_index)
-    linear = np.abs(result.linear.displacement[probe]) * _over_linear(result, curves[0])
+    linear = np.abs(result.linear.displacement[probe]) * curves[0].amplitude_at(result.linear.frequency_hz)
     grey = {"color": "0.6", "linestyle": "-", "linewidth": 1.0, "zorder": 1}
     drawn = [_swept(f"sweep {c.direction}", c, c.displacement[probe].peak) for c in curves]
     drawn.append(Curve("without snubbers (linear)", result.linear.frequency_hz, linear, grey))
@@ -381,7 +375,7 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
 def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
     """Preload needed to keep contact at the highest excitation of the sweep, over frequency."""
     curve = max(result.curves.values(), key=lambda c: float(c.excitation_amplitude.max(initial=0.0)))
-    amplitude = _over_linear(result, curve)
+    amplitude = curve.amplitude_at(result.linear.frequency_hz)
     drawn = [
         Curve(name, result.linear.frequency_hz, levels.preload_needed * amplitude)
         for name, levels in result.linear.contact.items()

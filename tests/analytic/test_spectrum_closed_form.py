@@ -1,5 +1,6 @@
 """Spectra and harmonics against Fourier series known in closed form."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -67,6 +68,15 @@ def test_parseval(length):
     if length % 2 == 0:
         power[-1] *= 2.0  # except at half the sample rate
     assert np.sum(power) == pytest.approx(np.mean(x**2), rel=1e-12)
+
+
+def test_a_band_has_the_root_mean_square_of_its_lines():
+    """A line of the peak beside one that is nothing: half the power."""
+    lines = replace(analyse(clock(1.0), np.ones(clock(1.0).size)), frequency_hz=np.arange(5.0),
+                    amplitude_db=np.array([0.0, 0.0, 0.0, -400.0, 7.0]))  # fmt: skip
+    middles, levels = lines.in_bands(2)
+    np.testing.assert_array_equal(middles, [0.5, 2.5])
+    np.testing.assert_allclose(levels, [0.0, -10.0 * np.log10(2.0)], atol=1e-12)
 
 
 def test_half_wave_rectified_sine():

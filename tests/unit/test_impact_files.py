@@ -28,7 +28,7 @@ def test_every_impact_is_in_the_pictures(result):
     both = np.stack([impacts.peak_time, impacts.peak_force], axis=1)
     np.testing.assert_allclose(np.sort(drawn, axis=0), np.sort(both, axis=0), rtol=1e-14)
     plot_peak_forces(impacts, histogram)
-    assert sum(int(patch.get_data().values.sum()) for patch in histogram.patches) == impacts.begin.size
+    assert sum(patch.get_xy()[1:-1:2, 1].sum() for patch in histogram.patches) == impacts.begin.size
     counted = {name: snubber.rainflow for name, snubber in impacts.snubbers.items()}
     plot_cycles(counted, cycles, "Force range", "snubbers")
     for line, rainflow in zip(cycles.lines, counted.values(), strict=True):

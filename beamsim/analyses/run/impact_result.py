@@ -35,6 +35,11 @@ class Rainflow:
     mean: Floats = dataset("{unit}", "mean of the two")
     count: Floats = dataset("1", "1 of a whole cycle, 0.5 of a half one")
 
+    def exceedance(self) -> tuple[Floats, Floats]:
+        """Ranges, largest first, and the number of cycles that have this range or a larger one."""
+        order = np.argsort(-self.range, kind="stable")
+        return self.range[order], np.cumsum(self.count[order])
+
 
 @declared
 class SnubberImpacts:

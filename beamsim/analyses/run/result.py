@@ -210,6 +210,12 @@ class Spectrum:
     )
     rms_change: float | None = attribute("1", f"of the root mean square, {_WITH_FINER_MODEL}", default=None)
 
+    def in_bands(self, count: int) -> tuple[Floats, Floats]:
+        """Middles of bands of ``count`` lines, Hz, and the root mean square of the lines in each, dB."""
+        whole = self.frequency_hz.size - self.frequency_hz.size % count
+        frequency, level = (x[:whole].reshape(-1, count) for x in (self.frequency_hz, self.amplitude_db))
+        return frequency.mean(axis=1), 10.0 * np.log10(np.mean(10.0 ** (level / 10.0), axis=1))
+
 
 @declared(kw_only=True, along=("position",))
 class BodyResult:

@@ -303,11 +303,7 @@ def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, An
     if not linear.contact or not curves:
         return {}
     strongest = max(curves.values(), key=lambda curve: float(np.max(np.abs(curve.excitation_amplitude), initial=0.0)))
-    rising = np.argsort(strongest.frequency_hz, kind="stable")
-    amplitude = np.interp(
-        linear.frequency_hz, strongest.frequency_hz[rising], np.abs(strongest.excitation_amplitude[rising])
-    )
-    summary = gapping(linear.contact, linear.frequency_hz, amplitude)
+    summary = gapping(linear.contact, linear.frequency_hz, strongest.amplitude_at(linear.frequency_hz))
     for name, of in summary.items():
         at_rest = 1.0 if of["closed_at_rest"] else 0.0
         changed = {  # by more than round-off of a mean

@@ -252,6 +252,11 @@ class SweepCurve(AlongCurve):
         """What a limit on the level applies to, in every cycle."""
         return self.outputs[of.item] if of.section == "outputs" else getattr(self, of.quantity)[of.item]
 
+    def amplitude_at(self, frequency_hz: Floats) -> Floats:
+        """Amplitude of the excitation at any frequencies, Hz, that of the ends beyond them."""
+        rising = np.argsort(self.frequency_hz, kind="stable")
+        return np.interp(frequency_hz, self.frequency_hz[rising], np.abs(self.excitation_amplitude[rising]))
+
     @property
     def excitation_unit(self) -> str:
         """Unit of its amplitude."""
