@@ -213,14 +213,6 @@ def test_gravity_as_a_vector_is_the_scalar_where_they_coincide(tmp_path):
     assert drawn == pytest.approx(0.5 * f @ np.linalg.solve(stiffness[np.ix_([2, 4], [2, 4])], f), rel=1e-10)
 
 
-def test_bodies_that_are_not_joined_do_not_turn():
-    with pytest.raises(ScenarioError, match="turns several bodies, and joints do not say how one, two lie"):
-        load_scenario({
-            "bodies": {name: {**BEAM, "kind": "beam"} for name in ("one", "two")}, "excitation": TURN,
-            "probes": [{"name": "p", "at": {"body": "two", "position": L}}],
-        })  # fmt: skip
-
-
 def test_a_rotation_needs_coordinates(tmp_path):
     mass, stiffness, table = spatial()
     with pytest.raises(ScenarioError, match=r"excitation.direction = ry: dofs has no coordinates"):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.polynomial.polynomial import polyval, polyval2d
 
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble, load_site_in
 from beamsim.system.build import build_system
@@ -167,13 +166,3 @@ def test_a_product_of_half_waves_drives_one_mode_of_a_simply_supported_plate():
     modal = np.abs(build_system(scenario).forcing.load[0])
     one = int(np.argmax(modal))
     assert np.delete(modal, one).max() < 1e-3 * modal[one]
-
-
-def test_a_mode_that_the_body_does_not_have_is_refused():
-    with pytest.raises(ScenarioError, match=r"excitation.applied_to.shape.mode = 99, but beam has 14 modes"):
-        build_system(case(load(line="whole", shape={"kind": "mode", "mode": 99})))
-
-
-def test_a_chain_takes_no_line_load():
-    with pytest.raises(ScenarioError, match="belongs to a beam, but chain is a chain"):
-        load_scenario({"chain": {"masses": [1.0], "springs": [100.0]}, "excitation": load(line="whole")})

@@ -8,7 +8,6 @@ from scipy import stats
 
 import beamsim
 from beamsim.analyses.rainflow import damage, equivalent_range, rainflow
-from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
 
 EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
@@ -233,8 +232,3 @@ def test_intervals_of_a_random_input():
     assert [rate.low, rate.high] == pytest.approx([(20 * (counts.mean() + x)) / 2.7 for x in (-half, half)], rel=1e-9)
     assert all(row.low < row.value < row.high for row in rows.values())
     assert rows["rms_force_n"].value == pytest.approx(snubber.rms_force_n, rel=0.2)
-
-
-def test_without_snubbers_there_are_no_impacts():
-    with pytest.raises(ScenarioError, match=r"run.impacts needs a snubber"):
-        load_scenario('{"chain": {"masses": [1], "springs": [1]}, "run": {"duration": 1, "impacts": {}}}')

@@ -282,13 +282,6 @@ def test_a_loop_of_plates_and_beams_that_does_not_close_is_said(plates, reach):
     assert not any("loop" in text for text in build_system(load_scenario(case)).warnings)
 
 
-def test_snubber_where_a_joint_leaves_no_motion_is_refused():
-    case = joined({"a": beam(0.5, left="clamped")}, [{"kind": "hinge", "between": [at("a", 0.5), "base"]}])
-    case["snubbers"] = [{"name": "end", "at": at("a", 0.5), "side": "below", "stiffness": 1e4}]
-    with pytest.raises(ScenarioError, match=r"snubbers\[0\] acts at a 0.5 m, where a joint leaves no motion"):
-        build_system(load_scenario(case))
-
-
 def test_mass_of_a_chain_hinged_to_a_beam_is_a_point_mass():
     bodies = {"a": beam(0.5, left="clamped"), "c": {"kind": "chain", "masses": [0.3], "springs": [0.0]}}
     case = joined(bodies, [{"kind": "hinge", "between": [at("a", 0.5), {"body": "c", "mass": 1}]}])

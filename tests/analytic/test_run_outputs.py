@@ -5,7 +5,6 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run.exact_motion import exact_flow
-from beamsim.errors import ScenarioError
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
@@ -277,13 +276,6 @@ def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
     densities = {(each.name, each.quantity): each for each in read.random.signals}
     assert densities["force_left", "reaction_force"].unit == "N"
     assert densities["T", "kinetic_energy"].density.size == read.random.frequency_hz.size
-
-
-def test_a_joint_too_many_has_no_force_of_its_own():
-    again = {**CONTACT["joints"][0], "name": "again"}
-    case = {**CONTACT, "joints": [*CONTACT["joints"], again]}
-    with pytest.raises(ScenarioError, match="not determined"):
-        run(case, [{"name": "o", "kind": "joint_force", "joint": "hinge"}])
 
 
 @pytest.mark.parametrize(

@@ -233,9 +233,3 @@ def test_of_several_modes_one_beyond_reach_is_a_warning():
     assert result.estimate.stiffness == pytest.approx(2e4, rel=0.05)
     assert np.isnan(result.estimate.individual[2])
     assert result.estimate.uncertainty_from == "scatter"
-
-
-def test_a_model_with_fewer_modes_than_were_measured():
-    chain = load_scenario(CHAIN, {"identify_stiffness.measured_with": [2.0, 3.0, 4.0, 5.0]})
-    with pytest.raises(ScenarioError, match="has 4 frequencies, but the model has only 3"):
-        identify_stiffness(chain)

@@ -8,7 +8,6 @@ from independent import Beam, Stop, Structure, integrate
 from scipy.linalg import block_diag, eigh
 
 import beamsim
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -97,8 +96,3 @@ def test_two_chains_are_one_chain_with_a_spring_of_nothing():
         np.testing.assert_allclose(
             two.probes[name].displacement, one.probes[name].displacement, rtol=0, atol=1e-9
         )  # fmt: skip
-
-
-def test_masses_beyond_a_chain():
-    with pytest.raises(ScenarioError, match=r"between\[0\].mass = 3, but the chain has 2 masses"):
-        load_scenario(CHAINS, "snubbers[0].between[0].mass=3")

@@ -1,11 +1,9 @@
 """Several point forces: superposition, static limits, independent integration, energies, errors."""
 
 import numpy as np
-import pytest
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -84,9 +82,3 @@ def test_contact_under_several_forces_against_independent_integration():
         y = solution.y[:, -1]
     got = result.probes["p"].displacement[at][: expected.size]
     np.testing.assert_allclose(got, expected, atol=2e-6 * np.abs(expected).max())
-
-
-def test_a_sweep_of_forces_that_are_no_sines_is_refused():
-    sweep = {"kind": "stepped", "from": 10.0, "to": 20.0, "points": 3}
-    with pytest.raises(ScenarioError, match="has no frequency that sweep could change"):
-        load_scenario(case(together(HARMONIC, STEP), sweep=sweep))

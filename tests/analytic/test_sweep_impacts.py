@@ -1,13 +1,10 @@
 """Impacts per cycle of swept and stepped sines against the impacts of a run in time."""
 
-import json
-
 import numpy as np
 import pytest
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
-from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
 
 LAWS = ["kelvin_voigt", "no_tension"]
@@ -60,14 +57,6 @@ def test_a_swept_sine_against_the_same_run(law):
     assert cycles.impulse[before].sum() == pytest.approx(stop.impulse_n_s, rel=1e-8)
     assert cycles.energy_lost[before].sum() == pytest.approx(stop.energy_lost_j, rel=1e-8)
     assert cycles.penetration_rate[before].max() == pytest.approx(stop.highest_approach_speed_m_s, rel=1e-6)
-
-
-def test_without_snubbers_there_are_none():
-    sweep = {"kind": "stepped", "from": 18.0, "to": 22.0, "impacts": True}
-    values = {"chain": {"masses": [1.0], "springs": [1e4]}, "sweep": sweep}
-    base = {"kind": "harmonic", "applied_to": "base", "level": 5.0, "frequency": 20.0}
-    with pytest.raises(ScenarioError, match=r"sweep\.impacts needs a snubber"):
-        load_scenario(json.dumps({**values, "excitation": base}))
 
 
 def rubbing(stiffness, **sections):

@@ -175,17 +175,3 @@ def test_a_study_of_continuations(tmp_path):
     assert peak[0] == max(float(b.displacement["first"].peak[b.stable].max()) for b in single.branches)
     assert peak[1] > peak[0]
     assert set(stored.margins) == {"peak_force"}
-
-
-@pytest.mark.parametrize("excitation", ["{kind: none}", "{kind: random, applied_to: base, psd: 0.01 g^2/Hz}"])
-def test_other_excitations_are_refused(excitation, tmp_path):
-    done = sweep(CONFIGS / "continuation_gap.yaml", "-o", tmp_path, "--set", f"excitation={excitation}")
-    assert done.exit_code == 2
-    assert "excitation" in done.stderr
-
-
-def test_preloads_are_refused_where_they_would_change(tmp_path):
-    sets = ["--set", "snubbers[0].gap=null", "--set", "snubbers[0].preload=1 N"]
-    done = sweep(CONFIGS / "continuation_stiffness.yaml", "-o", tmp_path, *sets)
-    assert done.exit_code == 2
-    assert "give its gap instead of its preload" in done.stderr

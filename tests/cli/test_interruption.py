@@ -106,6 +106,7 @@ def test_a_stepped_sine_keeps_the_frequencies_it_has():
     assert part.curves["up_0"].frequency_hz.tolist() == [60.0, 62.0]
 
 
+@pytest.mark.slow
 def test_a_fit_keeps_the_best_so_far():
     scenario = load_scenario(CONFIGS / "identify_nonlinear.yaml")
     tests = read_tests(scenario, CONFIGS)

@@ -120,7 +120,7 @@ def imported(tmp_path):
 OTHERS = {"cut in two": lambda _: TWO, "in segments": lambda _: SEGMENTED, "imported": imported}
 
 
-FAST = {(name, "cut in two") for name in ("run", "swept sine", "continuation")} | {("run", "imported")}
+FAST = {(name, "cut in two") for name in ("run", "swept sine")} | {("run", "imported")}
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from sampling import slow_after
 from shipped import PATHS, shipped
 
 from beamsim.analyses.nnm.analysis import nnm
@@ -30,7 +31,7 @@ def followed(name):
 LONG = ("nnm_first", "nnm_thesis_mode_1", "nnm_thesis_mode_2", "nnm_energy", "vibeams_backbone")  # test_configs.py
 
 
-@pytest.mark.parametrize("path", [pytest.param(p, id=p.stem) for p in NNM if p.stem not in LONG])
+@pytest.mark.parametrize("path", slow_after(4, [p for p in NNM if p.stem not in LONG]), ids=lambda path: path.stem)
 def test_every_mode_config(path):
     result = followed(path.stem)
     assert result.complete
@@ -73,14 +74,6 @@ def test_nnm_table(tmp_path):
     assert "6:1 with mode 2" in done.stdout
     assert "5:1 with mode 2" in done.stdout
     assert not list(tmp_path.glob("*.png"))
-
-
-def test_rigid_body_mode_is_refused():
-    from beamsim.errors import ScenarioError
-
-    scenario = load_scenario(CONFIGS / "released_panel.yaml", {"nnm": {"mode": 1, "energy": 1.0}})
-    with pytest.raises(ScenarioError, match="rigid-body"):
-        nnm(scenario)
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sampling import slow_after
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.orbits import orbit_motion
@@ -53,7 +54,8 @@ def test_thesis_method_beside_shooting(compared):
 
 
 @pytest.mark.parametrize(
-    ("name", "steps", "period"), [("nnm_chain_mass_5", 35, 4.0098), ("nnm_chain_mass_1", 55, 3.9697)]
+    ("name", "steps", "period"),
+    slow_after(1, [("nnm_chain_mass_5", 35, 4.0098), ("nnm_chain_mass_1", 55, 3.9697)]),
 )
 def test_thesis_method_on_the_thesis_chains(name, steps, period):
     """Steps and tolerance of the thesis, periods as computed apart (4.011 and 3.97 s printed)."""

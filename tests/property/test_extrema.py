@@ -126,7 +126,7 @@ def test_turning_points_are_those_of_fine_samples(motion):
             assert np.all((np.diff(values) * rises)[inside] >= -1e-7 * size)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), frequency=st.floats(0.1, 60.0), decay=st.floats(0.0, 1e6),
     ratio=st.sampled_from([0.0, 1e-8, 0.1]), squares=st.booleans(),

@@ -202,7 +202,7 @@ def test_long_grazing_ends(make_system):
     assert trajectory.evaluations < 20_000
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     factor=st.sampled_from([3.0, np.pi, 1e-6, 1e5]),

@@ -44,7 +44,7 @@ SUPPORTS = st.sampled_from([("clamped", "free"), ("pinned", "free"), ("free", "f
 
 
 @given(place=st.floats(0.01, 0.26), supports=SUPPORTS, low=st.floats(1.0, 8.0), more=st.floats(0.0, 3.0))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_frequencies_never_fall_with_stiffness_and_interlace(place, supports, low, more):
     s = build(place, supports=supports)
     opened = np.sqrt(s.dynamics.stiffness)
@@ -56,7 +56,7 @@ def test_frequencies_never_fall_with_stiffness_and_interlace(place, supports, lo
 
 
 @given(place=st.floats(0.05, 0.27), k=st.floats(1e3, 1e6))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_derivative_with_respect_to_the_spring_is_the_square_of_the_deflection_there(place, k):
     s = build(place)
     lam, vectors = np.linalg.eigh(

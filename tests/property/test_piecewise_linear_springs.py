@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sampling import slow_after
 from scipy.integrate import solve_ivp
 
 import beamsim
@@ -78,7 +79,7 @@ def test_one_breakpoint_is_a_linear_spring_and_a_snubber(seed):
 
 
 # -- statics ---------------------------------------------------------------------------------------------------------
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 1_000_000))
 def test_static_equilibrium_with_softening_springs(seed):
     """The gradient of the energy vanishes there, and no other point has less energy."""
@@ -229,7 +230,7 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
 LAWS = {"hardening": [4.0, 1.0, 3.0], "softening": [0.3, 1.0, 0.5]}
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", slow_after(1, LAWS))
 def test_modes_of_a_chain_with_a_piecewise_linear_spring_in_the_stiffness_factor(law):
     """At the last factor the motion is that of the spring as given: a run from it returns after a period."""
     spring = {"masses": [1, 3], "kind": "piecewise_linear", "breakpoints": [-0.2, 0.3], "stiffnesses": LAWS[law]}

@@ -122,13 +122,13 @@ def assert_within_three(case):
         assert np.all(np.diag(t.errors(s, t.response(s)))[contacts][measurable] <= 3 * true[measurable])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(beams())
 def test_it_bounds_the_error_of_beams_whatever_damps_and_holds_them(case):
     assert_bounded(truncation(case))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(beams(), PLACE)
 def test_it_bounds_the_error_at_probes_which_have_no_static_vectors(case, position):
     held = case["beam"]["supports"]["right"] in ("clamped", "pinned")
@@ -149,13 +149,13 @@ def test_it_bounds_the_error_at_probes_which_have_no_static_vectors(case, positi
         assert true <= both.probes * (1 + 1e-6) + 1e-11
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(chains())
 def test_it_bounds_the_error_of_chains_with_dashpots(case):
     assert_bounded(truncation(case))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(beams(st.just(UNDAMPED)))
 def test_undamped_at_one_place_it_is_within_a_factor_of_three(case):
     assert_within_three(case)
@@ -191,7 +191,7 @@ def joined(inner, outer):
     }
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(RATIO, RATIO)
 def test_it_bounds_the_error_of_joined_bodies_with_modal_damping_defined_for_the_coordinates(inner, outer):
     t = truncation(joined({"kind": "modal", "ratio": inner}, {"kind": "modal", "ratio": outer}))

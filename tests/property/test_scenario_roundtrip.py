@@ -83,7 +83,7 @@ def places(value):
             yield from places(item)
 
 
-@settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
 @given(st.sampled_from(PATHS), st.data())
 def test_changed_scenarios_never_end_in_a_traceback(path, data):
     """One to three values of a shipped config replaced, taken away or exchanged; as a mapping and as YAML."""
@@ -108,7 +108,7 @@ def test_changed_scenarios_never_end_in_a_traceback(path, data):
     assert problems(lambda: comes_back(tree)) is not None
 
 
-@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.too_slow])
 @given(st.sampled_from(PATHS), st.text(max_size=20) | st.sampled_from(YAML), st.floats(0.9, 1.1))
 def test_yaml_round_trip(path, title, factor):
     """Every number with a fraction of a shipped config changed, under any title."""
@@ -133,19 +133,19 @@ LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_s
 TREES = LEAVES | MAPPINGS | st.lists(LEAVES | MAPPINGS, max_size=3)
 
 
-@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 @given(MAPPINGS)
 def test_any_mapping_is_a_scenario_or_problems(data):
     assert problems(lambda: load_scenario(data)) is not None
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(st.text(alphabet="{}[]:,-#&*!|>'\"% \n\tab1.e<", max_size=40))
 def test_any_text_is_yaml_or_a_problem(text):
     assert problems(lambda: parse(text)) is not None
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=40)
 @given(st.text(max_size=12) | st.from_regex(r"\d{1,3}(\.\d)? ?[a-zA-Z%/^*²() 0-9·-]{1,8}", fullmatch=True))
 def test_any_text_is_a_quantity_or_a_unit_error(text):
     for dimension in (units.LENGTH, units.FREQUENCY, units.ACCELERATION, units.RATIO):

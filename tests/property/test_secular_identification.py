@@ -37,7 +37,7 @@ def points(draw):
     return snubber_point(scenario, "stop")
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(point=points(), mode=st.integers(1, 8), decades=st.floats(-3, 9))
 def test_own_frequencies_give_the_stiffness_back(point, mode, decades):
     k = 10.0**decades

@@ -205,15 +205,6 @@ def test_bad_files_are_refused(text, says, tmp_path):
     assert says in refused({"force_deflection": str(tmp_path / "pad.csv")})
 
 
-def test_cubic_springs_beside_a_table_are_refused():
-    chain = {
-        "masses": [1, 1], "springs": [100, 100], "snubbers": [{"mass": 1, "side": "above", "force_deflection": POINTS}],
-        "springs_to_ground": [{"kind": "cubic", "mass": 2, "stiffness": 5}],
-    }  # fmt: skip
-    with pytest.raises(ScenarioError, match=r"force_deflection cannot be combined with cubic springs"):
-        build_system(load_scenario({"chain": chain}))
-
-
 def pressed(preload, frequencies, **others):
     """Two masses, the first pressed against a pad whose table has slopes of 300 and 600 N/m, which meet at 0.6 N."""
     pad = {"name": "pad", "mass": 1, "side": "below", "force_deflection": [[0, 0], [2e-3, 0.6], [1e-2, 5.4]], **others}

@@ -34,7 +34,7 @@ def harmonics_of(values, highest):
     return c
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 12))
 def test_positive_part_against_fine_samples(seed, H):
     D = to_complex(smooth_coefficients(seed, H))
@@ -44,7 +44,7 @@ def test_positive_part_against_fine_samples(seed, H):
     np.testing.assert_allclose(toeplitz(found.chi, 2 * H, H) @ to_real(D), found.positive, atol=1e-13)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 12))
 def test_cubic_force_is_exact(seed, H):
     W = to_complex(smooth_coefficients(seed, H))

@@ -107,11 +107,6 @@ def test_a_grid_of_ten_million_cases_is_refused_without_being_built():
     assert "latin_hypercube" in text
 
 
-def test_lists_of_different_lengths_cannot_be_zipped():
-    three = "{path: beam.thickness, from: 4 mm, to: 6 mm, points: 3}"
-    assert "have 2, 3 values, which cannot be zipped" in refused(study(STIFFNESS, three, kind="zip"))
-
-
 def test_limits_of_what_the_structure_does_not_have():
     chain = (
         "chain: {masses: [1, 1], springs: [1, 1, 1]}\n"

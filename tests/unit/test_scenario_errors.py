@@ -166,32 +166,3 @@ def test_round_off_at_the_end_is_forgiven():
     scenario = load_scenario(text)
     places = (scenario.snubbers[0], scenario.beam.point_masses[2], scenario.probes[0])
     assert [scenario.beam.point(place.position) for place in places] == [scenario.beam.length] * 3
-
-
-PLATE = """\
-bodies:
-  panel:
-    kind: plate
-    length: 400 mm
-    width: 200 mm
-    thickness: 3 mm
-    youngs_modulus: 70 GPa
-    poissons_ratio: 0.33
-    density: 2700 kg/m^3
-    supports: {left: clamped}
-snubbers: [{name: s, at: {body: panel, position: [50 %, 100 %]}, side: below, stiffness: 1 kN/m}]
-"""
-
-
-def test_a_share_of_a_length_is_no_second_fault_of_a_body_that_has_one():
-    assert "density = -2700 kg/m^3 must be positive" in one(PLATE.replace("2700", "-2700"))
-
-
-def test_a_material_without_resistance_to_pressure():
-    assert "poissons_ratio = 0.6 is above 0.5" in one(PLATE.replace("0.33", "0.6"))
-
-
-def test_a_node_of_a_plate_is_said_how_points_are_named():
-    line = one(PLATE.replace("position: [50 %, 100 %]", "node: 3"))
-    assert "applies to imported matrices, but bodies.panel is a plate" in line
-    assert "position: [270 mm, 100 mm] on a plate" in line

@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 import pytest
+from sampling import slow_after
 
 import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR
@@ -38,7 +39,7 @@ def case(stop, sweep, **excitation):
 
 
 @pytest.mark.parametrize("sweep", [SWEPT, STEPPED], ids=["swept", "stepped"])
-@pytest.mark.parametrize("stop", KINDS, ids=str)
+@pytest.mark.parametrize("stop", slow_after(2, KINDS), ids=str)
 def test_sweeps_are_in_balance(stop, sweep):
     result = sweep_alone(case(stop, sweep))
     assert result.outcome.complete

@@ -25,7 +25,7 @@ def sine(leg, t, profile):
     return profile(now) * np.sin(2 * np.pi * turns)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     first=st.floats(1.0, 100.0), last=st.floats(1.0, 100.0), rate=st.floats(0.01, 3.0), logarithmic=st.booleans(),
     power=st.sampled_from([0.0, 1.0, 2.0, -1.5, 0.3]),
@@ -78,7 +78,7 @@ def test_held_profile():
     np.testing.assert_allclose(profile.scaled(0.5)([10.0]), profile([10.0]) / 2)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     low=st.floats(1, 60), width=st.floats(1, 60), level=st.floats(0.1, 100),
     quantity=st.sampled_from(["acceleration", "velocity", "displacement"]),

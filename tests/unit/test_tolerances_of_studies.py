@@ -168,14 +168,6 @@ def test_a_number_that_is_varied_with_others_has_a_tolerance_with_them():
     assert len({tip for tip, _ in stiffnesses}) == 2 * 21
 
 
-def test_indices_take_no_tolerances():
-    with pytest.raises(ScenarioError, match="tolerances"):
-        load_scenario(
-            f"{BASE}vary: {{kind: sobol, samples: 4, parameters: [{{path: beam.thickness, tolerance: 1 %}}], "
-            "tolerances: {parameters: [{path: snubbers.tip.gap, tolerance: 0.1 mm}]}}"
-        )
-
-
 def test_an_objective_at_an_unknown_place_is_found_before_any_case_is_solved():
     with pytest.raises(ScenarioError, match="no tipp"):
         plan_designs(scenario(f"{{{FOUR}}}", more="minimise: snubbers/tipp/peak_force, "))
