@@ -25,6 +25,8 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _FREQUENCY = ("frequency_hz",)
+AT_ONCE = 1e-6  # levels of contacts that change together, relative
+_LEVELS = ("level", "share_of_level", "frequency_hz", "time_s", "sigmas")
 
 
 @declared(along=_FREQUENCY)
@@ -44,6 +46,10 @@ class ContactLevels:
     preload_alone: Floats | None = dataset(
         "1", "the same with the other snubbers as they are at equilibrium", default=None
     )
+    before: Floats | None = dataset(
+        "1", "level at which the linear motion first changes another contact; beyond it the motion is another one",
+        default=None,
+    )  # fmt: skip
 
     @property
     def closed_at_rest(self) -> bool:
@@ -52,8 +58,15 @@ class ContactLevels:
 
     @property
     def changing(self) -> Floats:
-        """(F,) level at which contact changes, SI."""
+        """(F,) level at which contact of the linear motion changes, SI."""
         return self.loss if self.closed_at_rest else self.onset
+
+    @property
+    def predicted(self) -> Floats:
+        """(F,) the same, nan where another contact changes before."""
+        if self.before is None:
+            return self.changing
+        return np.where(self.changing <= (1.0 + AT_ONCE) * self.before, self.changing, np.nan)
 
 
 def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None = None) -> Complexes:
@@ -101,6 +114,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
 
     resting, pressed = contacts.resting_phases(penetration), pressed_phases(system, penetration)
     at_rest, shut = opening(resting), opening(pressed)
+    first = _leaving(system, penetration, np.abs(at_rest), np.abs(contacts.dynamic_stiffness(resting, omega)))
     impedance = contacts.dynamic_stiffness(pressed, omega)
     receptance = _receptances(system, omega, resting, ~closed[:count])
     unknown = np.full(omega.size, np.nan)
@@ -111,14 +125,32 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
             continue
         # a contact that can pull is lost when the penetration vanishes, one without tension when the force does
         losing = np.abs(impedance[:, j]) if law.parts is None else law.stiffness
-        with np.errstate(divide="ignore", invalid="ignore"):
-            if closed[j]:
-                loss = law.stiffness * penetration[j] / (losing * np.abs(at_rest[:, j]))
-                onset, alone = unknown, at_rest[:, j]
-            else:
-                onset, loss = -penetration[j] / np.abs(at_rest[:, j]), unknown
-                alone = at_rest[:, j] / (1.0 + impedance[:, j] * receptance[:, j])
-        levels[snubber.name] = ContactLevels(onset, loss, losing * np.abs(shut[:, j]), losing * np.abs(alone))
+        onset, loss = (unknown, first[j]) if closed[j] else (first[j], unknown)
+        with np.errstate(invalid="ignore"):
+            alone = at_rest[:, j] if closed[j] else at_rest[:, j] / (1.0 + impedance[:, j] * receptance[:, j])
+        levels[snubber.name] = ContactLevels(
+            onset, loss, losing * np.abs(shut[:, j]), losing * np.abs(alone),
+            np.fmin.reduce(np.delete(first, j, axis=0), axis=0, initial=np.inf),
+        )  # fmt: skip
+    return levels
+
+
+def _leaving(system: StructuralSystem, penetration: Floats, motion: Floats, stiffness: Floats) -> Floats:
+    """(m, F) levels at which the linear motion takes each contact out of its phase at rest.
+
+    Parameters
+    ----------
+    system : of the contacts.
+    penetration : (m,) at rest, m.
+    motion : (F, m) amplitudes of the penetrations for a unit of the level.
+    stiffness : (F, m) of the contacts, N/m.
+    """
+    levels = np.full(motion.T.shape, np.inf)
+    for j, law in enumerate(system.dynamics.contacts.laws):
+        for border in law.borders(float(penetration[j])):
+            size = motion[:, j] * (stiffness[:, j] if border.of_force else 1.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                levels[j] = np.minimum(levels[j], border.distance / size)
     return levels
 
 
@@ -151,12 +183,12 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
     Returns
     -------
     By snubber whether it is closed at rest; the level that is the smallest share of the excitation's, SI, with this
-    share (nan at level 0) and its frequency, Hz; and the largest preload that any frequency needs, N, with all snubbers
-    closed and with the others as they are at rest.
+    share (nan at level 0) and its frequency, Hz, where no other contact changes before (`in_order`); and the largest
+    preload that any frequency needs, N, with all snubbers closed and with the others as they are at rest.
     """
-    tightest = {}
+    tightest, loud = {}, np.where(amplitude > 0, amplitude, np.nan)
     for name, of in levels.items():
-        share = of.changing / np.where(amplitude > 0, amplitude, np.nan)
+        share = of.changing / loud
         known = share if np.isfinite(share).any() else of.changing
         k = int(np.nanargmin(known)) if np.isfinite(known).any() else 0
         together = of.preload_needed * amplitude
@@ -169,7 +201,40 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
             "preload_n": _largest(together),
             "preload_alone_n": _largest(alone),
         }
-    return tightest
+    quiet = not np.isfinite(loud).any()
+    before = [(of.before if quiet else of.before / loud) for of in levels.values() if of.before is not None]
+    return in_order(tightest, "level" if quiet else "share_of_level", float(np.nanmin(before, initial=np.inf)))
+
+
+def in_order(snubbers: dict[str, dict[str, Any]], measure: str, before: float) -> dict[str, dict[str, Any]]:
+    """The entries of a summary's ``gapping``, of which only that of the first change of contact keeps its level.
+
+    Once it has happened the motion is another one, and the linear one says nothing of the other contacts.
+
+    Parameters
+    ----------
+    snubbers : by name, with what the linear motion says of each.
+    measure : the entry that orders them.
+    before : the least of it of any contact, also of those that have no entry.
+
+    Returns
+    -------
+    By name; those of later changes have ``not_predicted``, a text that says what happens first, and nan for a level.
+    """
+    least, cause = float(np.fmin.reduce([of[measure] for of in snubbers.values()], initial=np.inf)), ""
+    if not np.isfinite(min(least, before)):
+        return snubbers
+    if before * (1.0 + AT_ONCE) < least:
+        least, cause = before, "a table, branch, spring or friction changes first"
+    first = {name for name, of in snubbers.items() if of[measure] <= least * (1.0 + AT_ONCE)}
+    if not cause:
+        name = next(name for name in snubbers if name in first)
+        cause = f"{name} {'opens' if snubbers[name]['closed_at_rest'] else 'touches'} first"
+    void = {key: float("nan") for key in _LEVELS}
+    return {
+        name: of if name in first else {key: void.get(key, of[key]) for key in of} | {"not_predicted": cause}
+        for name, of in snubbers.items()
+    }
 
 
 def _largest(values: Floats) -> float:

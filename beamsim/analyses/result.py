@@ -34,8 +34,8 @@ MARGINS = Entry(
 GAPPING = Entry(
     "gapping", "", "by snubber: whether it is closed at rest, level (SI) and frequency (of a shock or a record: time) "
     "at which the linear motion first opens or closes it, that level over the one here (of a random input instead: "
-    "standard deviations of the linear motion), contact force at equilibrium that keeps contact (of a random input to "
-    "3 sigma) "
+    "standard deviations of the linear motion), nan where another contact changes first, which not_predicted says; "
+    "contact force at equilibrium that keeps contact (of a random input to 3 sigma) "
     "with all snubbers closed and alone; what the motion did", "gapping",
 )  # fmt: skip
 MODES = (

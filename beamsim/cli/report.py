@@ -211,25 +211,36 @@ def _gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> list[
     """By snubber: the level of the linear motion that changes contact, what the motion did, and the preload."""
     rows = []
     unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
+    change = any(predicted(of, unit)[1] for of in snubbers.values())
     for name, of in snubbers.items():
         past = "opened" if of["closed_at_rest"] else "touched"
         text, reached = predicted(of, unit)
+        reached |= change and "not_predicted" in of
         rows += [(name, text), *(("", happened) for happened in _happened(of, past))]
         if of["closed_at_rest"] and reached:
-            kept = amount(of["preload_n"], "N")
-            both = f"{kept} with all closed, {amount(of['preload_alone_n'], 'N')} alone" if len(snubbers) > 1 else kept
-            rows.append(("", f"preload that keeps contact{' to 3 sigma' if 'sigmas' in of else ''}: {both}"))
+            kept = [amount(of["preload_n"], "N")]
+            if len(snubbers) > 1:
+                kept[0] += " with all closed"
+                kept += (
+                    []
+                    if "not_predicted" in of
+                    else [f"{amount(of['preload_alone_n'], 'N')} with the others as at rest"]
+                )
+            sigmas = " to 3 sigma" if "sigmas" in of else ""
+            rows.append(("", f"preload that keeps contact{sigmas}: {', '.join(kept)}"))
     return aligned(rows, gap=2)
 
 
 def predicted(of: Mapping[str, Any], unit: str) -> tuple[str, bool]:
-    """What the linear motion does to a contact, and whether it changes it at the level here.
+    """What the linear motion does to a contact, and whether it is known to change it at the level here.
 
     Parameters
     ----------
     of : the entry of a snubber in the summary's ``gapping``.
     unit : of the level.
     """
+    if "not_predicted" in of:
+        return f"not predicted: {of['not_predicted']}", False
     verb = "opens" if of["closed_at_rest"] else "touches"
     if "sigmas" in of:  # of a random input
         reached = of["sigmas"] < SIGMAS_REACHED

@@ -15,7 +15,7 @@ from beamsim.analyses.result import Result
 from beamsim.analyses.values import limit_label
 from beamsim.cli.printing import aligned, percent, under_headings
 from beamsim.cli.report import ended, predicted
-from beamsim.outcomes import STANDINGS, OnLimit
+from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import amplitude_unit
@@ -193,13 +193,11 @@ def modes(result: Any) -> Iterator[str]:
 
 
 def contact_levels(result: Result) -> Iterator[str]:
-    """From which level on the linear motion opens or closes each snubber, where that is not with every motion."""
+    """From which level on the linear motion first opens or closes snubbers, where that is not with every motion."""
     unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
-    texts = [
-        f"{name} {predicted(of, unit)[0]}"
-        for name, of in result.summary.get("gapping", {}).items()
-        if of.get("level", True) and of.get("sigmas", True)
-    ]
-    yield from texts[:SHOWN]
-    if len(texts) > SHOWN:
-        yield f"{len(texts) - SHOWN} more contacts: -v shows from which level on they open or close"
+    names: dict[str, list[str]] = {}
+    for name, of in result.summary.get("gapping", {}).items():
+        if of.get("level", True) and of.get("sigmas", True):
+            names.setdefault(predicted(of, unit)[0], []).append(name)
+    for text, alike in sorted(names.items(), key=lambda item: item[0].startswith("not predicted")):
+        yield f"{first_of(alike, SHOWN)} {text}"

@@ -175,6 +175,15 @@ class OneSidedSpring:
     offset: float  # m
 
 
+class Border(NamedTuple):
+    """Where a small motion about rest leaves a phase."""
+
+    of_force: bool  # at a force, N; else at a penetration, m
+    rest: float  # force or penetration at rest
+    direction: float  # +1 or -1, to which it lies
+    distance: float  # from rest, not negative
+
+
 @dataclass(frozen=True)
 class ContactLaw:
     """Phases, and what follows from them.
@@ -304,7 +313,7 @@ class ContactLaw:
 
     def resting_phase(self, penetration: float) -> int:
         """The phase after a long rest at a penetration, m: a guard that is negative hands over to the one it names."""
-        a, motion = self.arrays, np.array([penetration, 0.0, 1.0, 0.0, 0.0, 0.0, *self.settled_states(penetration)])
+        a, motion = self.arrays, self._at_rest(penetration)
         phase, visited = self.start, {self.start}
         while True:
             count = a.guards[phase]
@@ -315,6 +324,27 @@ class ContactLaw:
                 return phase
             phase = following[0]
             visited.add(phase)
+
+    def _at_rest(self, penetration: float) -> Floats:
+        """(6 + r,) what the law sees after a long rest at a penetration, m; no other contact presses it."""
+        return np.array([penetration, 0.0, 1.0, 0.0, 0.0, 0.0, *self.settled_states(penetration)])
+
+    def borders(self, penetration: float) -> list[Border]:
+        """Where motions about a long rest at a penetration, m, leave the phase there: a border for each guard."""
+        a, phase, rest = self.arrays, self.resting_phase(penetration), self._at_rest(penetration)
+        force, moving = a.force[phase], a.rates[phase].any()
+        seen = np.r_[0, 1, INTERNAL : rest.size]
+        borders = []
+        for guard in a.guard[phase, : a.guards[phase]]:
+            # what depends on a rate, or on states that move, is the force that vanishes
+            of_force = bool(force[seen].any() and (guard[1] != 0.0 or (moving and guard[INTERNAL:].any())))
+            slope = guard[seen] @ force[seen] / (force[seen] @ force[seen]) if of_force else guard[0]
+            distance = max(float(guard @ rest), 0.0)
+            distance = distance / abs(slope) if slope and distance else np.inf if distance else 0.0
+            borders.append(
+                Border(of_force, float(force @ rest) if of_force else penetration, -np.sign(slope), distance)
+            )
+        return borders
 
     @cached_property
     def closed_phase(self) -> int:

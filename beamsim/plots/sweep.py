@@ -355,15 +355,19 @@ def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
 
 
 def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
-    """Level at which contact begins or is lost, over frequency, with the levels of the sweep."""
+    """Level at which contact first begins or is lost, over frequency, with the levels of the sweep.
+
+    The curve of a contact is drawn where no other one changes before.
+    """
     linear = result.linear
     drawn = []
     for name, levels in linear.contact.items():
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
-        if np.nanmax(levels.changing, initial=0.0) == 0.0:  # it just touches at rest: a logarithmic axis has no zero
-            drawn.append(Curve(f"{name}: {what} with any motion", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
+        if not np.any(levels.predicted > 0.0):  # it just touches at rest: a logarithmic axis has no zero
+            when = "with any motion" if np.any(levels.predicted == 0.0) else "after another"
+            drawn.append(Curve(f"{name}: {what} {when}", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
         else:
-            drawn.append(Curve(f"{name}: {what}", linear.frequency_hz, levels.changing))
+            drawn.append(Curve(f"{name}: {what}", linear.frequency_hz, levels.predicted))
     grey = {"color": "0.6", "linestyle": "-", "linewidth": 0.8, "zorder": 0}
     curves = {c.level_index: c for c in result.curves.values()}.values()
     swept = [(c.frequency_hz, np.abs(c.excitation_amplitude)) for c in curves]

@@ -34,7 +34,7 @@ def panel(excitation, gaps=(-3e-4, -3e-4), law="kelvin_voigt", **more):
 @pytest.mark.parametrize("law", ["kelvin_voigt", "no_tension"])
 def test_a_shock_just_below_the_level_changes_no_contact_and_one_just_above_does(law):
     of = beamsim.run(panel(PULSE, law=law)).summary["gapping"]
-    first = min(of, key=lambda name: of[name]["level"])
+    first = next(name for name in of if "not_predicted" not in of[name])
     level = of[first]["level"]
     assert of[first]["closed_at_rest"]
     assert of[first]["share_of_level"] == pytest.approx(level / (20 * 9.80665), rel=1e-12)
@@ -69,7 +69,7 @@ def test_a_record_has_a_factor_but_no_level(tmp_path):
     )  # fmt: skip
     record = {"kind": "sampled", "applied_to": "base", "file": str(tmp_path / "record.csv"), "quantity": "acceleration"}
     result = beamsim.run(panel(record))
-    of = min(result.summary["gapping"].values(), key=lambda item: item["share_of_level"])
+    of = next(item for item in result.summary["gapping"].values() if "not_predicted" not in item)
     assert "level" not in of
     assert 0.0 < of["share_of_level"] < 1.0
     rows = [text for _, text in table_rows("run", result)]

@@ -18,13 +18,14 @@ standard deviation of the stationary linear motion is compared with :math:`\delt
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.gapping import contact_levels, gapping, pressed_phases, static_penetration, transfer
+from beamsim.analyses.gapping import contact_levels, gapping, in_order, pressed_phases, static_penetration, transfer
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY
@@ -49,6 +50,7 @@ UNDAMPED = 1e-9  # half-power bandwidth over frequency
 Deviations = dict[tuple[str, str], float]  # by name and quantity
 SIGMAS = 3.0  # of a stationary motion that a preload withstands
 ALWAYS_CLOSED = 1e-12  # of the penetration at rest: a smaller excursion is round-off
+_WATCHED = (PENETRATION, FORCE, ("springs", "stretch"), ("friction", "stretch"))
 OfSnubbers = dict[str, dict[str, Any]]
 
 
@@ -273,19 +275,22 @@ def _of_motion(
     penetration = static_penetration(system)
     closed = penetration > 0
     resting, pressed = contacts.resting_phases(penetration), pressed_phases(system, penetration)
-    unchanged = motion.work.events == 0
+    unchanged = motion.work.events == 0 and motion.extremes.keys() >= {
+        key for key in _WATCHED if system.channels.of_keys(key).channels
+    }
     at_rest = motion.extremes if unchanged else _linear_motion(system, settings, resting, stop)
     same = bool(np.array_equal(resting[:count], pressed[:count]))
     shut = at_rest if same else _linear_motion(system, settings, pressed, stop)
     if at_rest is None or shut is None:
         return {}
     of_snubber = {}
+    factors = _factors(system, penetration, at_rest)
     for j, snubber in enumerate(system.snubbers):
         law = contacts.laws[j]
         if law.family is None:
             continue
         rest = float(penetration[j])
-        factor, time = _factor(law, rest, at_rest, j)
+        factor, time = factors[j]
         together = _needed(law, rest, shut, j)
         of_snubber[snubber.name] = {
             "closed_at_rest": bool(closed[j]),
@@ -295,22 +300,37 @@ def _of_motion(
             "preload_n": together,
             "preload_alone_n": _needed(law, rest, at_rest, j) if closed[j] else together if same else float("nan"),
         }
-    return of_snubber
+    return in_order(of_snubber, "share_of_level", min(factor for factor, _ in factors)) if of_snubber else {}
 
 
-def _factor(law: ContactLaw, rest: float, linear: Extremes, j: int) -> tuple[float, float]:
-    """Factor of the input from which contact changes, and when; inf where no input of this shape does."""
-    lowest, lowest_at, highest, highest_at = linear[PENETRATION][:, j].tolist()
-    if rest <= 0:
-        return _ratio(-rest, highest - rest), highest_at
-    if law.parts is None:  # without tension: where the force vanishes
-        force, (lowest, lowest_at) = law.stiffness * rest, linear[FORCE][:2, j].tolist()
-        return _ratio(force, force - lowest), lowest_at
-    return _ratio(rest, rest - lowest), lowest_at
+def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) -> list[tuple[float, float]]:
+    """From which factor of the input each contact leaves its phase, and when; inf where no input of this shape does.
 
-
-def _ratio(rest: float, excursion: float) -> float:
-    return rest / excursion if excursion > ALWAYS_CLOSED * rest else float("inf")
+    Parameters
+    ----------
+    system : of the contacts.
+    penetration : (m,) at rest, m.
+    linear : extremes of the motion in which all keep their phases.
+    """
+    extreme = {
+        (channel.section, channel.quantity, channel.name): linear[key][:, k].tolist()
+        for key in _WATCHED
+        for k, channel in enumerate(system.channels.of_keys(key).channels)
+    }
+    springs = [spring for spring in system.springs if spring.law is not None]
+    owners = [(*PENETRATION, snubber.name) for snubber in system.snubbers]
+    owners += [("friction" if spring.kind == "friction" else "springs", "stretch", spring.name) for spring in springs]
+    factors = []
+    for owner, law, rest in zip(owners, system.dynamics.contacts.laws, penetration.tolist(), strict=True):
+        found = [(math.inf, math.nan)]
+        for border in law.borders(rest):
+            low, low_at, high, high_at = extreme[(*FORCE, owner[-1]) if border.of_force else owner]
+            far, at = (high, high_at) if border.direction > 0 else (low, low_at)
+            excursion = border.direction * (far - border.rest)
+            if excursion > ALWAYS_CLOSED * abs(border.rest):
+                found.append((border.distance / excursion, at))
+        factors.append(min(found))
+    return factors
 
 
 def _needed(law: ContactLaw, rest: float, linear: Extremes, j: int) -> float:
@@ -332,7 +352,7 @@ def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints, stop: 
     trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
     if not trajectory.outcome.complete:
         return None
-    return Observed(flow, linear.channels.of_keys(PENETRATION, FORCE)).extremes(trajectory)
+    return Observed(flow, linear.channels.of_keys(*_WATCHED)).extremes(trajectory)
 
 
 def _of_random(scenario: Scenario, system: StructuralSystem) -> OfSnubbers:
@@ -347,23 +367,29 @@ def _of_random(scenario: Scenario, system: StructuralSystem) -> OfSnubbers:
     shut = at_rest if np.array_equal(resting, pressed) else stationary_deviations(driven, pressed)
     if at_rest is None or shut is None:  # an undamped resonance within the band
         return {}
+    sigmas = [
+        [
+            border.distance / deviation
+            if (deviation := at_rest[name, "force" if border.of_force else "penetration"]) > 0
+            else float("inf")
+            for border in law.borders(float(rest))
+        ]
+        for name, law, rest in zip((s.name for s in system.snubbers), contacts.laws, penetration, strict=True)
+    ]
     of_snubber = {}
     for j, snubber in enumerate(system.snubbers):
-        law, rest = contacts.laws[j], float(penetration[j])
+        law, closed = contacts.laws[j], bool(penetration[j] > 0)
         if law.family is None:
             continue
-        alone = _force_deviation(law, at_rest, snubber.name) if rest > 0 else float("nan")
         together = _force_deviation(law, shut, snubber.name)
-        loses_by_force = rest > 0 and law.parts is None
-        reserve = law.stiffness * rest if loses_by_force else abs(rest)
-        deviation = alone if loses_by_force else at_rest[snubber.name, "penetration"]
+        alone = _force_deviation(law, at_rest, snubber.name) if closed else together if shut is at_rest else math.nan
         of_snubber[snubber.name] = {
-            "closed_at_rest": rest > 0,
-            "sigmas": reserve / deviation if deviation > 0 else float("inf"),
+            "closed_at_rest": closed,
+            "sigmas": min(sigmas[j]),
             "preload_n": SIGMAS * together,
-            "preload_alone_n": SIGMAS * (alone if rest > 0 else together if shut is at_rest else float("nan")),
+            "preload_alone_n": SIGMAS * alone,
         }
-    return of_snubber
+    return in_order(of_snubber, "sigmas", min(map(min, sigmas))) if of_snubber else {}
 
 
 def _force_deviation(law: ContactLaw, of: Deviations, name: str) -> float:
