@@ -236,7 +236,6 @@ class Attribute:
     name: str = ""
     at: str = ""  # the group or dataset that carries it, where it is not that of the dataclass
     codec: Codec | None = None
-    read: Callable[[Any], Any] | None = None  # what makes the value of what is read; of several a tuple by default
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -371,21 +370,20 @@ def key(meaning: str) -> Any:
     return _field(Key(meaning=meaning))
 
 
-def group(path: str, of: Any, *, default: Any = _REQUIRED, **options: Any) -> Any:
-    """A dataclass in the group ``path``, with the options of `Group`.
+def group(path: str, of: Any, *, default: Any = _REQUIRED) -> Any:
+    """A dataclass in the group ``path``.
 
     Parameters
     ----------
     path : of the group below the one around it; empty for that one.
     of : class of the dataclass.
     default : as of `dataclasses.field`.
-    options : fields of `Group`.
 
     Returns
     -------
     dataclasses.Field
     """
-    return _field(Group(path=path, of=of, **options), default)
+    return _field(Group(path=path, of=of), default)
 
 
 def named(folder: str, of: Any, *, default_factory: Any = _REQUIRED, **options: Any) -> Any:

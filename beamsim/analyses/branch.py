@@ -161,12 +161,12 @@ class BranchResult:
     unit: str = attribute("", "unit of the parameter", name="units", at="parameter")
     parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter")
     residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion")
-    coordinates: Floats = dataset(  # None in files of earlier versions, as their velocities
+    coordinates: Floats = dataset(
         "kg^0.5 m", "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
-        along=_COORDINATES, default=None,
+        along=_COORDINATES,
     )  # fmt: skip
     coordinate_velocities: Floats = dataset(
-        "kg^0.5 m/s", "their velocities then; of a brake orbit zero", along=_COORDINATES, default=None
+        "kg^0.5 m/s", "their velocities then; of a brake orbit zero", along=_COORDINATES
     )
     internal_states: Floats | None = dataset(
         "m", "internal states of the contacts then", default=None,

@@ -128,7 +128,7 @@ def _peaks(result: ContinuationResult, peaks: Sequence[dict[str, Any]]) -> Label
         {
             "probe": peak["probe"], "displacement": amount(peak["value_m"], "m", 5),
             "at": _parameter(peak["parameter"], result.unit), **_level(result, peak["level"]), "kind": peak["kind"],
-            "period": peak.get("period_multiple", 1),  # files of earlier versions have only motions of period 1
+            "period": peak["period_multiple"],
         }
         for peak in peaks
     ]  # fmt: skip

@@ -23,7 +23,6 @@ from beamsim.plots.style import shown_in
 from beamsim.report.contents import SketchedModel, page_of
 from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
-from beamsim.scenario.scenario import named_files
 from beamsim.store.results import kind_of, open_result
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
@@ -72,7 +71,6 @@ def report(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None:
     plotly()  # that it is missing is said before anything is computed
     kind = kind_of(path)
     result: Any = open_result(path)
-    _note_unknown_files(result)
     with shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = named(KINDS[kind].figures)(result)
@@ -105,7 +103,6 @@ def animate(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None
         targets = [folder / f"{path.stem}_animation{suffix}" for suffix in (".gif", ".html")]
     shown = not (json or quiet)
     result: Any = open_result(path)
-    _note_unknown_files(result)
     with shown_in(result.scenario.display_scales):
         scene = scene_of(result, shown=shown)
         if scene is None:
@@ -118,12 +115,6 @@ def animate(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None
                 with replacing(target) as temporary:
                     temporary.write_text(animation_page(scene), encoding="utf-8")
     print_files(targets, json=json)
-
-
-def _note_unknown_files(result: Any) -> None:
-    """Say that files may be others than those that were solved, of a result that does not know them."""
-    if result.input_files is None and any(named_files(result.scenario)):
-        say("beamsim: note: an earlier version wrote this result: files of the case may have changed since")
 
 
 def _scene(result: Any, model: BuiltModel | None, *, shown: bool) -> Scene | None:

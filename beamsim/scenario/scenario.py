@@ -63,7 +63,7 @@ def _digest(path: FilePath, modified: int, size: int) -> str:
 class SolvedFiles:
     """The files of a scenario that was read from a result file."""
 
-    records: Mapping[str, Record]  # by key; empty where an earlier version wrote the result
+    records: Mapping[str, Record]  # by key
     beside: FilePath  # folder of the result file
 
     def folder_of(self, path: Path) -> FilePath:

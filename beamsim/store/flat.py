@@ -374,8 +374,7 @@ class Reader:
                     raise Missing(f"{joined(here.path, name)} is missing")
                 if declared.codec is not None:
                     return declared.codec.read(name, item.attributes)
-                value = item.attributes[name]
-                return declared.read(value) if declared.read is not None else _of_type(value, member)
+                return _of_type(item.attributes[name], member)
             case Group() as declared:
                 path = joined(here.path, declared.path)
                 if path not in self.items:
@@ -467,12 +466,12 @@ class Reader:
 
 
 def _of_type(value: Any, member: Member) -> Any:
-    """A number or text of the type of its field; several as a tuple."""
+    """A number or text of the type of its field; several as a tuple where it is one."""
     if member.scalar is not None:
         try:
             return member.scalar(value)
         except TypeError as error:
             raise ValueError(f"{member.stored_name}: {error}") from None
     if isinstance(value, np.ndarray):
-        return tuple(value.tolist())
+        return tuple(value.tolist()) if member.type.startswith("tuple") else value
     return value.item() if isinstance(value, np.generic) else value

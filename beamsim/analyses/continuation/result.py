@@ -117,10 +117,9 @@ class ContinuationResult(Result):
 
     @property
     @stored(axis("1", "number of the coordinate"))
-    def coordinate(self) -> Ints | None:
-        """Counts the coordinates of the states; None in a file without them."""
-        states = self.branches[0].coordinates
-        return None if states is None else np.arange(1, states.shape[1] + 1)
+    def coordinate(self) -> Ints:
+        """(n,) from 1."""
+        return np.arange(1, self.branches[0].coordinates.shape[1] + 1)
 
     def off_centre(self, branch: ResponseBranch) -> tuple[str, float] | None:
         """Probe and size, m, of the largest mean of a branch that has lost the symmetry of others; None of the others.

@@ -298,15 +298,6 @@ class DesignsResult(Result):
         deciding = judging(rows, quantile, large_is_good=good)
         return np.asarray(rows[np.arange(self.cases), deciding].reshape(self.shape))
 
-    def case_values(self, case: int) -> tuple[Value, ...]:
-        """Values of the coordinates in a case, numbered from 0."""
-        if self.kind == "grid":
-            where = np.unravel_index(case, self.shape)
-            picked = [c.values[k] for c, k in zip(self.coordinates, where, strict=True)]
-        else:
-            picked = [c.values[case] for c in self.coordinates]
-        return tuple(str(v) if isinstance(v, str) else float(v) for v in picked)
-
 
 def responses_of(responses: Mapping[str, Response], name: str) -> list[Response]:
     """The responses of this quantity (``peak_force``), or the one of this name, with or without its curve."""

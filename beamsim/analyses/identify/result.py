@@ -76,15 +76,9 @@ class StiffnessEstimate:
     method: str = attribute("", "secular or thesis")
     stiffness: float = dataset("N/m", "stiffness of the snubber", name=".")
     fit_to: tuple[int, ...] = attribute("", "numbers of the modes used")
-    individual: Floats = attribute(
-        "N/m", "stiffness from each of these modes alone; NaN where it is out of reach", read=np.asarray
-    )
-    reach_hz: Floats = attribute(
-        "Hz", "for each of these modes the range of frequencies that a stiffness can reach", read=np.asarray
-    )
-    condition: Floats = attribute(
-        "1", "k df/dk / f of each of these modes: relative change in f for one in k", read=np.asarray
-    )
+    individual: Floats = attribute("N/m", "stiffness from each of these modes alone; NaN where it is out of reach")
+    reach_hz: Floats = attribute("Hz", "for each of these modes the range of frequencies that a stiffness can reach")
+    condition: Floats = attribute("1", "k df/dk / f of each of these modes: relative change in f for one in k")
     residual: float = attribute("1", "root mean square of (predicted - measured) / measured over the modes used")
     standard_deviation: float = attribute("N/m", "standard deviation, first order; NaN where no uncertainty is known")
     interval_first_order: tuple[float, float] = attribute("N/m", "confidence interval, first order, symmetric")

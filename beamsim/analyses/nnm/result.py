@@ -320,11 +320,6 @@ class NormalModeResult(Result):
         return motion
 
     @property
-    def half_period_difference(self) -> Floats | None:
-        """(np,) relative, of a backbone by full-period shooting from half-period shooting."""
-        return self.backbone.half_period_difference
-
-    @property
     def unit(self) -> str:
         """Unit of the branches' parameter."""
         return UNITS[self.parameter]
@@ -383,7 +378,7 @@ def nnm_summary(
         "linear_frequency_hz": linear_frequency_hz,
         "motion_frequency_hz": 1.0 / float(result.motion.time[-1]),
         "processor_time_s": processor_time_s,
-        "full_period": None if result.half_period_difference is None else _full_period(result),
+        "full_period": None if backbone.half_period_difference is None else _full_period(result),
         "multiple_scales": None if result.expansion is None else expansion_summary(result.expansion),
         "thesis": None if result.relaxed is None else _relaxed(result.relaxed),
         "phase_resonance": None if result.phase_resonance is None else _phase_resonance(result.phase_resonance),
