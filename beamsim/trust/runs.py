@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -168,7 +168,7 @@ def checked_run(solution: Solution, shared: SharedBuilds, stop: Stop) -> RunResu
     summary = solution.result.summary
     limited = [value.entry for value in (*LIMITED.values(), OUTPUT) if value.entry in summary]
     values = compared({entry: summary[entry] for entry in limited})
-    return with_histories(with_convergence(solution.result, checked, values), checked)
+    return with_line_changes(with_convergence(solution.result, checked, values), checked)
 
 
 def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Convergence:
@@ -364,31 +364,14 @@ def _with_lines(derived: DerivedValues, changes: Changes) -> tuple[Changes, dict
     return {**kept, "spectral_lines": largest}, lines
 
 
-def with_histories(result: RunResult, checked: Convergence) -> RunResult:
-    """A result whose histories and spectra say which of their peaks do not converge."""
-    changes = dict(named(checked.changes))
-
-    def marks(name: str, **entries: str) -> dict[str, Any]:
-        of = {f"{field}_change": changes.get(f"{entry}.{name}") for field, entry in entries.items()}
-        return of | {f"{field}_after_parting": f"{entry}.{name}" in checked.after for field, entry in entries.items()}
-
-    def marked(histories: Mapping[str, Any], **entries: str) -> dict[str, Any]:
-        return {name: replace(history, **marks(name, **entries)) for name, history in histories.items()}
-
+def with_line_changes(result: RunResult, checked: Convergence) -> RunResult:
+    """A result whose spectral lines have their changes."""
     spectra = {}
     for key, s in result.spectra.items():
-        rms = "rms_acceleration_g" if key[1] == MAIN_QUANTITY else "rms_displacement_m"
         sizes = checked.lines.get(key, [None] * len(s.lines))
         lines = tuple(replace(line, relative_change=x) for line, x in zip(s.lines, sizes, strict=True))
-        spectra[key] = replace(s, rms_change=changes.get(f"{rms}.{key[0]}"), lines=lines)
-    return replace(
-        result,
-        probes=marked(result.probes, displacement="peak_displacement_m", acceleration="peak_acceleration_g"),
-        snubbers=marked(result.snubbers, force="peak_force_n"),
-        outputs=marked(result.outputs, value="peak_output"),
-        spectra=spectra,
-        summary={**result.summary, "spectral_lines": spectral_lines(spectra)},
-    )
+        spectra[key] = replace(s, lines=lines)
+    return replace(result, spectra=spectra, summary={**result.summary, "spectral_lines": spectral_lines(spectra)})
 
 
 @dataclass(frozen=True)

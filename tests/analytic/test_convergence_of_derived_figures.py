@@ -71,7 +71,8 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     stored = beamsim.open_result(beamsim.write_result(result, tmp_path / "run.h5"))
     kept = stored.spectra["tip", "absolute_acceleration"]
     np.testing.assert_array_equal(*([line.relative_change for line in s.lines] for s in (kept, spectrum)))
-    assert kept.rms_change == result.summary["convergence"]["rms_acceleration_g"]["tip"]
+    assert stored.summary["convergence"] == result.summary["convergence"]
+    assert "tip" in stored.summary["convergence"]["rms_acceleration_g"]
     above = run_figures(stored)["spectrum"].axes[0]
     marks = next(line for line in above.lines if line.get_label() == DOUBTFUL_LINES)
     changed = [line for line in spectrum.lines if line.relative_change > ALLOWED_CHANGE]

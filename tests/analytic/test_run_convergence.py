@@ -97,9 +97,7 @@ def test_status_table_file_and_pictures_say_so(damped, tmp_path):
     stored = beamsim.open_result(path)
     assert stored.outcome == damped.outcome
     assert stored.summary["convergence"] == damped.summary["convergence"]
-    probe = stored.probes["below_1.2"]
-    assert probe.acceleration_change == damped.summary["convergence"]["peak_acceleration_g"]["below_1.2"]
-    assert probe.displacement_change < 1e-4
+    assert stored.summary["convergence"]["peak_displacement_m"]["below_1.2"] < 1e-4
     texts = [text.get_text() for text in run_figures(stored)["acceleration"].axes[0].texts]
     assert any("not converged" in text for text in texts)
     assert not any("not converged" in t.get_text() for t in run_figures(stored)["displacement"].axes[0].texts)

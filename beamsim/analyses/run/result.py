@@ -33,15 +33,8 @@ MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group
 ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
 STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
 _TIME = ("time",)
-_WITH_FINER_MODEL = "relative change with 1.5 times the modes and twice the elements"
 _FREQUENCY = ("frequency_hz",)
 _EVENT = (Counter("event", "number of the contact event"),)
-
-
-def _after_parting(figure: str, dataset: str) -> Any:
-    """Whether a value depends on what follows when the contact sequences have diverged; None where not looked at."""
-    text = f"whether the {figure} depends on the motion after the contact sequences have diverged"
-    return attribute("", text, name="after_parting", at=dataset, default=None)
 
 
 @declared(along=_TIME)
@@ -58,15 +51,6 @@ class ProbeHistory:
         "m/s^2", "absolute acceleration behind the low-pass filter of run.low_pass", default=None
     )
     across: float | None = attribute("m", "on a plate position from its bottom edge", default=None)
-    displacement_change: float | None = attribute(
-        "1", f"of the peak displacement, {_WITH_FINER_MODEL}", name="relative_change", at="displacement", default=None
-    )
-    acceleration_change: float | None = attribute(
-        "1", f"of the peak acceleration, {_WITH_FINER_MODEL}", name="relative_change", at="absolute_acceleration",
-        default=None,
-    )  # fmt: skip
-    displacement_after_parting: bool | None = _after_parting("peak displacement", "displacement")
-    acceleration_after_parting: bool | None = _after_parting("peak acceleration", "absolute_acceleration")
 
 
 @declared
@@ -78,10 +62,6 @@ class OutputHistory:
     unit: str = attribute("", "unit of the quantity")
     at: str = attribute("", "where it is: a place, a support, a joint or a body")
     value: Floats = dataset("{unit}", "{quantity:words}", along=_TIME)
-    value_change: float | None = attribute(
-        "1", f"of the peak, {_WITH_FINER_MODEL}", name="relative_change", at="value", default=None
-    )
-    value_after_parting: bool | None = _after_parting("peak", "value")
 
 
 @declared(along=_TIME)
@@ -100,10 +80,6 @@ class SnubberHistory(SnubberNumbers):
     residual_crush: float | None = attribute(
         "m", "of a stop that yields, how far it stays crushed at the end of the motion", default=None
     )
-    force_change: float | None = attribute(
-        "1", f"of the peak force, {_WITH_FINER_MODEL}", name="relative_change", at="force", default=None
-    )
-    force_after_parting: bool | None = _after_parting("peak force", "force")
 
 
 @declared(along=_TIME)
@@ -184,7 +160,10 @@ class SpectralLine:
     phase_deg: float = dataset("degree", "phase of the line as a sine of the run's time")
     kind: str = dataset("1", "mean, fundamental, superharmonic, subharmonic, other, chosen; residual: of no mode")
     relative_change: float | None = dataset(  # nan of a line of no mode; None where there is no comparison
-        "1", f"of the amplitude, or of the frequency if larger, {_WITH_FINER_MODEL}", default=None
+        "1",
+        "of the amplitude, or of the frequency if larger, relative change with 1.5 times the modes and twice the "
+        "elements",
+        default=None,
     )
 
 
@@ -208,7 +187,6 @@ class Spectrum:
     rms: float | None = attribute(
         "{unit}", "root mean square over the part that is analysed, mean included", default=None
     )
-    rms_change: float | None = attribute("1", f"of the root mean square, {_WITH_FINER_MODEL}", default=None)
 
     def in_bands(self, count: int) -> tuple[Floats, Floats]:
         """Middles of bands of ``count`` lines, Hz, and the root mean square of the lines in each, dB."""
