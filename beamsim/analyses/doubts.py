@@ -20,8 +20,18 @@ WORTHLESS_REDUCTION = 0.1
 _REST = "; the last slope continues beyond it, which may be too soft: measure further, or add points"
 
 
-def reduction_checked(outcome: Outcome, modes: ModeTable) -> Outcome:
-    """The outcome, which is not to be trusted where the reduced receptance has no useful bound."""
+def reduction_checked(outcome: Outcome, scenario: Scenario, modes: ModeTable) -> Outcome:
+    """The outcome, which is not to be trusted where the reduced receptance has no useful bound.
+
+    Parameters
+    ----------
+    outcome : of the computation.
+    scenario, modes : of its structure.
+
+    Returns
+    -------
+    Outcome
+    """
     if not modes.reduction_bound > WORTHLESS_REDUCTION:
         return outcome
     return Outcome.of(
@@ -30,7 +40,7 @@ def reduction_checked(outcome: Outcome, modes: ModeTable) -> Outcome:
         f"{modes.highest_frequency_hz:.6g} Hz is bounded only by {modes.reduction_bound:.2g} of its size, more than "
         f"{WORTHLESS_REDUCTION:g}",
         *outcome.unless_complete,
-        remedy="keep more modes (reduction.modes: all), or leave reduction out", bound=modes.reduction_bound,
+        remedy=scenario.more_modes(modes.kept_modes), bound=modes.reduction_bound,
     )  # fmt: skip
 
 

@@ -225,14 +225,14 @@ class CorrectionSize:
         """Its entries in the summary of a run or a sweep."""
         return {"base_correction_m_s2": self.acceleration, "base_correction_share": self.share}
 
-    def warnings(self) -> list[str]:
-        """What to say about it: nothing where it is small."""
+    def warnings(self, *, held: bool) -> list[str]:
+        """What to say about it: nothing where it is small; ``held`` is whether levels of a profile are held."""
         if self.share <= 0.01:
             return []
         return [
             f"the base's acceleration is corrected by up to {self.acceleration:.3g} m/s^2 ({self.share:.1%} of the "
-            f"level) near {self.time:.4g} s, where its velocity would jump otherwise: let the level change over "
-            "several cycles (between: log_log), or sweep more slowly"
+            f"level) near {self.time:.4g} s, where its velocity would jump otherwise: "
+            f"{'let the level change over several cycles (between: log_log), or ' if held else ''}sweep more slowly"
         ]
 
 

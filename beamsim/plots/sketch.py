@@ -147,7 +147,7 @@ class Sketch:
             for name, body in self.scenario.all_bodies.items()
             for mass, at in zip(
                 getattr(body, "point_masses", ()),
-                getattr(body, "mass_points", getattr(body, "mass_positions", ())),
+                body.mass_points,
                 strict=True,
             )
         ]

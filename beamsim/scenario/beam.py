@@ -507,7 +507,7 @@ class BeamBody(Body):
         return tuple(map(self.metres, self.nodes))
 
     @property
-    def mass_positions(self) -> tuple[float, ...]:
+    def mass_points(self) -> tuple[float, ...]:
         """Positions of the point masses, m."""
         return tuple(self.metres(mass.position) for mass in self.point_masses)
 
@@ -549,7 +549,7 @@ class BeamBody(Body):
         for x, kind, springs in zip((0.0, self.length), self.supports.kinds, self.supports.springs, strict=True):
             marks += [(x, kind)] if kind != "free" else []
             marks += [(x, "springs")] if springs is not None else []
-        return (*marks, *((x, "mass") for x in self.mass_positions))
+        return (*marks, *((x, "mass") for x in self.mass_points))
 
     @property
     def depths(self) -> tuple[tuple[float, float, float], ...]:
@@ -572,7 +572,7 @@ class BeamBody(Body):
 
     def problems(self, where: Path) -> Iterator[Problem]:
         """Nothing left to move; point masses beyond the ends."""
-        inside = [x for x in self.mass_positions if 0.0 < x < self.length]
+        inside = [x for x in self.mass_points if 0.0 < x < self.length]
         alone = self.elements == 1 and len(self.stretches) == 1 and not self.nodes
         if alone and self.supports.kinds == ("clamped", "clamped") and not inside:
             yield problem(
@@ -677,8 +677,8 @@ class BeamBody(Body):
         depth = self.largest_depth
         if depth > self.length / 10.0:
             yield (
-                f"the beam is {depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) is "
-                "doubtful when the depth is more than a tenth of the length"
+                f"{path_text(where)} is {depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) "
+                "is doubtful when the depth is more than a tenth of the length"
             )
         if highest_hz > 0.0:
             omega = 2.0 * math.pi * highest_hz
@@ -769,9 +769,12 @@ class SegmentedBeam(BeamBody):
         """Segments that keep the others' stress from being given, beside the doubts of every beam."""
         known = [stretch.bending.stress_per_moment is not None for stretch in self.stretches]
         if any(known) and not all(known):
+            section = self.stretches[known.index(False)].section
+            needed = ("extreme_fibre", "youngs_modulus")
+            missing = " and ".join(name for name in needed if getattr(section, name, None) is None)
             yield (
                 f"{path_text((*where, 'segments', known.index(False)))} gives no bending stress, so none is given for "
-                "the beam: add extreme_fibre and youngs_modulus"
+                f"the beam: add {missing}"
             )
         yield from super().doubts(where, highest_hz)
 

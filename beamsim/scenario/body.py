@@ -454,6 +454,11 @@ class Body(Schema):
         return self
 
     @property
+    def mass_points(self) -> tuple[Point, ...]:
+        """Places of the point masses on a body with a mesh, m."""
+        return ()
+
+    @property
     def largest_deflection(self) -> float:
         """Deflection above which theory for small ones no longer holds, m."""
         return math.inf

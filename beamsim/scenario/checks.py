@@ -360,6 +360,7 @@ def _run(scenario: ScenarioParts) -> Problems:
     if run is None:
         return
     yield from _sampling(scenario, run)
+    yield from _stepping(scenario, run)
     yield from _spectrum(scenario, run)
     yield from _impacts(scenario, run)
 
@@ -391,8 +392,28 @@ def _sampling(scenario: ScenarioParts, run: Run) -> Problems:
         )
 
 
+def _cubic(scenario: ScenarioParts) -> bool:
+    """Whether the motion has no closed form, because of a cubic spring."""
+    return any(located.item.kind == "cubic" for located in scenario.nonlinear_springs)
+
+
+def _stepping(scenario: ScenarioParts, run: Run) -> Problems:
+    """Settings of time stepping that do nothing in this run."""
+    if run.method == "reference":
+        return
+    cubic = _cubic(scenario)
+    does = "which is integrated by DOP853" if cubic else "which is in closed form"
+    for key in ("integrator",) if cubic else ("integrator", "rtol", "atol"):
+        if getattr(run, key) != type(run).model_fields[key].default:
+            message = f"= {getattr(run, key)} does nothing in this run, {does}"
+            yield problem(("run", key), message, "leave it out, or give method: reference")
+
+
 def _spectrum(scenario: ScenarioParts, run: Run) -> Problems:
     spectrum = run.spectrum
+    if run.method == "reference" and spectrum.to is not None:
+        message = f"= {spectrum.to:g} Hz does nothing: spectra of time stepping go up to half of the sample rate"
+        yield problem(("run", "spectrum", "to"), message, "leave it out, or give that run.sample_rate")
     if spectrum.last is not None and spectrum.last > run.duration * (1.0 + 1e-12):
         yield problem(
             ("run", "spectrum", "last"),
@@ -421,7 +442,7 @@ def _chosen_frequencies(scenario: ScenarioParts, run: Run) -> Problems:
     duration = min(run.spectrum.last or run.duration, run.duration)
     if run.spectrum.periods is not None and len(tones) == 1:
         duration = min(run.spectrum.periods / tones[0], duration)
-    stepped = run.method == "reference" or any(located.item.kind == "cubic" for located in scenario.nonlinear_springs)
+    stepped = run.method == "reference" or _cubic(scenario)
     for index, frequency in enumerate(chosen):
         at: Path = ("run", "spectrum", "frequencies", index)
         near = min(chosen[:index], key=lambda other: abs(other - frequency), default=-1.0 / duration)
@@ -441,7 +462,7 @@ def _chosen_frequencies(scenario: ScenarioParts, run: Run) -> Problems:
 
 def _impacts(scenario: ScenarioParts, run: Run) -> Problems:
     """Statistics of impacts and of stress that this structure, or time stepping, does not have."""
-    cubic = any(located.item.kind == "cubic" for located in scenario.nonlinear_springs)
+    cubic = _cubic(scenario)
     for where, settings in (("run.impacts", run.impacts), ("run.fatigue", run.fatigue)):
         if settings is not None and run.method == "reference":
             yield Problem(where, "needs the motion in closed form", "leave run.method: reference out")
@@ -609,8 +630,11 @@ def _sweeps(scenario: ScenarioParts) -> Problems:
     sweep, excitation = scenario.sweep, scenario.excitation
     if sweep is None:
         return
-    unfit = list(sine_problems(excitation, "sweep"))
+    run, unfit = scenario.run, list(sine_problems(excitation, "sweep"))
     yield from unfit
+    if run is not None and run.low_pass is not None and getattr(sweep, "accelerations", True):
+        message = f"reports accelerations that run.low_pass = {run.low_pass:g} Hz, the band of runs, does not filter"
+        yield problem(("sweep",), message, "leave the run out here (run: null), or its low_pass, or the sweep")
     if unfit:
         return
     assert isinstance(excitation, Harmonic | Forces)

@@ -278,6 +278,8 @@ class Notch(_LevelAt):
 
 def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
     """Reject a table that does not increase in frequency; raises what `fail` builds."""
+    if between != "held" and not points:
+        raise fail(f"= {between} lies between the points of a profile, and there is none", "leave it out", ("between",))
     demand_rising((point.frequency for point in points), "Hz", lambda k: ("profile", k, "frequency"))
     for index, point in enumerate(points):
         if between == "log_log" and point.level == 0:
@@ -286,6 +288,11 @@ def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
                 "give a small level, or between: held",
                 ("profile", index, "level"),
             )
+
+
+def holds_levels(section: Any) -> bool:
+    """Whether a section has a profile whose levels are held, so that they change in steps."""
+    return bool(getattr(section, "profile", ())) and section.between == "held"
 
 
 class NoExcitation(Schema):

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import Path, Schema, descriptions, plain, problem, single_line, tag_of, words_of
+from beamsim.scenario.base import Path, Schema, descriptions, path_parts, plain, problem, single_line, tag_of, words_of
 from beamsim.scenario.quantities import FieldType, Quantity, example_of
 from beamsim.scenario.reporting import DisplayUnits
 from beamsim.scenario.scenario import Scenario, named_files
@@ -73,7 +73,7 @@ def load_scenario(
         return _validated(root).with_source(name, root)
     except ScenarioError as error:
         unused = _unused(root, command)
-        if not unused:
+        if not all(path_parts(found.path)[:1] and path_parts(found.path)[0] in unused for found in error.problems):
             raise
         kept = WrittenMapping({key: item for key, item in root.items() if key not in unused}, root.mark, root.marks)
         warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)

@@ -155,6 +155,35 @@ class ScenarioParts(Schema):
         single = {name: body for name, body in bodies.items() if name not in self.bodies}
         return self.model_copy(update={**single, "bodies": named, "reduction": Reduction(modes=modes)})
 
+    @property
+    def lasting(self) -> bool:
+        """Whether the excitation goes on, so that the motion has means."""
+        return self.excitation.kind != "none" and not self.excitation.shock
+
+    def more_modes(self, kept: int) -> str:
+        """What of the reduction gives a model of 1.5 times so many modes; empty where all are kept."""
+        wanted, written = math.ceil(1.5 * kept), self.reduction
+        if written is None:
+            return f"give reduction: {{modes: {wanted}}}"
+        if written.highest_frequency is not None:
+            return f"raise reduction.highest_frequency ({written.highest_frequency:g} Hz)"
+        return "" if written.modes == "all" else f"raise reduction.modes to {wanted}"
+
+    @property
+    def bare_dashpots(self) -> tuple[str, ...]:
+        """Snubbers with a dashpot at points of bodies with a mesh that have no point mass there."""
+        bodies = self.all_bodies
+        return tuple(
+            located.item.name
+            for located in self.located_snubbers
+            if located.item.damping is not None
+            and any(
+                (body := bodies[place.body or located.body]).refined() is not body
+                and body.point_of(place) not in body.mass_points
+                for place in located.item.places
+            )
+        )
+
     def _located(self, path: Path, body: str, item: Any) -> Located:
         return Located(path, body, item, self.all_bodies)
 

@@ -310,7 +310,7 @@ class PlateBody(Body):
         depth, side = self.bending.depth, min(self.length, self.width)
         if depth is not None and depth > side / 10.0:
             yield (
-                f"the plate is {depth:g} m thick and {side:g} m wide: thin-plate theory (no shear) "
+                f"{path_text(where)} is {depth:g} m thick and {side:g} m wide: thin-plate theory (no shear) "
                 "is doubtful when the thickness is more than a tenth of the shorter side"
             )
         if highest_hz <= 0.0:

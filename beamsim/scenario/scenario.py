@@ -185,7 +185,7 @@ def _snubbers(scenario: ScenarioParts) -> Iterator[str]:
         if snubber.gap is not None and abs(snubber.gap) > largest:
             what = "gap" if snubber.gap > 0 else "prestress"
             yield (
-                f"{path_text(path)}.gap = {snubber.gap:g} m is a large {what} for a beam of this size (more than "
+                f"{path_text(path)}.gap = {snubber.gap:g} m is a large {what} for a structure of this size (more than "
                 f"{largest:.3g} m): a unit such as mm may be missing"
             )
 

@@ -308,7 +308,8 @@ class SweptSine(_UpAndDown):
     def check(self) -> None:
         """Reject a table that does not increase, and unusable tolerances."""
         super().check()
-        check_profile(self.profile, self.between)
+        if self.profile_file is None:
+            check_profile(self.profile, self.between)
         if self.profile and self.profile_file is not None:
             raise fail("is given beside profile", "leave one of them out", ("profile_file",))
         if self.notch_to is not None:

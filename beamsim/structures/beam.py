@@ -359,7 +359,7 @@ class BeamStructure(MeshedBody):
         points, weights = np.polynomial.legendre.leggauss(len(numbers) // 2 + 4)
         x = (mesh.nodes[:-1, None] + mesh.lengths[:, None] * (points + 1) / 2).ravel()
         weight = mesh.lengths[:, None] * weights / 2
-        at = np.array(self.section.mass_positions) / length
+        at = np.array(self.section.mass_points) / length
         turning = np.array([m.rotary_inertia for m in masses]) / length**2  # of slopes by x / L
         lumped = np.concatenate([[m.mass for m in masses], turning]) / self.mass_scale
         rows = vstack([mesh.rows(x), mesh.rows(at), mesh.rows(at, 1)], format="csr")
@@ -408,7 +408,7 @@ def assemble_beam(
     length, stretches = beam.length, beam.stretches
     bounds = np.array([0.0, *(stretch.start / length for stretch in stretches[1:]), 1.0])
     if mesh is None:
-        hard = [*beam.mass_positions, *beam.node_positions, *nodes]
+        hard = [*beam.mass_points, *beam.node_positions, *nodes]
         mesh = build_mesh(beam.elements, [x / length for x in hard], bounds.tolist())
     mass_scale = beam.bending.mass_per_length * length
     stiffness_scale = beam.bending.bending_stiffness / length**3
@@ -457,7 +457,7 @@ def _drag(beam: BeamBody, deflected: Any, at_ends: Any) -> Any:
 def point_mass_rows(mesh: Mesh, beam: BeamBody) -> Any:
     """(c, all dofs) sparse rows whose products are the scaled point masses and their rotary inertias."""
     mass_scale = beam.bending.mass_per_length * beam.length
-    at = np.array(beam.mass_positions) / beam.length
+    at = np.array(beam.mass_points) / beam.length
     mass, rotary = (np.array([getattr(m, of) for m in beam.point_masses]) for of in ("mass", "rotary_inertia"))
     turning = mesh.rows(at, 1) * (np.sqrt(rotary / mass_scale) / beam.length)[:, None]
     return vstack([mesh.rows(at) * np.sqrt(mass / mass_scale)[:, None], turning], format="csr")

@@ -30,7 +30,7 @@ from beamsim.inputs.excitation import BaseMotion, Driven, base_motion, level_sig
 from beamsim.inputs.signal import Signal
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import Path, path_text, walk
-from beamsim.scenario.excitation import sine_problems
+from beamsim.scenario.excitation import holds_levels, sine_problems
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.structures.assembly import load_site_in
 from beamsim.structures.places import SLOPE, BaseDirection, LoadSite, Place, Site
@@ -270,9 +270,9 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
             *free,
             *warnings,
             *_remarks(snubbers, pushing.tables),
-            *_doubts(modes),
+            *_doubts(scenario, modes),
             *damping_remarks(snubbers, modes),
-            *(correction.warnings() if correction else ()),
+            *(correction.warnings(held=holds_levels(scenario.excitation)) if correction else ()),
         ),
         base_correction=correction,
         sine=sine_loads(parts, forcing),
@@ -337,15 +337,14 @@ def _remarks(snubbers: Sequence[Located], tables: Sequence[TableOfStop | None]) 
     ]
 
 
-def _doubts(modes: ModeTable) -> list[str]:
+def _doubts(scenario: Scenario, modes: ModeTable) -> list[str]:
     """Warnings of a reduced model that may not be accurate."""
     if not modes.reduction_bound > 0.01:
         return []
     return [
         f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz and at the frequencies "
         f"of the excitation the error of its receptance at contacts and loads is bounded by "
-        f"{modes.reduction_bound:.2g} of its size; keep more modes (reduction: {{modes: all}}), or leave reduction "
-        "out"
+        f"{modes.reduction_bound:.2g} of its size; {scenario.more_modes(modes.kept_modes)}"
     ]
 
 

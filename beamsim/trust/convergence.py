@@ -20,6 +20,7 @@ import numpy as np
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
+from beamsim.analyses.run.stepped_motion import relative_tolerance
 from beamsim.analyses.values import LIMITED, OUTPUT
 from beamsim.errors import ScenarioError
 from beamsim.fields import figure_in_words
@@ -357,7 +358,7 @@ def _range(limit: str, item: Mapping[str, Any], values: Values, changes: Changes
 
 def _outcome(result: Result, checked: Convergence) -> Outcome:
     """How the computation ended, with the doubts; first what was wrong before them."""
-    doubts = [_diverged(checked)] if checked.after else []
+    doubts = [_diverged(result, checked)] if checked.after else []
     if checked.doubtful:
         doubts = [_doubtful(result, checked, doubts)]
     if not doubts or not result.outcome.complete:
@@ -371,7 +372,7 @@ def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) ->
     worst = sorted(sizes, key=lambda key: -sizes[key])
     finer = "with 1.5 times the modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
     figures = tuple(f"{figure_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
-    remedy = _remedy(result, checked.doubtful)
+    remedy = _remedy(result, checked)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
     sentence = f"values change by more than {100 * ALLOWED_CHANGE:g} % {finer}: {listed(figures)}"
     if any(_worthless(key, change) for key, change in sizes.items()):
@@ -380,16 +381,18 @@ def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) ->
     return Outcome.of(kind, code, sentence, *parts, remedy=remedy, figures=figures)
 
 
-def _diverged(checked: Convergence) -> Outcome:
+def _diverged(result: Result, checked: Convergence) -> Outcome:
     """Which values depend on the motion after the sequences of contacts diverge, and why they do."""
-    times, time = checked.sensitivity, checked.diverged_s
+    times, time, run = checked.sensitivity, checked.diverged_s, result.scenario.run
     figures = tuple(dict.fromkeys(figure_in_words(x.partition(".")[0]) for x in checked.after))
+    assert run is not None
     if not times.sensitive:
         return Outcome.of(
             OutcomeKind.COMPLETE, "contacts_diverge",
             f"the finer model, stepped in time too, has other contacts from {time:.4g} s on: {listed(figures)} depend "
             "on what follows",
-            remedy="lower run.rtol, keep more modes (reduction.modes), or take means of a longer run",
+            remedy=f"lower run.rtol below {relative_tolerance(run):g}, {_finer(result, checked)}, or take means of a "
+            "longer run",
             time=time, figures=figures,
         )  # fmt: skip
     sentence = (
@@ -400,27 +403,29 @@ def _diverged(checked: Convergence) -> Outcome:
         sentence += f"; a change of the stiffness by 1e-9 of itself gives other contacts from {times.small_s:.4g} s on"
     if math.isfinite(times.round_off_s):
         sentence += f", round-off from {times.round_off_s:.4g} s on"
+    of = "rms, contact share" + (", run.impacts" if run.impacts is None else "")
+    means = f"means of a longer run ({of}), or " if result.scenario.lasting else ""  # else nothing is stationary
     return Outcome.of(
         OutcomeKind.COMPLETE, "motion_sensitive", sentence,
-        remedy="take means of a longer run (rms, contact share, run.impacts), or the spread of peaks over several "
-        "cases (vary)",
+        remedy=f"take {means}the spread of peaks over several cases (vary)",
         time=time, figures=figures,
     )  # fmt: skip
 
 
-def _remedy(result: Result, keys: Sequence[str]) -> str:
-    """What makes the doubtful values converge."""
-    accelerations = [key for key in keys if key.startswith("peak_acceleration")]
-    remedies = []
-    if len(accelerations) < len(keys):
-        remedies.append("raise reduction.modes" + (" and the number of elements" if result.scenario.has_mesh else ""))
-    if accelerations:
-        run = result.scenario.run
-        unfiltered = result.scenario.sweep is None and run is not None and run.low_pass is None
-        band = "give the band of the accelerometer (run.low_pass: 2 kHz)" if unfiltered else ""
-        dashpot = any(located.item.damping is not None for located in result.scenario.located_snubbers)
-        contact = (
-            "give the structure a point mass at the contact, or leave out the contact's dashpot" if dashpot else ""
-        )
-        remedies.append(f"for accelerations {', '.join(filter(None, (band, contact))) or 'raise reduction.modes'}")
+def _finer(result: Result, checked: Convergence) -> str:
+    """What gives a finer model, beside what is written."""
+    elements = "raise the number of elements" if result.scenario.has_mesh else ""
+    return " and ".join(filter(None, (result.scenario.more_modes(checked.first_modes), elements)))
+
+
+def _remedy(result: Result, checked: Convergence) -> str:
+    """What makes the doubtful values converge, beside what is written."""
+    places = [key.partition(".")[2] for key in checked.doubtful if key.startswith("peak_acceleration")]
+    stops = result.scenario.bare_dashpots if places else ()
+    band = ["give the band of the accelerometers (run.low_pass: 2 kHz)"] * (getattr(result, "low_pass_hz", 0.0) is None)
+    contact = [f"give the structure a point mass at {listed(stops)}", "leave out the dashpot there"] if stops else []
+    special = [*band, *contact] if places else []
+    remedies = [] if special and len(places) == len(checked.doubtful) else [_finer(result, checked)]
+    if special:
+        remedies.append(f"for the peak acceleration of {listed(tuple(places))} {', or '.join(special)}")
     return "; ".join(remedies)

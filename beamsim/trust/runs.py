@@ -233,8 +233,7 @@ def _compared_models(
         if times.sensitive or not exact:
             after = tuple(_after(first, early, windows, derived))
     scatter: Changes = {}
-    lasting = scenario.excitation.kind != "none" and not scenario.excitation.shock
-    if lasting and early is not None and second.motion.trajectory is not None:
+    if scenario.lasting and early is not None and second.motion.trajectory is not None:
         later, parts = second.windows(diverged, end), derived.parts(WINDOWS)
         before = relative_changes([early], [second.until(diverged)], whole=first.values)
         changes = larger(before, relative_changes(windows, later))

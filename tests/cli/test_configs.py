@@ -1,6 +1,7 @@
 """Every shipped config loads without a warning and does what its sections ask for; numbers are in tests/sameness."""
 
 import json
+import re
 
 import pytest
 import yaml
@@ -40,6 +41,30 @@ def asked(path):
     return [COMMANDS[section] for section in sections if not (section == "sweep" and scenario.vary is not None)]
 
 
+def unfit(scenario, texts):
+    """Notes that advise what a scenario has, or what changes nothing in it."""
+    written = {
+        r"run\.low_pass": scenario.run is not None and scenario.run.low_pass is not None,
+        r"run\.impacts": scenario.run is not None and scenario.run.impacts is not None,
+        r"give reduction": scenario.reduction is not None,
+        r"raise reduction\.|leave reduction out": scenario.reduction is None,
+        r"elements": not scenario.has_mesh,
+    } | {
+        rf"snubbers\.{re.escape(snubber.name)}: .*law: no_tension": snubber.law == "no_tension"
+        for snubber in scenario.all_snubbers
+    }
+    yield from (text for text in texts for advice, there in written.items() if there and re.search(advice, text))
+
+
+def test_advice_that_does_not_fit_is_found():
+    """The comparison can fail."""
+    scenario = shipped(next(path for path in PATHS if path.stem == "random_vibration"))
+    assert scenario.run.low_pass is None
+    band = "give the band of the accelerometers (run.low_pass: 2 kHz)"
+    assert not list(unfit(scenario, [band]))
+    assert list(unfit(beamsim.load_scenario(scenario, {"run.low_pass": "2 kHz"}), [band])) == [band]
+
+
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
 def test_config_loads(path):
     scenario = shipped(path)
@@ -67,4 +92,5 @@ def test_config_does_what_it_asks_for(path, command, tmp_path):
     assert result.exit_code == 0, result.output
     summary = json.loads(result.stdout)
     assert summary.get("energy_error", 0.0) < 1e-8
+    assert not list(unfit(beamsim.load_scenario(path, changes[1::2]), [summary["status"], *summary["warnings"]]))
     assert list(tmp_path.glob("*.h5"))

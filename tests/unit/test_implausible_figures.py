@@ -20,7 +20,10 @@ run: {duration: 0.1 s}
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ("snubbers.mid.gap=0.3", "snubbers[0].gap = 0.3 m is a large gap for a beam of this size (more than 0.22 m)"),
+        (
+            "snubbers.mid.gap=0.3",
+            "snubbers[0].gap = 0.3 m is a large gap for a structure of this size (more than 0.22 m)",
+        ),
         ("snubbers.mid.gap=-0.3", "snubbers[0].gap = -0.3 m is a large prestress"),
         (
             "snubbers.mid.damping={kind: ratio, ratio: 20}",

@@ -115,7 +115,7 @@ def continuation(
         remarks += _doubt(branches, settings.method.largest_error, model.followed.unit)
     worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
     outcome = worst.but(*(remark for remark in remarks if remark is not worst))
-    outcome = reduction_checked(balanced(outcome, branches, model.followed.unit), model.system.modes)
+    outcome = reduction_checked(balanced(outcome, branches, model.followed.unit), scenario, model.system.modes)
     overlay: dict[str, OverlayCurve] | None = {}
     interrupted = stop()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in levels[done:]]

@@ -127,7 +127,7 @@ def nnm(
             scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
         )
     outcome = job.shown_in(with_failed_searches(_outcome(work, resonance), failed))
-    outcome = reduction_checked(balanced(outcome, branches, branch.unit), system.modes)
+    outcome = reduction_checked(balanced(outcome, branches, branch.unit), scenario, system.modes)
     result = NormalModeResult(
         scenario=scenario,
         mode=job.mode + 1,

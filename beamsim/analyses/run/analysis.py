@@ -118,7 +118,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     result = RunResult(
         scenario=scenario,
         method=motion.method,
-        outcome=reduction_checked(motion.outcome, system.modes),
+        outcome=reduction_checked(motion.outcome, scenario, system.modes),
         contact=contact_instant(system, motion),
         base_unit="rad" if getattr(scenario.excitation, "rotates", False) else "m",
         events=motion.events,
@@ -134,7 +134,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         *scenario.warnings,
         *system.warnings,
         *motion.warnings,
-        *pull_warnings(system, motion),
+        *pull_warnings(scenario, system, motion),
         *compressed_beyond_tables(scenario, compression),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
         *coverage_notes(system, spectra, closed_form=motion.trajectory is not None),

@@ -138,15 +138,24 @@ def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:
     return {"memory_bytes": round(settings.memory), **kept}
 
 
-def pull_warnings(system: StructuralSystem, motion: RunMotion) -> list[str]:
-    """A warning for each snubber whose dashpot pulls before the contact opens."""
+def pull_warnings(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> list[str]:
+    """A warning for each snubber whose dashpot pulls before the contact opens.
+
+    Parameters
+    ----------
+    scenario, system, motion : of the run.
+
+    Returns
+    -------
+    One sentence a snubber.
+    """
     if not system.snubbers:
         return []
     forces = motion.extremes[FORCE]
     pulls = largest_pulls(forces)
     return [
-        f"snubbers.{s.name}: its dashpot pulls with up to {pulls[j]:.3g} N before the contact opens; law: no_tension "
-        "opens it before"
+        f"snubbers.{s.name}: its dashpot pulls with up to {pulls[j]:.3g} N before the contact opens"
+        + ("; law: no_tension opens it before" if scenario.located_snubber(s.name).item.hardening is None else "")
         for j, s in enumerate(system.snubbers)
         if pulls[j] > SMALLEST_PULL * forces[2][j]
     ]

@@ -30,6 +30,11 @@ def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
     return settings.method == "reference" or system.cubic.count > 0
 
 
+def relative_tolerance(settings: Run) -> float:
+    """The relative tolerance with which a motion is integrated; without run.method: reference a small one."""
+    return settings.rtol if settings.method == "reference" else min(settings.rtol, 1e-10)
+
+
 def stepped_motion_of(
     system: StructuralSystem,
     settings: Run,
@@ -61,11 +66,11 @@ def stepped_motion_of(
     """
 
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
-    integrator, rtol = settings.integrator, settings.rtol
+    integrator, rtol = settings.integrator, relative_tolerance(settings)
     warnings: tuple[str, ...] = ()
     longest = _longest_step(system) if short_steps or settings.method != "reference" else np.inf
     if settings.method != "reference":
-        integrator, rtol = "DOP853", min(rtol, 1e-10)
+        integrator = "DOP853"
         warnings = (
             f"cubic springs have no closed-form motion: integrated by {integrator} with rtol = {rtol:g}; "
             "contacts are found by sign changes between steps, without certificate",

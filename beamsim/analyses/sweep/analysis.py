@@ -31,7 +31,7 @@ from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.measured import read_profile
 from beamsim.outcomes import Outcome, combined, interruption, never
 from beamsim.scenario import Scenario
-from beamsim.scenario.excitation import Forces, Harmonic
+from beamsim.scenario.excitation import Forces, Harmonic, holds_levels
 from beamsim.scenario.reporting import BASE_FORCE, OF_OUTPUTS
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
@@ -159,7 +159,7 @@ class _LevelsDone:
         return SweepResult(
             scenario=scenario,
             kind=settings.kind,
-            outcome=reduction_checked(self.outcome(), system.modes),
+            outcome=reduction_checked(self.outcome(), scenario, system.modes),
             curves=dict(curves),
             linear=linear,
             peaks=tuple(peak for curve in curves.values() for peak in _peaks(curve, system.modes)),
@@ -172,7 +172,7 @@ class _LevelsDone:
                 *scenario.warnings,
                 *system.warnings,
                 *_uncompared(scenario, system),
-                *([] if correction is None else correction.warnings()),
+                *([] if correction is None else correction.warnings(held=holds_levels(settings))),
                 *deflection_warnings(
                     scenario,
                     system.modes,
