@@ -117,30 +117,6 @@ def test_nonlinear_parameters_from_a_file(tmp_path, history):
         assert file["nonlinear/tests/1/measured_real"].shape == (5,)
 
 
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        (None, "does not exist"),
-        ("", "is empty"),
-        ("time,tip\n", "no samples"),
-        ("time_s,tip_g\n0,1\n1,nan\n2,1\n", "1 values that are not finite, the first at sample 2"),
-        ("time,tip\n0,1\n1,what\n", "not a number"),
-        ("time_s,other,more\n0,1,1\n1,2,2\n2,3,3\n", "has no channel tip"),
-        ("time_s,tip_g\n0,1\n0,2\n0,3\n", "does not increase"),
-    ],
-)
-def test_unusable_files(tmp_path, content, says):
-    case = tmp_path / "case.yaml"
-    case.write_text(section(NONLINEAR.replace("FILE", "test.csv")))
-    if content is not None:
-        (tmp_path / "test.csv").write_text(content)
-    done = invoke("identify-stiffness", case)
-    assert done.exit_code == 2, done.output
-    assert says in done.output
-    assert "identify_stiffness.nonlinear.tests[0]" in done.output
-    assert f"{case}:" in done.output
-
-
 @pytest.fixture(scope="module")
 def run_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("compared") / "run.h5"

@@ -32,14 +32,6 @@ def case(*stops, **sections):
     return load_scenario({**CASE, "snubbers": stops, **sections})
 
 
-def refused(stop):
-    with pytest.raises(ScenarioError) as caught:
-        build_system(case(stop))
-    (problem,) = caught.value.problems
-    assert problem.remedy
-    return str(problem)
-
-
 @pytest.mark.parametrize("gap", [-5e-5, 0.0, 3e-5])
 def test_a_table_is_a_stack_of_one_sided_springs(gap):
     slopes = np.diff([f for _, f in POINTS]) / np.diff([x for x, _ in POINTS])
@@ -187,22 +179,6 @@ def test_a_curve_without_a_loop_is_not_remarked_on():
     system = build_system(case({"name": "pad", "force_deflection": {"points": points, "fit": {"segments": 3}}}))
     assert system.warnings == ()
     assert system.snubbers[0].table_misfit == pytest.approx(0.5, rel=0.2)
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("x (mm),N (N)\n0,0\n0.1,8\n0.2,7\n", "pad.csv, row 3 of the numbers = 7 N falls below"),
-        ("x (mm)\n0\n1\n", "pad.csv cannot be used: no column has a unit of force; name all units"),
-        ("deflection,force\n0,0\n1,9\n", "pad.csv cannot be used: no column has a unit of length; name all units"),
-        ("time,x (mm),N (N)\n0,0,0\n1,1,9\n", "pad.csv cannot be used: its times have no unit; name all units"),
-        ("x (kg),N (N)\n0,0\n1,1\n", "column 1 is in kg"),
-        ("x,N\n", "no line starts with a number"),
-    ],
-)
-def test_bad_files_are_refused(text, says, tmp_path):
-    (tmp_path / "pad.csv").write_text(text)
-    assert says in refused({"force_deflection": str(tmp_path / "pad.csv")})
 
 
 def pressed(preload, frequencies, **others):

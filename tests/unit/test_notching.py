@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.sweep.analysis import sweep
-from beamsim.errors import ScenarioError
 from beamsim.plots.sweep import sweep_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
@@ -132,27 +131,6 @@ def test_limits_that_impacts_exceed_are_an_outcome():
     assert missed.numbers["percent"] > 5
     assert not result.outcome.complete
     assert result.outcome.trusted
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("frequency (Hz),level\n10,1\n20,2\n", "no unit"),
-        ("frequency (Hz),level (N)\n10,1\n20,2\n", "must be"),
-        ("f,level (g)\n10,1\n20,2\n", "first column states no unit"),
-        ("frequency (Hz),level (g)\n20,1\n10,2\n", "do not increase at row 2"),
-        ("frequency (Hz),level (g)\n10,1\n20,0\n", "no logarithm"),
-        ("frequency (Hz),level (g)\n10,\n20,1\n", "no positive numbers"),
-        ("level (g)\n10\n20\n", "one column"),
-        ("", "empty"),
-        (None, "does not exist"),
-    ],
-)
-def test_a_table_that_cannot_be_used_is_refused(tmp_path, text, words):
-    if text is not None:
-        (tmp_path / "level.csv").write_text(text)
-    with pytest.raises(ScenarioError, match=words):
-        sweep(case(notch_to=None, profile_file=str(tmp_path / "level.csv")))
 
 
 def test_the_command_prints_the_notches_and_draws_them(tmp_path, notched):

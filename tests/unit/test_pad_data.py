@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 import beamsim
 from beamsim.analyses.identify.pad_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, recovering_law
-from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
 BRANCHES = (MaxwellBranch(40e3, 1e-3), MaxwellBranch(25e3, 2e-2), MaxwellBranch(10e3, 0.5))
@@ -117,23 +116,3 @@ def test_a_relaxation_curve_from_a_file(tmp_path, unit):
     assert result.pad.kind == "relaxation"
     np.testing.assert_allclose(result.pad.relaxation_time, [2e-2, 0.5], rtol=1e-4)
     assert result.pad.stiffness == pytest.approx(STIFFNESS, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (None, "does not exist"),
-        ("frequency (Hz),force (N),loss factor\n1,2,0.1\n2,3,0.1", "which is no unit of"),
-        ("frequency (Hz),loss factor\n1,0.1\n2,0.1", "it needs columns"),
-        ("frequency (Hz),E (MPa),loss factor\n1,2,0.1\n2,3,0.1", "add height and area"),
-        ("time (s),stiffness (N/m)\n1,2\n2,\n", "row 2 of the numbers is not complete"),
-        ("time (s),stiffness (N/m)\n2,2\n1,1\n", "row 2 of the numbers"),
-        ("frequency (Hz),storage (N/m),loss factor\n1,2,0.1\n2,3,0.1", "ramp goes with a relaxation test"),
-    ],
-)
-def test_bad_files_are_refused(tmp_path, text, says):
-    if text is not None:
-        (tmp_path / "pad.csv").write_text(text)
-    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case(data={"file": "pad.csv", "ramp": 0.1})))
-    with pytest.raises(ScenarioError, match=says):
-        beamsim.identify_stiffness(load_scenario(tmp_path / "case.yaml"))

@@ -68,51 +68,6 @@ def test_every_form_of_file_gives_the_samples(tmp_path, record, form):
     np.testing.assert_allclose(values, a, atol=1e-12)
 
 
-def spoiled(t, a, how):
-    t, a = t.copy(), a.copy()
-    if how == "nan":
-        a[5] = np.nan
-    elif how == "decreasing":
-        t[7] = t[3]
-    elif how == "gap":
-        t[100:] += 0.5
-    return np.stack([t, a], axis=1)
-
-
-@pytest.mark.parametrize(
-    ("how", "words"),
-    [
-        ("nan", "values that are not finite, the first at sample 6"),
-        ("decreasing", "does not increase at sample 8"),
-        ("gap", "gap"),
-    ],
-)
-def test_bad_records_are_refused_with_their_place(tmp_path, record, how, words):
-    file = tmp_path / "bad.csv"
-    np.savetxt(file, spoiled(*record, how), delimiter=",")
-    with pytest.raises(ScenarioError, match=words) as error:
-        beamsim.run(load_scenario(case(kind="sampled", file=str(file), **SI)))
-    assert error.value.problems[0].remedy
-
-
-@pytest.mark.parametrize(
-    ("text", "more", "words"),
-    [
-        ("", {}, "empty"),
-        ("a,b\nc,d\n", {}, "no line starts with a number"),
-        ("0,1\n1,2,3\n2,1\n3,1\n", {}, "columns"),
-        ("1\n2\n3\n4\n5\n", {}, "has no time axis"),
-        ("0,1\n1,2\n", {}, "only 2 samples"),
-        ("t,x\n0,1\n1,2\n2,3\n3,4\n", {"column": "y"}, "no column y"),
-    ],
-)
-def test_unreadable_files_are_refused(tmp_path, text, more, words):
-    file = tmp_path / "x.csv"
-    file.write_text(text, encoding="utf-8")
-    with pytest.raises(ScenarioError, match=words):
-        read_samples(sampled(file, **more))
-
-
 @pytest.mark.parametrize(
     ("text", "more"),
     [
@@ -154,39 +109,6 @@ def test_units_of_hdf5_and_uff_files_are_read(tmp_path, record):
         times, values = read_samples(sampled(tmp_path / name, **more))
         np.testing.assert_allclose(times, np.arange(a.size) * 1e-3, rtol=1e-9)
         np.testing.assert_allclose(values, 9.80665 * a, atol=1e-5 * np.abs(a).max() + 1e-4)
-
-
-@pytest.mark.parametrize(
-    ("heading", "words"),
-    [
-        ("time (s),a (V)", r"excitation.unit is missing, and .* has values in V, which must be an acceleration"),
-        ("time (s),a [mm]", r"excitation.unit is missing, and .* in mm, which must be an acceleration, not a length"),
-        ("time (kg),a (g)", r"has a time axis in kg, which must be a time, not a mass"),
-        ("time (furlongs?),a (g)", r"has a time axis in furlongs\?"),
-    ],
-)
-def test_units_that_are_not_understood_are_asked_for(tmp_path, heading, words):
-    (tmp_path / "a.csv").write_text(heading + "\n0,0\n1,1\n2,0\n3,-1\n", encoding="utf-8")
-    with pytest.raises(ScenarioError, match=words) as error:
-        read_samples(sampled(tmp_path / "a.csv"))
-    assert error.value.problems[0].remedy
-
-
-@pytest.mark.parametrize(
-    ("text", "more", "missing"),
-    [
-        ("time,acceleration\n0,0\n1,1\n2,0\n3,-1\n", {}, ["unit", "time_unit"]),
-        ("0 0\n1 1\n2 0\n3 -1\n", {"unit": "g"}, ["time_unit"]),
-        ("time (s),acceleration\n0,0\n1,1\n2,0\n3,-1\n", {}, ["unit"]),
-        ("0\n1\n2\n3\n", {"sample_rate": "1 kHz"}, ["unit"]),
-    ],
-)
-def test_units_that_are_not_stated_are_asked_for(tmp_path, text, more, missing):
-    """They were taken as SI units in silence."""
-    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(ScenarioError) as error:
-        read_samples(sampled(tmp_path / "a.csv", **more))
-    assert [problem.path for problem in error.value.problems] == [f"excitation.{name}" for name in missing]
 
 
 def test_decimal_commas_are_read_or_named(tmp_path):
