@@ -78,7 +78,8 @@ def forces_beyond_tables(scenario: Scenario, forces: Iterable[Mapping[str, Float
         for name, values in curve.items():
             largest[name] = max(largest.get(name, 0.0), float(np.nanmax(values, initial=0.0)))
     return [
-        f"snubbers.{name}: its force reaches {largest[name]:.4g} N, its table ends at {_end(curve)}{_REST}"
+        f"{scenario.located_snubber(name).label}: its force reaches {largest[name]:.4g} N, its table ends at "
+        f"{_end(curve)}{_REST}"
         for name, curve in _tables(scenario).items()
         if largest.get(name, 0.0) > curve.force[-1]
     ]
@@ -92,8 +93,8 @@ def compressed_beyond_tables(scenario: Scenario, compression: Mapping[str, float
     compression : m, the largest of each snubber.
     """
     return [
-        f"snubbers.{name}: it is compressed by up to {1e3 * compression[name]:.4g} mm, its table ends at "
-        f"{_end(curve)}{_REST}"
+        f"{scenario.located_snubber(name).label}: it is compressed by up to {1e3 * compression[name]:.4g} mm, its "
+        f"table ends at {_end(curve)}{_REST}"
         for name, curve in _tables(scenario).items()
         if compression[name] > curve.deflection[-1]
     ]

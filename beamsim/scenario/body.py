@@ -387,6 +387,11 @@ class Located(NamedTuple):
         """The bodies that it acts on, each once."""
         return tuple(dict.fromkeys(place.body or self.body for place in self.item.places))
 
+    @property
+    def label(self) -> str:
+        """Its path with its name, as messages give it: snubbers.tip, chain.snubbers.tip."""
+        return path_text((*self.path[:-1], self.item.name))
+
 
 class Body(Schema):
     """One body of a scenario; a kind of body is a subclass.

@@ -15,6 +15,7 @@ import copy
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from difflib import get_close_matches
 from numbers import Integral, Real
@@ -491,7 +492,8 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
                 written.add(place)
                 _with(root, place, value, (), written)
         except ScenarioError as error:
-            problems += [replace(each, path=path) for each in error.problems]
+            remedy = _in_a_body(root, path_parts(path))
+            problems += [replace(each, path=path, remedy=remedy or each.remedy) for each in error.problems]
     if problems:
         raise ScenarioError(problems)
     return root
@@ -556,6 +558,20 @@ def _index_of(items: list[Any], name: str, walked: Path) -> int:
     raise _missing(f"{where} has no item called {name}", suggestion(name, given_names, "the names are"))
 
 
+def _in_a_body(root: WrittenMapping, parts: Sequence[str | int]) -> str:
+    """The remedy for a path to an item that a body lists, ``snubbers.stop`` for ``chain.snubbers.stop``; else empty."""
+    single = {(key,): root.get(key) for key in ("beam", "chain")}
+    several = root.get("bodies")
+    bodies = single | {("bodies", key): body for key, body in (several if isinstance(several, dict) else {}).items()}
+    for where, body in bodies.items():
+        items = body.get(parts[0]) if isinstance(body, dict) and len(parts) > 1 else None
+        if isinstance(items, list) and isinstance(parts[1], str):
+            with suppress(ScenarioError):
+                _index_of(items, parts[1], (parts[0],))
+                return f"did you mean {path_text((*where, *parts))}?"
+    return ""
+
+
 def _with(base: Any, parts: Path, value: Any, walked: Path, written: Collection[Path]) -> Any:
     """What stands at a place with a value further inside; what other overrides wrote there stays, see `ALTERNATIVES`.
 
@@ -571,9 +587,9 @@ def _with(base: Any, parts: Path, value: Any, walked: Path, written: Collection[
     if not parts or only_kind:
         return merge(base, from_python({"kind": value}) if only_kind else copy.deepcopy(value), str(walked[-1]))
     part, rest, where = parts[0], parts[1:], path_text(walked)
+    if base is None and (isinstance(part, int) or (walked and walked[-1] in DEFAULT_NAMES)):
+        raise _missing(f"there is no {where}", f"give {where} as a whole list")
     if isinstance(part, int):
-        if base is None:
-            raise _missing(f"there is no {where}", f"give {where} as a whole list")
         if not isinstance(base, WrittenList):
             raise _missing(f"{where} is not a list")
         if part >= len(base):

@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import pytest
+from pydantic_core import PydanticCustomError
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import NoExcitation, PolynomialStart, RayleighDamping, SnubberViscousDamping, Step, load_scenario
+from beamsim.scenario.base import refused
 from beamsim.scenario.parameters import find_parameters
 
 pytestmark = pytest.mark.quick
@@ -173,6 +175,42 @@ def test_null_in_an_override():
 def test_a_start_by_name_gives_way_to_one_by_keys():
     scenario = load_scenario(BASE, ["run.start.mode=1", "run.start.amplitude=1 mm"])
     assert (scenario.run.start.mode, scenario.run.start.amplitude) == (1, 0.001)
+
+
+CHAIN = """
+chain:
+  masses: [1, 2]
+  springs: [50, 60]
+  snubbers: [{name: stop, mass: 1, side: below, stiffness: 900, gap: 1 mm, damping: {kind: ratio, ratio: 0.5}}]
+  springs_to_ground: [{mass: 1, kind: cubic, stiffness: 3}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("short", "whole"),
+    [
+        ("snubbers.stop.gap", "chain.snubbers.stop.gap"),
+        ("springs_to_ground.ground_spring_1.stiffness", "chain.springs_to_ground.ground_spring_1.stiffness"),
+    ],
+)
+@pytest.mark.parametrize("several", [False, True], ids=["chain", "bodies"])
+def test_paths_to_what_a_body_lists_are_named_whole(short, whole, several):
+    """A body's snubbers were looked for beside it: `snubbers = {stop: {gap: 1 mm}} must be a list`."""
+    text = CHAIN
+    if several:
+        text = "bodies:\n  one:\n    kind: chain" + CHAIN.removeprefix("\nchain:").replace("\n", "\n  ")
+        whole = whole.replace("chain", "bodies.one")
+    assert f"{short} does not exist: there is no {short.split('.')[0]}; did you mean {whole}?" in problems(
+        load_scenario, text, [f"{short}=2"]
+    )
+    with pytest.raises(PydanticCustomError) as caught:
+        find_parameters(load_scenario(text), short)
+    assert refused(caught.value, ()).remedy == f"did you mean {whole}?"
+    # with another of the kind beside the body, and the twin that nothing is called so
+    other = "\nsnubbers: [{name: a, at: {mass: 2}, side: above, stiffness: 9, gap: 1}]\n"
+    if short.startswith("snubbers"):
+        assert any(f"did you mean {whole}?" in line for line in problems(load_scenario, text + other, [f"{short}=2"]))
+    assert not any("did you mean chain" in line for line in problems(load_scenario, text, ["snubbers.foot.gap=1"]))
 
 
 def test_all_bad_overrides_at_once():
