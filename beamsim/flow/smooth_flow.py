@@ -66,9 +66,7 @@ class SmoothFlow(PeriodicFlow):
             )
         contacts = self.system.contacts.one_sided_parts()
         self.system = replace(self.system, contacts=contacts)
-        added = float(np.abs(contacts.stiffness) @ (contacts.shape**2).sum(axis=1))
-        fastest = float(np.sqrt(self.system.stiffness.max(initial=0.0) + added))
-        self._longest = RADIANS / fastest if fastest > 0 else np.inf
+        self._longest = RADIANS / self.system.fastest if self.system.fastest > 0 else np.inf
 
     def _arrays(self, parameters: Sequence[Parameter]) -> Any:
         s, c, loads = self.system, self.system.contacts, self.loads

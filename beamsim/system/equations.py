@@ -44,6 +44,13 @@ class PiecewiseLinearSystem:
         return int(self.stiffness.size)
 
     @cached_property
+    def fastest(self) -> float:
+        """rad/s, that no natural frequency with all contacts closed exceeds."""
+        contacts = self.contacts
+        closed = np.abs(contacts.arrays.force[:, :, 0]).max(axis=1, initial=0.0) @ (contacts.shape**2).sum(axis=1)
+        return float(np.sqrt(self.stiffness.max(initial=0.0) + closed))
+
+    @cached_property
     def coupled_by_damping(self) -> bool:
         """Whether C of the open structure has entries beside its diagonal."""
         return bool(np.count_nonzero(self.damping) > np.count_nonzero(np.diag(self.damping)))

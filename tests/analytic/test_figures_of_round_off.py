@@ -60,6 +60,29 @@ def test_a_contact_throughout_has_no_opening():
     np.testing.assert_array_equal(study.table["snubbers/stop/largest_gap"], 0.0)
 
 
+@pytest.mark.parametrize(
+    "excitation", [{"kind": "none"}, {"kind": "harmonic", "applied_to": "base", "level": 0.0, "frequency": 40.0}]
+)
+@pytest.mark.parametrize("preload", [0.0, 5.0])
+def test_a_structure_at_rest_has_converged(excitation, preload):
+    """Under its weight: accelerations of 1e-13 g changed by half, with spectral lines and advice."""
+    stop = {**PINNED["snubbers"][0]} | ({"gap": None, "preload": preload} if preload else {})
+    case = {
+        **PINNED, "gravity": 9.81, "excitation": excitation, "run": {"duration": 0.05},
+        "snubbers": [{name: value for name, value in stop.items() if value is not None}],
+    }  # fmt: skip
+    result = beamsim.run(beamsim.load_scenario(case))
+    assert result.outcome.code == "complete"
+    assert result.summary["peak_acceleration_g"] == {"middle": 0.0, "quarter": 0.0}
+    assert result.summary["peak_displacement_m"]["middle"] > 1e-4
+    assert not [line for line in result.summary["spectral_lines"] if line["quantity"] == "absolute_acceleration"]
+    assert not any("low_pass" in warning for warning in result.warnings)
+    # the twin: what moves by a millionth of its deflection does not rest
+    shaken = {"kind": "harmonic", "applied_to": {"position": 0.1}, "level": 1e-6, "frequency": 40.0}
+    moved = beamsim.run(beamsim.load_scenario({**case, "excitation": shaken})).summary
+    assert moved["peak_acceleration_g"]["middle"] > 1e-8
+
+
 def test_frequencies_of_static_vectors_are_not_natural_frequencies():
     """With three modes and a static vector a fourth one was printed, 80 % above that of the beam."""
     case = {**PINNED, "reduction": {"modes": 3}, "run": {**PINNED["run"], "duration": 0.01}}

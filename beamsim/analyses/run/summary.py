@@ -26,6 +26,7 @@ from beamsim.analyses.values import (
     values_of,
 )
 from beamsim.contacts.snubbers import FRICTION
+from beamsim.inputs.signal import common_record
 from beamsim.scenario import Scenario
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import Key
@@ -33,6 +34,7 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 ROUND_OFF = 1e-12  # of the motion of the structure: a probe that moves by less is at rest
+PRECISION = 1e-15  # of a deflection, that its computation is known to
 ALWAYS = 1e-12  # of the time: a contact that is open for no longer is closed throughout
 
 
@@ -183,7 +185,9 @@ def _without_round_off(
     """The extremes where what is round-off is zero.
 
     A probe at a node of the motion moves by round-off: its displacement is 0, and its acceleration where that is no
-    larger than such a displacement makes it at the first natural frequency. A contact that never opens has no gap.
+    larger than such a displacement makes it at the first natural frequency. The acceleration of a probe that does not
+    leave its place under dead loads is 0 where that is no larger than the round-off of its deflection makes it at the
+    highest, and the base is at rest. A contact that never opens has no gap.
     """
     settled = dict(extremes)
     values = np.array([[True], [False], [True], [False]])  # times stay
@@ -191,9 +195,13 @@ def _without_round_off(
         still = largest(extremes[DISPLACEMENT]) <= ROUND_OFF * size
         settled[DISPLACEMENT] = np.where(values & still, 0.0, extremes[DISPLACEMENT])
         if ACCELERATION in extremes:
+            peak, (low, _, high, _) = largest(extremes[ACCELERATION]), extremes[DISPLACEMENT]
             first_hz = min((f for f in system.modes.open_frequencies_hz if f > 0.0), default=0.0)
-            slow = largest(extremes[ACCELERATION]) <= ROUND_OFF * size * (2.0 * np.pi * first_hz) ** 2
-            settled[ACCELERATION] = np.where(values & still & slow, 0.0, extremes[ACCELERATION])
+            rests = still & (peak <= ROUND_OFF * size * (2.0 * np.pi * first_hz) ** 2)
+            base = system.base_acceleration
+            if base is None or (common_record((base,)) is None and not base.coefficient.any()):
+                rests |= (high - low <= ROUND_OFF * size) & (peak <= PRECISION * size * system.dynamics.fastest**2)
+            settled[ACCELERATION] = np.where(values & rests, 0.0, extremes[ACCELERATION])
     if PENETRATION in extremes:
         settled[PENETRATION] = np.where(values & (contact_share >= 1.0 - ALWAYS), 0.0, extremes[PENETRATION])
     return settled
