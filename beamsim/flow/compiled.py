@@ -19,8 +19,10 @@ from pathlib import Path
 from typing import Any, cast
 
 import numba
+from numba.core import event
 
 from beamsim.errors import CacheWarning
+from beamsim.flow.processor_time import COMPILATION
 
 _LOG = logging.getLogger(__name__)
 
@@ -36,6 +38,21 @@ def kernel(function: Callable[..., Any]) -> Any:
 def summing(function: Callable[..., Any]) -> Any:
     """As `kernel`; sums may be taken in the order that suits the processor."""
     return _compiled(function, fastmath={"reassoc", "contract", "nsz"})
+
+
+class _Listener(event.Listener):
+    """Tells when kernels are compiled, or loaded."""
+
+    def on_start(self, event: Any) -> None:
+        """The compiler is entered."""
+        COMPILATION.start()
+
+    def on_end(self, event: Any) -> None:
+        """The compiler is left."""
+        COMPILATION.stop()
+
+
+cast("Any", event).register("numba:compiler_lock", _Listener())
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:

@@ -14,7 +14,6 @@ at every cycle by itself would overshoot from one to the next, since a response 
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -25,6 +24,7 @@ import numpy as np
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March, Motion
+from beamsim.flow.processor_time import processor_time
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import motion_of, start
 from beamsim.inputs.profiles import Leg, Profile
@@ -107,7 +107,7 @@ class SweptMotion(March):
         flow, motion, begun = None, Motion(np.zeros(0), -1), Log.sized(0, 0)
         visited: set[bytes] = set()
         for first, last in self._parts(carrier):
-            begin, since = clock.process_time(), float(self.windows.edge[first])
+            begin, since = processor_time(), float(self.windows.edge[first])
             windows = self.windows.of_cycles(first, last)
             if flow is None:
                 forcing, observers = self.loads(windows, carrier[first])
@@ -126,7 +126,7 @@ class SweptMotion(March):
             visited.update(flow.visited[state].tobytes() for state in np.unique(trajectory.state))
             self.states = len(visited)
             self.end = since + trajectory.end
-            self.processor_time_s += clock.process_time() - begin
+            self.processor_time_s += processor_time() - begin
             yield SweptStretch(trajectory, windows, first, windows.edge)
             if not self.outcome.complete:
                 return

@@ -6,7 +6,6 @@ before it, with the same bits, since a checkpoint is where a piece begins, where
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Log, March, Motion
+from beamsim.flow.processor_time import processor_time
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import never
 from beamsim.typing import Bools, Floats, Ints
@@ -119,7 +119,7 @@ class MotionInStretches(March):
         progress: Callable[[float], None] | None = None,
         stop: Callable[[], bool] = never,
     ) -> None:
-        begin = clock.process_time()
+        begin = processor_time()
         told = None if progress is None else lambda time: progress(time / flow.duration)
         super().__init__(max_events=max_events, progress=told, stop=stop)
         self.flow, self.one_stretch = flow, pieces_at_once is None
@@ -136,7 +136,7 @@ class MotionInStretches(March):
         self._shares: list[tuple[float, float, Floats]] = [(0.0, 0.0, none)]  # end, s, length, s, and (m,) in contact
         self._events: list[Log] = []
         self._latest: Trajectory | None = None
-        self.processor_time_s = clock.process_time() - begin
+        self.processor_time_s = processor_time() - begin
 
     @property
     def end(self) -> float:
@@ -151,9 +151,9 @@ class MotionInStretches(March):
     def stretches(self) -> Iterator[Trajectory]:
         """March, stretch by stretch."""
         for first in range(0, self._pieces, self._at_once):
-            begin = clock.process_time()
+            begin = processor_time()
             stretch = self._march(first, min(first + self._at_once, self._pieces))
-            self.processor_time_s += clock.process_time() - begin
+            self.processor_time_s += processor_time() - begin
             self.outcome, self._latest = stretch.outcome, stretch
             if stretch.length.sum() > 0 or first == 0:
                 yield stretch

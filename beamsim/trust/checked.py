@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from beamsim.analyses.branch import largest_of_stable
+from beamsim.flow.processor_time import processor_time
 from beamsim.outcomes import Stop, never
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.convergence import (
@@ -203,11 +204,11 @@ def _checked(
         return result
     if stop():
         return result.interrupted(COMPARISON)
-    begin, wall = clock.process_time(), clock.perf_counter()
+    begin, wall = processor_time(), clock.perf_counter()
     checked = _convergence(values, result, lambda case: again(case, _part(progress, share, 1.0)), stop)
     if stop():
         return result.interrupted(COMPARISON)
-    checked = replace(checked, processor_time_s=clock.process_time() - begin)
+    checked = replace(checked, processor_time_s=processor_time() - begin)
     result = with_convergence(result, checked, values(result))
     return replace(result, wall_time_s=result.wall_time_s + clock.perf_counter() - wall)
 

@@ -16,7 +16,6 @@ other motion.
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -43,6 +42,7 @@ from beamsim.analyses.run.summary import (
 )
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OUTPUT, searched
 from beamsim.flow.channels import Observed
+from beamsim.flow.processor_time import processor_time
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Stop
 from beamsim.scenario import Run, Scenario
@@ -182,7 +182,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     -------
     Convergence
     """
-    begin, scenario, settings = clock.process_time(), solution.scenario, solution.scenario.run
+    begin, scenario, settings = processor_time(), solution.scenario, solution.scenario.run
     assert settings is not None
     first, derived = Model(settings, solution.system, solution.motion), DerivedValues.of(solution.result)
     disturbed = None if first.motion.trajectory is None else partial(_disturbed, first, stop)
@@ -204,7 +204,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
         checked = second
     else:
         checked = _compared_models(scenario, first, second, derived, disturbed)
-    return replace(checked, processor_time_s=clock.process_time() - begin)
+    return replace(checked, processor_time_s=processor_time() - begin)
 
 
 def _compared_models(

@@ -44,6 +44,7 @@ from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, r
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, LIMITED, OUTPUT, PENETRATION, STRESS, Value, margins_of
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.processor_time import processor_time
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance, truncation
 from beamsim.orbits.shooting import STABLE
@@ -82,7 +83,7 @@ def continuation(
     KeyboardInterrupt
         Where it was time to stop before any was found.
     """
-    begin, processor = clock.perf_counter(), clock.process_time()
+    begin, processor = clock.perf_counter(), processor_time()
     model = response_model(scenario)
     settings = scenario.sweep
     assert isinstance(settings, Continuation)
@@ -152,7 +153,7 @@ def continuation(
         second_unit="" if second is None else second.unit,
         second_snubber="" if second is None else second.snubber,
         overlay=overlay or {},
-    ).with_summary(**_summary(model, outcome, branches, folds, clock.process_time() - processor))
+    ).with_summary(**_summary(model, outcome, branches, folds, processor_time() - processor))
 
 
 def _part(progress: Callable[[float], None], first: float, share: float) -> Callable[[float], None]:

@@ -34,6 +34,7 @@ from beamsim.analyses.identify.stiffness import (
     snubber_point,
 )
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.processor_time import processor_time
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import Stop, never, together
 from beamsim.scenario import Scenario
@@ -86,7 +87,7 @@ def _identify(
     progress: Callable[[float], None] | None,
     stop: Stop,
 ) -> IdentificationResult:
-    begin, processor = clock.perf_counter(), clock.process_time()
+    begin, processor = clock.perf_counter(), processor_time()
     section = scenario.identify_stiffness
     if section is None:
         raise ScenarioError(
@@ -122,7 +123,7 @@ def _identify(
 
         pad = fit_pad(scenario, section.pad, section.pad.data)
         warnings += pad.warnings
-    spent = clock.process_time() - processor
+    spent = processor_time() - processor
     estimate = contact.get("estimate")
     parts = [part.outcome for part in (estimate, nonlinear) if part is not None and not part.outcome.complete]
     result = IdentificationResult(

@@ -12,7 +12,6 @@ of neighbouring exact responses. The sum is minimised from several starting poin
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -34,6 +33,7 @@ from beamsim.analyses.identify.fit import (
 from beamsim.analyses.identify.result import NonlinearEstimate, TestFit
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
+from beamsim.flow.processor_time import processor_time
 from beamsim.flow.variational import VariationalFlow
 from beamsim.inputs.signal import Signal
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
@@ -79,7 +79,7 @@ def fit_nonlinear(
         If a signal cannot be used, there are more unknowns than measured numbers, a segment without slope is sought,
         or there is no steady vibration with the initial values of the scenario.
     """
-    begin = clock.process_time()
+    begin = processor_time()
     nonlinear = section.nonlinear
     assert nonlinear is not None
     tests = _tests(scenario, nonlinear.tests, signals)
@@ -124,7 +124,7 @@ def fit_nonlinear(
         starts_agreeing=agreeing,
         profiles=fit.profiles(best, covariance, scale, points=7) if nonlinear.profiles and not interrupted else (),
         responses=vibrations.responses,
-        processor_time_s=clock.process_time() - begin,
+        processor_time_s=processor_time() - begin,
         coverage=section.coverage,
         warnings=tuple(warnings),
     )

@@ -32,6 +32,7 @@ from beamsim.analyses.nnm.result import (
 )
 from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.processor_time import processor_time
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import linear_mode
@@ -207,7 +208,7 @@ def _followed(
     """Exact motions first, then what is compared with them."""
     assert scenario.nnm is not None
     solver = scenario.nnm.method
-    begin = clock.process_time()
+    begin = processor_time()
     if solver.kind == "multiple_scales":
         return _near_expansion(scenario, system, job)
     relaxing: RelaxedMinimisationMethod | None = None
@@ -222,7 +223,7 @@ def _followed(
         work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
         if solver.branches and work.full_period.backbone.outcome.complete:
             work.goes_on("the end of the search for non-brake orbits", stop)
-    work.processor_time_s = clock.process_time() - begin
+    work.processor_time_s = processor_time() - begin
     if relaxing is not None and work.goes_on("relaxed minimisation", stop):
         work.relaxed = compare_relaxed(
             job, work.followed, work.processor_time_s, relaxing, system.deflection, progress, stop
@@ -292,7 +293,7 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
     """The expansion at small factors and the exact motions beside it, from the linear mode on."""
     assert scenario.nnm is not None
     path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
-    begin = clock.process_time()
+    begin = processor_time()
     orbits, exact = exact_points(system, path)
     linear = solve_at(orbits, linear_mode(orbits, job.mode, 0.0, job.away_from), Settings(), 0.0)
     rising = sorted((p for p in exact if p is not None), key=lambda p: p.parameter)
@@ -314,7 +315,7 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
             "no exact motion was found near the expansion (tongues of internal resonance)",
             at=Where(missed, "", "factors"),
         )  # fmt: skip
-    spent = clock.process_time() - begin
+    spent = processor_time() - begin
     comparison = compare_expansion(system, path, (orbits, exact))
     backbone = OrbitBranch(orbits, points, outcome, kind="backbone")
     return _MethodResults(ModeBranches(backbone), spent, expansion=comparison)

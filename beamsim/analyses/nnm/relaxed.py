@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable
 
 import numpy as np
 
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import RelaxedComparison
+from beamsim.flow.processor_time import processor_time
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
@@ -48,10 +48,10 @@ def compare_relaxed(
     """
     orbits, points = branches.problem, branches.backbone.points
     factors = np.linspace(job.first, job.last, settings.steps + 1)[1:]
-    begin = clock.process_time()
+    begin = processor_time()
     exact = [branches.at_factor(float(factor)) for factor in factors]
     shooting_passages = orbits.family.passages
-    shooting_time_s += clock.process_time() - begin
+    shooting_time_s += processor_time() - begin
     steps: list[RelaxedStep] = []
     outcome = COMPLETE
     for step in until(relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations), stop):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -15,6 +14,7 @@ from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel, SweepOutputs
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
+from beamsim.flow.processor_time import processor_time
 from beamsim.flow.transient import start
 from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.inputs.signal import Signal
@@ -63,7 +63,7 @@ def step_level(
     LevelRun
         Up to a frequency at which the motion could not be computed, or to where it was stopped.
     """
-    begin, system, settings, level = clock.process_time(), one.system, one.settings, one.value
+    begin, system, settings, level = processor_time(), one.system, one.settings, one.value
     assert isinstance(settings, SteppedSine)
     up = frequencies_of(settings)
     sequences = {"up": [("up", up)], "down": [("down", up[::-1])], "both": [("up", up), ("down", up[::-1])]}
@@ -108,7 +108,7 @@ def step_level(
         evaluations=stepper.evaluations,
         segments=stepper.segments,
         states=len(stepper.flow.visited),
-        processor_time_s=clock.process_time() - begin,
+        processor_time_s=processor_time() - begin,
     )
     return LevelRun(tuple(curves), LevelWork(float(level), balanced(outcome, curves), 0.0, work))
 

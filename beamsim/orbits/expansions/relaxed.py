@@ -8,12 +8,12 @@ another branch goes unnoticed.
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from beamsim.flow.processor_time import processor_time
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.typing import Floats
 
@@ -61,7 +61,7 @@ def relaxed_path(
     weight = np.append(np.sqrt(2 * orbits.energy) / omega, start[-2])
     x = start[: n + 1] / weight
     for factor in factors.tolist():
-        begin, functional = clock.process_time(), _Deviation(orbits, factor, omega, weight)
+        begin, functional = processor_time(), _Deviation(orbits, factor, omega, weight)
         bounds = [(None, None)] * n + [(SHORTEST * float(x[n]), LONGEST * float(x[n]))]
         value, remaining, stalls = np.inf, iterations, 0
         # 3: restarts of the optimiser, forgetting its curvature, that gained nothing: it is at a minimum
@@ -76,7 +76,7 @@ def relaxed_path(
             stalls += done.fun > 0.99 * value
             value = float(done.fun)
         yield RelaxedStep(
-            factor, x[:n] * weight[:n], float(x[n] * weight[n]), value, functional.count, clock.process_time() - begin,
+            factor, x[:n] * weight[:n], float(x[n] * weight[n]), value, functional.count, processor_time() - begin,
             value <= tolerance, remaining > 0,
         )  # fmt: skip
 
