@@ -205,7 +205,7 @@ def _against(result: RunResult, compared: Mapping[str, Any]) -> list[dict[str, s
             exact, stepped, unit = value["exact"], value["stepped"], value["unit"]
             apart = percent((stepped - exact) / abs(exact)) if exact else amount(stepped - exact, "1")
             shown = {"exact": amount(exact, unit, 6), method: amount(stepped, unit, 6), "difference": apart}
-            rows.append({"": f"{figure.replace('_', ' ')} {place}"} | shown)
+            rows.append({"": f"{figure.replace('_', ' ')} {place}".rstrip()} | shown)
     until = compared["agrees_until_s"]
     of = "" if until >= result.time[-1] else f" until {amount(until, 's')}, where the contact sequences diverge"
     rows.append({"": f"displacement{of}", "difference": percent(compared["largest_state_difference"])})

@@ -1,24 +1,29 @@
 """Time stepping with SciPy, restarted at contact events and breakpoints: the independent check of the exact flow.
 
-It also runs smooth nonlinearities (cubic springs), which have no closed form. Unlike the exact flow, it
-finds contacts only by sign changes between its steps, so a contact shorter than a step can be missed.
+It takes every contact law, and smooth nonlinearities (cubic springs), which have no closed form. Unlike the exact flow
+it looks for events on the integrator's dense output, `LOOKS` times a step: a contact between two looks can be missed.
 """
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
-from beamsim.flow.contact_state import LinearOutput, OutputOf, held_contacts
+from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import too_many_events
+from beamsim.flow.processor_time import processor_time
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
 from beamsim.typing import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from scipy.integrate import DenseOutput, OdeSolution
+
+LOOKS = 8  # for events, in a step
 
 Powers = tuple[OutputOf, OutputOf, Floats]  # two factors (k,) and weights (k, 2): dissipated power and power in
 
@@ -70,6 +75,19 @@ class TimeStepping:
     max_events: int = 1_000_000
 
 
+@dataclass(frozen=True)
+class Piece:
+    """A motion in one contact state, up to an event, a breakpoint of the inputs, the end of the motion or where it
+    failed."""
+
+    t: Floats  # (steps + 1,) s, no step of a motion without length
+    sol: OdeSolution | None  # (N + 2,) at times of a motion that has a length
+    y: Floats  # (N + 2,) at its end
+    guard: int | None  # that ends it
+    failure: str  # of the integrator
+    interrupted: bool
+
+
 def integrate(
     stepping: TimeStepping,
     initial_state: Floats,
@@ -77,89 +95,117 @@ def integrate(
     *,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] = never,
-    observe: Callable[[Any, Ints], None] | None = None,
+    observe: Callable[[Piece, Ints], None] | None = None,
 ) -> ReferenceTrajectory:
-    """Integrate from t = 0 through the increasing output ``times`` with ``scipy.integrate.solve_ivp``.
+    """Integrate from t = 0 over the duration of the flow with an integrator of `scipy.integrate`.
 
     Parameters
     ----------
     stepping : what is stepped, and how.
     initial_state : (N,) or without the internal states.
-    times : (nt,) output times, s.
+    times : (nt,) output times, s, increasing.
     progress : called with the share of the duration that is done.
     stop : called after every step; the integration ends there if it returns True.
-    observe : called with every piece of the solution (``solve_ivp``'s, with dense output) and the contacts' phases.
+    observe : called with every piece that has a length, and the contacts' phases.
 
     Returns
     -------
     ReferenceTrajectory
         Up to where it ended, with its outcome.
     """
-    from scipy.integrate import solve_ivp
-
-    duration, sources, outcome = float(times[-1]), stepping.flow.sources, COMPLETE
-    right_hand_side, record = _RightHandSide(stepping), _Record(stepping.flow, initial_state, times)
+    duration, sources, outcome = max(stepping.flow.duration, float(times[-1])), stepping.flow.sources, COMPLETE
+    equations, record = _Equations(stepping), _Record(stepping.flow, initial_state, times)
     breaks = np.append(sources.start[(sources.start > 0) & (sources.start < duration)], duration)
-    while True:
-        t = record.t
-        until = float(breaks[np.searchsorted(breaks, t, side="right")]) if t < duration else duration
-        right_hand_side.begin(t, record.phases)
-        solution = solve_ivp(  # type: ignore[call-overload]
-            right_hand_side, (t, until), record.y, method=stepping.integrator, rtol=stepping.rtol, atol=stepping.atol,
-            max_step=stepping.max_step, events=[*right_hand_side.events(), _stopping(stop, t)], dense_output=True,
-        )  # fmt: skip
-        if solution.status < 0:
+
+    def stopped(t: float) -> bool:
+        if progress is not None:
+            progress(t / duration)
+        return stop()
+
+    while record.t < duration and outcome.complete:
+        until = float(breaks[np.searchsorted(breaks, record.t, side="right")])
+        equations.begin(record.t, record.phases)
+        piece = _solved(stepping, equations, (record.t, until), record.y, stopped)
+        if piece.sol is not None:
+            if observe is not None:
+                observe(piece, record.phases)
+            record.advance(piece)
+        if piece.failure:
             outcome = Outcome.of(
-                OutcomeKind.STOPPED, "integrator_failed", f"the {stepping.integrator} integrator: {solution.message}",
-                at=Where(float(solution.t[-1]), "s"),
+                OutcomeKind.STOPPED, "integrator_failed", f"the {stepping.integrator} integrator: {piece.failure}",
+                at=Where(record.t, "s"),
             )  # fmt: skip
-        if observe is not None and solution.t[-1] > t:
-            observe(solution, record.phases)
-        record.advance(solution)
-        if solution.status == 1:
-            hit = next(g for g, happened in enumerate(solution.t_events) if happened.size)
-            if hit == right_hand_side.watched.guards:
-                outcome = interruption(at=Where(record.t, "s"))
-                break
-            right_hand_side.reset(hit, record.t, record.y)
-            record.meet(int(right_hand_side.watched.contact[hit]), int(right_hand_side.watched.following[hit]))
+        elif piece.interrupted:
+            outcome = interruption(at=Where(record.t, "s"))
+        elif piece.guard is not None:
+            record.meet(equations, piece.guard)
             if len(record.events) > stepping.max_events:
                 outcome = too_many_events(record.t, len(record.events))
-        if progress is not None:
-            progress(record.t / duration)
-        if record.t >= duration or not outcome.complete:
+    return record.trajectory(equations.count, outcome)
+
+
+def _solved(
+    stepping: TimeStepping,
+    equations: _Equations,
+    span: tuple[float, float],
+    y: Floats,
+    stopped: Callable[[float], bool],
+) -> Piece:
+    """The motion from a state (N + 2,) on, to the first event within a span, s."""
+    import scipy.integrate
+
+    solver = getattr(scipy.integrate, stepping.integrator)(
+        equations, span[0], y, span[1], rtol=stepping.rtol, atol=stepping.atol, max_step=stepping.max_step
+    )
+    times, dense, guard, failure, interrupted = [span[0]], [], None, "", False
+    while solver.status == "running" and guard is None and not interrupted:
+        failure = solver.step() or ""
+        if failure:
             break
-    return record.trajectory(right_hand_side.count, outcome)
+        step = solver.dense_output()
+        end, guard = equations.first_event(step)
+        y = solver.y if guard is None else step(end)
+        if end > times[-1]:
+            times.append(end)
+            dense.append(step)
+        interrupted = stopped(end)
+    sol = scipy.integrate.OdeSolution(times, dense) if dense else None
+    return Piece(np.array(times), sol, np.array(y), guard, failure, interrupted)
 
 
 class _Record:
     """A motion while it is stepped: where it is, its outputs, and its events."""
 
     def __init__(self, flow: ExactFlow, initial_state: Floats, times: Floats) -> None:
-        self.begun, self.restarts = clock.process_time(), 0
+        self.begun, self.restarts = processor_time(), 0
         self.flow, self.times, self.contacts = flow, times, flow.system.contacts
         N, m = flow.size, self.contacts.count
         self.y = np.concatenate([flow.whole_state(np.asarray(initial_state, dtype=float)), np.zeros(2)])
         self.phases, entered, self.y[:N] = flow.begin(self.y[:N])
         self.states, self.all_phases = np.empty((times.size, N + 2)), np.zeros((times.size, m), dtype=np.int64)
-        self.done, self.t, self.touched = 0, 0.0, np.zeros(m)  # outputs; s; s that each contact has touched
+        self.states[0], self.all_phases[0] = self.y, self.phases
+        self.done, self.t = int(times[0] == 0.0), 0.0  # outputs; s
+        self.touched = np.zeros(m)  # s that each contact has touched
         self.events = [(0.0, j, int(self.phases[j])) for j in np.flatnonzero(entered).tolist()]
 
-    def advance(self, solution: Any) -> None:
-        """Go to the end of a piece of the solution, with the outputs on the way."""
-        end, self.restarts = float(solution.t[-1]), self.restarts + 1
+    def advance(self, piece: Piece) -> None:
+        """Go to the end of a piece of the motion, with the outputs on the way."""
+        assert piece.sol is not None
+        end, self.restarts = float(piece.t[-1]), self.restarts + 1
         self.touched += self.contacts.touching(self.phases) * (end - self.t)
         last = int(np.searchsorted(self.times, end, side="right" if end >= self.times[-1] else "left"))
         if last > self.done:
-            self.states[self.done : last] = solution.sol(self.times[self.done : last]).T
+            self.states[self.done : last] = piece.sol(self.times[self.done : last]).T
             self.all_phases[self.done : last] = self.phases
             self.done = last
-        self.y, self.t = solution.y[:, -1].copy(), end
+        self.y, self.t = piece.y, end
 
-    def meet(self, contact: int, following: int) -> None:
-        """An event takes a contact to another phase."""
+    def meet(self, equations: _Equations, guard: int) -> None:
+        """The event of a guard takes its contact to another phase."""
+        contact, following = (int(of[guard]) for of in (equations.watched.contact, equations.watched.following))
+        equations.reset(guard, self.t, self.y)
         before, self.phases = self.phases, self.contacts.after(self.phases, contact, following)
-        self.y[-2] += self.contacts.event_losses(before[None], self.phases[None]).sum()
+        self.y[-2] += equations.lost(before, self.phases, self.t, self.y)
         self.events.append((self.t, contact, following))
 
     def trajectory(self, evaluations: int, outcome: Outcome) -> ReferenceTrajectory:
@@ -180,12 +226,13 @@ class _Record:
             self.t,
             self.touched / self.t if self.t > 0 else self.touched,
             outcome,
-            clock.process_time() - self.begun,
+            processor_time() - self.begun,
         )
 
 
-class _RightHandSide:
-    """Rates of (q, q', internal states), and dissipated power and power in, with contacts in given phases."""
+class _Equations:
+    """Rates of (q, q', internal states), of what is dissipated and put in, and the guards, in one contact state and on
+    one piece of the inputs."""
 
     def __init__(self, stepping: TimeStepping) -> None:
         cubic = stepping.cubic
@@ -196,24 +243,23 @@ class _RightHandSide:
         self.base = None if base is None else (base, base.derivative())
 
     def begin(self, t: float, phases: Ints) -> None:
-        """Change the time from which sources count, and the contacts' phases."""
-        flow, contacts = self.flow, self.flow.system.contacts
-        self.since = np.array([t])
-        self.watched = contacts.watched(phases)
-        self.functions = flow.watched(self.watched, phases)
-        self.rates = flow.rates(phases)
-        self.factors = None if self.powers is None else tuple(of(phases) for of in self.powers[:2])
-        if self.cubic is not None:
-            held, pushes = held_contacts(flow.system, phases), -self.cubic.shape
-            reactions = np.zeros((pushes.shape[0], contacts.count))
-            if held is not None:
-                reactions[:, held.contact] = pushes @ held.share.T
-                pushes = held.free(pushes)
-            self.pushes, self.reactions = pushes, reactions[:, self.watched.contact] * self.watched.joint[:, 2]
+        """Go to the piece of the inputs that begins at a time or lasts then, and to the phases (m,) of the contacts."""
+        flow, sources = self.flow, self.flow.sources
+        piece = max(int(np.searchsorted(sources.start, t, side="right")) - 1, 0)
+        self.since, self.amplitude = sources.start[piece], sources.amplitude[piece]
+        self.watched = flow.system.contacts.watched(phases)
+        self.functions = _matrix(flow.watched(self.watched, phases))
+        factors = [] if self.powers is None else [of(phases) for of in self.powers[:2]]
+        self.rates = np.vstack([_matrix(of) for of in (flow.rates(phases), *factors)])
+        self.weight = np.zeros((0, 2)) if self.powers is None else self.powers[2]
 
-    def _values(self, output: LinearOutput, t: float, y: Floats) -> Floats:
-        values, slopes = np.split(self.flow.inputs_at(np.array([t]), since=self.since)[:, 0], 2, axis=1)
-        return np.asarray(output.values(y[None, : self.flow.size], values, slopes)[0])
+    def _known(self, times: Floats, y: Floats) -> Floats:
+        """(nt, N + 2 F) what outputs are linear in: states (nt, N), inputs and their slopes."""
+        tau, exponent, power = (times - self.since)[:, None], self.flow.sources.exponent, self.flow.sources.power
+        growth = self.amplitude * np.exp(exponent * tau)
+        inputs = growth * tau**power
+        slopes = exponent * inputs + power * growth * tau ** np.maximum(power - 1, 0)
+        return np.concatenate([y[:, : self.flow.size], inputs.real, slopes.real], axis=1)
 
     def _pulls(self, t: float, y: Floats) -> tuple[Floats, float]:
         """Forces of the cubic springs, N, and the power, W, that the base's motion puts into them."""
@@ -227,58 +273,71 @@ class _RightHandSide:
 
     def __call__(self, t: float, y: Floats) -> Floats:
         self.count += 1
-        n, rates, power = self.flow.system.size, self._values(self.rates, t, y), np.zeros(2)
-        if self.powers is not None and self.factors is not None:
-            left, right = (self._values(factor, t, y) for factor in self.factors)
-            power = (left * right) @ self.powers[2]
+        n, size = self.flow.system.size, self.flow.size
+        values = self.rates @ self._known(np.array([t]), y[None])[0]
+        left, right = values[size:].reshape(2, -1)
+        rates = np.concatenate([values[:size], (left * right) @ self.weight])
         if self.cubic is not None:
             pulls, through = self._pulls(t, y)
-            rates[n : 2 * n] += pulls @ self.pushes
-            power[1] += through
-        return np.concatenate([rates, power])
+            rates[n : 2 * n] -= pulls @ self.cubic.shape
+            rates[-1] += through
+        return rates
+
+    def guards(self, times: Floats, y: Floats) -> Floats:
+        """(nt, g) guards in states (nt, N), which fall through zero at events.
+
+        They do so where they lie below it by more than the round-off of their parts, so that a contact whose two sides
+        move together at no distance does not open and close without end.
+        """
+        rows, known = self.functions[: self.watched.guards], self._known(times, y)
+        # 1e-15: of the parts of a guard, that a sum of them is known to
+        return np.asarray(known @ rows.T + 1e-15 * np.abs(known) @ np.abs(rows).T)
+
+    def first_event(self, step: DenseOutput) -> tuple[float, int | None]:
+        """Time of the first event in a step, s, with its guard; the end of the step where there is none.
+
+        A guard that lies below zero from the start on acts there, that of a face which stops and does not hold, for
+        example; of several the lowest.
+        """
+        from scipy.optimize import brentq
+
+        if not self.watched.guards:
+            return float(step.t), None
+        times = np.linspace(step.t_old, step.t, LOOKS + 1)
+        values = self.guards(times, step(times).T)
+        falling = values[1:] <= 0.0
+        falling[1:] &= values[1:-1] >= 0.0
+        if not falling.any():
+            return float(step.t), None
+        look = int(falling.any(axis=1).argmax())
+        at_once = np.where(falling[0], values[0], 0.0)
+        if at_once.min() < 0.0:
+            return float(step.t_old), int(at_once.argmin())
+
+        def guard(t: float, g: int) -> float:
+            return float(self.guards(np.array([t]), step(np.array([t])).T)[0, g])
+
+        a, b, eps = float(times[look]), float(times[look + 1]), 4.0 * float(np.finfo(float).eps)
+        fallen = np.flatnonzero(falling[look]).tolist()
+        return min((float(brentq(guard, a, b, args=(g,), xtol=eps, rtol=eps)), g) for g in fallen)
 
     def reset(self, guard: int, t: float, y: Floats) -> None:
         """Start the internal states of a guard's contact anew, in y, where its event does so."""
         column, contacts, contact = self.watched.reset[guard], self.flow.system.contacts, self.watched.contact[guard]
         if column >= 0:
             first, count = 2 * self.flow.system.size + contacts.first[contact], contacts.states[contact]
-            y[first : first + count] = self._values(self.functions.some(slice(column, column + count)), t, y)
+            y[first : first + count] = self.functions[column : column + count] @ self._known(np.array([t]), y[None])[0]
 
-    def events(self) -> list[Callable[[float, Floats], float]]:
-        return [self._event(guard) for guard in range(self.watched.guards)]
-
-    def _event(self, guard: int) -> Callable[[float, Floats], float]:
-        """Passes zero where the guard lies below it by more than the round-off of its parts, so that a contact whose
-        two sides move together at no distance does not open and close without end."""
-        function = self.functions.some(slice(guard, guard + 1))
-        parts = np.abs(np.concatenate([function.row, function.direct, function.direct_slope], axis=1)[0])
-
-        def value(t: float, y: Floats) -> float:
-            inputs = self.flow.inputs_at(np.array([t]), since=self.since)[0, 0]
-            # 1e-15: of the parts of a guard, that a sum of them is known to
-            floor = 1e-15 * float(parts @ np.abs(np.concatenate([y[: self.flow.size], inputs])))
-            pulled = 0.0 if self.cubic is None else float(self._pulls(t, y)[0] @ self.reactions[:, guard])
-            return float(self._values(function, t, y)[0]) + pulled + floor
-
-        value.terminal = True  # type: ignore[attr-defined]
-        value.direction = -1.0  # type: ignore[attr-defined]
-        return value
+    def lost(self, before: Ints, after: Ints, t: float, y: Floats) -> float:
+        """Energy that the contacts lose at once where their phases change, J."""
+        contacts = self.flow.system.contacts
+        lost = contacts.event_losses(before[None], after[None]).sum()
+        if contacts.pressed.size:
+            normal = _matrix(self.flow.pressing_forces(after)) @ self._known(np.array([t]), y[None])[0]
+            lost += (contacts.pressing_losses(before[None], after[None]) * normal**2).sum()
+        return float(lost)
 
 
-def _stopping(stop: Callable[[], bool], begin: float) -> Callable[[float, Floats], float]:
-    """An event within the step after which ``stop`` says so."""
-    before, cut = begin, np.inf
-
-    def value(t: float, _: Floats) -> float:
-        nonlocal before, cut
-        if cut == np.inf:
-            if t > before and stop():
-                cut = 0.5 * (before + t)
-            else:
-                before = t
-                return 1.0
-        return cut - t
-
-    value.terminal = True  # type: ignore[attr-defined]
-    value.direction = -1.0  # type: ignore[attr-defined]
-    return value
+def _matrix(output: LinearOutput) -> Floats:
+    """(k, N + 2 F) an output's factors of the states, the inputs and their slopes."""
+    return np.concatenate([output.row, output.direct, output.direct_slope], axis=1)

@@ -527,7 +527,7 @@ def _units_of_shape(body: Body, path: Path, numbers: Sequence[float]) -> Problem
 
 
 def _pressed_friction(scenario: ScenarioParts) -> Problems:
-    """Friction under the force of a snubber: of one that does not pull, in closed form."""
+    """Friction under the force of a snubber: of one that does not pull."""
     snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
     rigid = [contact.name for contact in scenario.friction if contact.stiffness is None]
     for index, contact in enumerate(scenario.friction):
@@ -537,11 +537,6 @@ def _pressed_friction(scenario: ScenarioParts) -> Problems:
         yield from unknown((*where, "snubber"), name, "snubber", snubbers, "there is no snubber: give a force")
         if name not in snubbers:
             continue
-        if scenario.run is not None and scenario.run.method == "reference":
-            yield problem(
-                where, f"= the force of {name} is followed in closed form alone, not by run.method: reference",
-                "leave run.method out, or give a constant force, for example the snubber's mean force in contact",
-            )  # fmt: skip
         damped = snubbers[name].damping is not None
         if damped and snubbers[name].law != "no_tension":
             remedy = (

@@ -12,20 +12,17 @@ from beamsim.analyses.run.motion import RunMotion, output_times
 from beamsim.analyses.run.result import Against, AgainstFigure, EventLog, RunResult
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import figures_of_motion
-from beamsim.analyses.values import DISPLACEMENT
+from beamsim.analyses.values import DISPLACEMENT, VALUES
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import never
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.trust.convergence import ContactEvents, divergence
+from beamsim.trust.convergence import ContactEvents, divergence, places
 
 RTOL, ATOL = 1e-8, 1e-12  # by default
-COMPARED = (  # entry of the summary, its name in the comparison and its unit
-    ("peak_displacement_m", "peak displacement", "m"),
-    ("peak_acceleration_g", "peak acceleration", "g"),
-    ("peak_force_n", "peak contact force", "N"),
+COMPARED = (  # entry of the summary, its name in the comparison and its unit, empty where each place has its own
+    *((value.entry, value.label, value.summary_entry().unit) for value in VALUES if value.label),
     ("contacts", "contacts", "1"),
-    ("contact_share", "time in contact", "1"),
 )
 
 
@@ -53,9 +50,11 @@ def tolerance_of(text: str) -> float:
 def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = never) -> RunResult:
     """The result with a comparison with the reference integrator, in `RunResult.against` and in its summary.
 
+    There is none, but a warning, where either of the two ended before the run does.
+
     Parameters
     ----------
-    result : of a run that is complete.
+    result : of a run.
     rtol : relative tolerance of the integration; its absolute one is at most `ATOL`.
     stop : asked after every step whether to leave the comparison out; the result is then marked as interrupted.
 
@@ -63,15 +62,10 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     -------
     RunResult : the same result with ``against`` and ``summary["against"]``.
 
-    Raises
-    ------
-    ScenarioError
-        If a force is followed in closed form alone (friction under the force of a snubber).
     """
+    if result.outcome.cut_short:
+        return _without(result, f"the run is {result.status}")
     system = build_system(result.scenario, assessed=False)
-    if system.dynamics.contacts.pressed.size:
-        remedy = "compare with a case in which normal_force is a number"
-        raise ScenarioError(Problem("--against", "friction under the force of a snubber has no reference", remedy))
     settings = result.scenario.run
     assert settings is not None
     # where the run itself is integrated, a method of another family
@@ -79,22 +73,27 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     stepped = settings.model_copy(
         update={
             "method": "reference", "integrator": integrator, "rtol": rtol, "atol": min(ATOL, settings.atol),
-            "low_pass": None,
         }
     )  # fmt: skip
     motion = stepped_motion_of(system, stepped, output_times(result.scenario), None, stop, short_steps=True)
     if motion.outcome.interrupted:
         return result.interrupted("the comparison with the reference integrator")
+    if motion.outcome.cut_short:
+        return _without(result, f"the reference integrator is {motion.outcome.text}")
     compared = _compared(result, system, motion)
     return replace(result, against=compared, summary={**result.summary, "against": _summary(compared)})
 
 
+def _without(result: RunResult, reason: str) -> RunResult:
+    """The result with a warning in place of a comparison."""
+    return replace(result, warnings=(*result.warnings, f"no comparison with the reference integrator: {reason}"))
+
+
 def _compared(result: RunResult, system: StructuralSystem, motion: RunMotion) -> Against:
     exact, stepped = result.summary, figures_of_motion(system, motion)
-    histories = motion.sampled()
-    end = float(histories.time[-1])
-    ours, theirs = _events(result.events, float(result.time[-1])), _events(motion.events, end)
-    diverged = min(divergence(ours, theirs), ours.end, theirs.end)
+    histories, end = motion.sampled(), motion.marched.end
+    ours, theirs = _events(result.events, end), _events(motion.events, end)
+    diverged = min(divergence(ours, theirs), end)
     count = int(np.searchsorted(result.time, diverged, side="right"))
     difference = 0.0
     for i, probe in enumerate(result.probes.values()):
@@ -110,9 +109,10 @@ def _compared(result: RunResult, system: StructuralSystem, motion: RunMotion) ->
         processor_time_s=motion.work.processor_time_s,
         exact_processor_time_s=result.work.processor_time_s,
         figures=tuple(
-            AgainstFigure(label, place, unit, float(value), float(stepped[name][place]))
+            AgainstFigure(label, place, unit or exact["output_unit"][place], float(value), float(other))
             for name, label, unit in COMPARED
-            for place, value in exact[name].items()
+            if name in exact and name in stepped
+            for (place, value), (_, other) in zip(places(exact[name]), places(stepped[name]), strict=True)
         ),
     )
 

@@ -4,15 +4,11 @@ import json
 import re
 
 import pytest
-import yaml
-from shipped import PATHS, shipped
+from shipped import PATHS, asked, shipped
 
 import beamsim
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke
-
-COMMANDS = {"run": "run", "sweep": "sweep", "nnm": "nnm", "identify_stiffness": "identify-stiffness"}
-"""Section -> command; studies are in test_design_configs.py."""
 
 SHORTENED = {
     "continuation_friction sweep": ("sweep.from=4.95 Hz", "sweep.to=5.05 Hz", "sweep.levels=[6 N]"),
@@ -31,14 +27,6 @@ ELSEWHERE = (
     "random_vibration", "shock_panel", "snubber_rubber", "two_panels run",
 )  # fmt: skip
 """Beginnings of config and command, of those that other tests or the documents compute as a whole."""
-
-
-def asked(path):
-    """The commands that a config has a section for: of its own, or where it has none, of the file that it extends."""
-    scenario, own = shipped(path), yaml.safe_load(path.read_text(encoding="utf-8"))
-    sections = [section for section in COMMANDS if getattr(scenario, section) is not None]
-    sections = [section for section in sections if section in own] or ([] if "vary" in own else sections)
-    return [COMMANDS[section] for section in sections if not (section == "sweep" and scenario.vary is not None)]
 
 
 def unfit(scenario, texts):

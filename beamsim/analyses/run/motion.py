@@ -154,9 +154,9 @@ def pull_warnings(scenario: Scenario, system: StructuralSystem, motion: RunMotio
     forces = motion.extremes[FORCE]
     pulls = largest_pulls(forces)
     return [
-        f"{scenario.located_snubber(s.name).label}: its dashpot pulls with up to {pulls[j]:.3g} N before the contact opens"
-        + ("; law: no_tension opens it before" if scenario.located_snubber(s.name).item.hardening is None else "")
-        for j, s in enumerate(system.snubbers)
+        f"{s.label}: its dashpot pulls with up to {pulls[j]:.3g} N before the contact opens"
+        + ("; law: no_tension opens it before" if s.item.hardening is None else "")
+        for j, s in enumerate(scenario.located_snubbers)
         if pulls[j] > SMALLEST_PULL * forces[2][j]
     ]
 

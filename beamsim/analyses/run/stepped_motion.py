@@ -22,7 +22,7 @@ from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
-STEPS_A_PERIOD = 20  # least number, of a structure with cubic springs and contacts
+STEPS_A_PERIOD = 4  # least number, each with several looks for contacts
 
 
 def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
@@ -51,8 +51,8 @@ def stepped_motion_of(
     system, settings : of the run.
     times : (nt,) s, at which it is asked for.
     progress, stop : see `beamsim.flow.reference.integrate`.
-    short_steps : whether a step is to contain a whole contact only rarely; always so where the method of the run is not
-        ``reference``.
+    short_steps : whether steps are short against the fastest motion with all contacts closed, so that a contact between
+        two looks is rare; always so where the method of the run is not ``reference``.
 
     Returns
     -------
@@ -68,7 +68,9 @@ def stepped_motion_of(
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
     integrator, rtol = settings.integrator, relative_tolerance(settings)
     warnings: tuple[str, ...] = ()
-    longest = _longest_step(system) if short_steps or settings.method != "reference" else np.inf
+    longest = np.inf
+    if (short_steps or settings.method != "reference") and system.dynamics.contacts.count:
+        longest = 2 * np.pi / system.dynamics.fastest / STEPS_A_PERIOD
     if settings.method != "reference":
         integrator = "DOP853"
         warnings = (
@@ -116,15 +118,6 @@ def stepped_motion_of(
         low_passed=None if outputs.low_passed is None else outputs.low_passed[: at.size],
         warnings=warnings,
     )
-
-
-def _longest_step(system: StructuralSystem) -> float:
-    """A step so short that it rarely contains a whole contact: a fraction of the shortest period, contacts closed."""
-    c = system.dynamics.contacts
-    if c.count == 0:
-        return np.inf
-    fastest = system.dynamics.stiffness.max() + np.abs(c.arrays.force[:, :, 0]).max(axis=1) @ (c.shape**2).sum(axis=1)
-    return float(2 * np.pi / np.sqrt(fastest) / STEPS_A_PERIOD) if fastest > 0 else np.inf
 
 
 class SteppedChannels(Observed):
