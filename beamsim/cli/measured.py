@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -273,7 +274,7 @@ def _harmonics(c: ChannelComparison) -> list[dict[str, Any]]:
     rows = zip(c.order.tolist(), c.predicted, c.measured, c.difference_db, c.phase_difference_deg, strict=True)
     return [
         {
-            "harmonic": order,
+            "harmonic": str(Fraction(order).limit_denominator(12)),
             "predicted": f"{abs(p) * scale.factor:.4g} {scale.unit}",
             "measured": f"{abs(m) * scale.factor:.4g} {scale.unit}",
             "difference": f"{d:+.2f} dB" if math.isfinite(d) else "one of them is round-off",

@@ -159,6 +159,23 @@ def test_time_histories_of_a_test(swept, tmp_path):
     assert channel.frac > 1 - 1e-4
 
 
+@pytest.mark.parametrize("heading", ["second (mm)", "second_mm"])
+def test_the_unit_of_a_heading_says_what_was_measured(swept, tmp_path, heading):
+    """`second (mm)` was taken for an acceleration: `--unit is missing, and test.csv has values in mm`."""
+    write_result(swept, tmp_path / "sweep.h5")
+    time, drive, _ = record_of(swept)
+    rows = "".join(f"{t:.4f},{a:.6f},{a:.6f}\n" for t, a in zip(time, drive / G, strict=True))
+    (tmp_path / "test.csv").write_text(f"time (s),base (mm),{heading}\n" + rows)
+    arguments = ("compare", str(tmp_path / "sweep.h5"), str(tmp_path / "test.csv"), "--no-plots", "-o", str(tmp_path))
+    done = invoke(*arguments, "--reference", "base")
+    assert done.exit_code == 0, done.output
+    (channel,) = open_result(tmp_path / "sweep_compare.h5", "compare").sweeps
+    assert (channel.place, channel.quantity, channel.unit) == ("second", "displacement", "m")
+    # what a name and its unit contradict is still refused, and so is another quantity that is asked for
+    (tmp_path / "test.csv").write_text("time (s),base (mm),second acceleration (mm)\n" + rows)
+    assert "in mm, which must be an acceleration" in invoke(*arguments, "--reference", "base").output
+
+
 def test_where_the_sweep_begins_is_found_without_the_excitation(swept):
     time, _, response = record_of(swept, late=3.0)
     signal = MeasuredSignal("second", time, response)

@@ -1,12 +1,16 @@
 """Measured signals: harmonics, noise, and the files they come from."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from beamsim.analyses.compare.analysis import harmonics_of, settled_from
+import beamsim
+from beamsim.analyses.compare.analysis import compare, harmonics_of, period_multiple, settled_from
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import in_si, read_signals
 from beamsim.measurements.signal import MeasuredSignal
+from beamsim.scenario import Scenario
 
 TIME = np.arange(4000) / 8000.0
 TRUE = np.array([2.0 * np.exp(0.3j), 0.5 * np.exp(-1.2j), 0.1j])
@@ -46,6 +50,65 @@ def test_the_settled_part_of_a_history():
     start, difference = settled_from(t, np.sin(2 * np.pi * 3 * t + t**2), 1 / 3)  # never settles
     assert start == pytest.approx(10.0, abs=0.5)
     assert difference > 0.1
+
+
+@pytest.mark.parametrize("multiple", [1, 2, 3, 4])
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_how_many_periods_a_motion_has(multiple, noise):
+    """A subharmonic of 30 %, in a history with and without noise and in its spectrum."""
+    rng, harmonics = np.random.default_rng(multiple), np.imag(np.exp(2j * np.pi * 40.0 * TIME))
+    x = harmonics + 0.3 * np.sin(2 * np.pi * 40.0 / multiple * TIME + 0.4) * (multiple > 1)
+    x = x + noise * rng.standard_normal(TIME.size)
+    assert period_multiple(MeasuredSignal("x", TIME, x), 40.0) == multiple
+    start, deviation = settled_from(TIME, x, 1 / 40.0)
+    assert (deviation < 0.01) == (noise == 0.0)
+    assert (start < 0.03) == (noise == 0.0)
+    long = np.tile(x[: 200 * 12], 5)
+    lines = np.abs(np.fft.rfft(long)) * 2 / long.size
+    spectrum = MeasuredSignal("x", np.fft.rfftfreq(long.size, 1 / 8000.0), lines, of_frequency=True)
+    assert period_multiple(spectrum, 40.0) == multiple
+    # what does not tell: eleven periods of the excitation, and lines as far apart as half of it
+    short = TIME < 11 / 40
+    assert period_multiple(MeasuredSignal("x", TIME[short], x[short]), 40.0) == 1
+    coarse = MeasuredSignal("x", np.arange(20) * 20.0, np.ones(20), of_frequency=True)
+    assert period_multiple(coarse, 40.0) == 1
+
+
+@pytest.fixture(scope="module")
+def oscillator():
+    """A run of one mass at 40 Hz, whose history the tests replace."""
+    return beamsim.run(
+        Scenario.model_validate({
+            "chain": {"masses": [1.0], "springs": [1e5], "dashpots": [20.0]},
+            "excitation": {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 40.0},
+            "probes": [{"name": "mass", "mass": 1}],
+            "run": {"duration": 0.5, "sample_rate": 8000.0, "convergence": "off"},
+        })
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("multiple", [1, 2, 3, 4])
+@pytest.mark.parametrize("late", [0, 1, 2, 3])
+def test_a_motion_of_several_periods_is_aligned_over_all_of_them(oscillator, multiple, late):
+    """Records that began in another period of the excitation differed by half of themselves."""
+
+    def motion(t):
+        cycles = 2 * np.pi * 40.0 * t
+        return np.sin(cycles) + 0.2 * np.sin(2 * cycles) + 0.4 * np.sin(cycles / multiple + 0.4) * (multiple > 1)
+
+    probe = replace(oscillator.probes["mass"], displacement=motion(oscillator.time))
+    run = replace(oscillator, probes={"mass": probe})
+    delay = (late + 0.3) / 40.0
+    measured = motion(TIME + delay) + 1e-3 * np.random.default_rng(late).standard_normal(TIME.size)
+    (c,) = compare(run, [("mass", "displacement", MeasuredSignal("mass", TIME, measured))], harmonics=3).channels
+    assert c.order.tolist() == (np.arange(1, 3 * multiple + 1) / multiple).tolist()
+    assert c.rms_difference < 5e-3
+    assert 40.0 * c.delay_s == pytest.approx(0.3 + late % multiple, abs=1e-3) or 40.0 * c.delay_s == pytest.approx(
+        0.3 + late % multiple - multiple, abs=1e-3
+    )
+    present = np.isin(c.order, [1.0 / multiple, 1.0, 2.0])
+    assert np.abs(c.difference_db[present]).max() < 0.05
+    assert np.abs(c.predicted[~present]).max(initial=0.0) < 1e-9
 
 
 def test_complex_and_plain_spectra():

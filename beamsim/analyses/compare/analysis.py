@@ -5,6 +5,7 @@ The channels of a measurement are assigned to probes and snubbers by their names
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from beamsim.analyses.run.spectra import amplitude_db, spectrum
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.channels import channel_named, holds_name, in_si, read_signals, unusable
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, split_heading
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import SpectrumSettings
@@ -28,6 +29,7 @@ from beamsim.typing import Complexes, Floats, Ints
 
 QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity", "force")
 _SHOWN_PERIODS = 4
+LONGEST_MOTION = 4  # periods of the excitation, of motions that are told apart
 
 
 def compare(
@@ -103,7 +105,8 @@ def _channel(
         kept = signal.x >= signal.x[-1] - last
         record = replace(signal, x=signal.x[kept], y=signal.y[kept])
     try:
-        predicted, measured = _harmonics(run, record, excitation, count, warnings)
+        multiple = max(period_multiple(each, excitation) for each in (run, record))
+        predicted, measured = _harmonics(run, record, (excitation, multiple), count, warnings)
     except MeasurementError as fault:
         raise unusable(f"{signal.label} {fault.message}", fault.remedy) from None
     spectra = [_spectrum(each, excitation, place, quantity, unit) for each in (run, record)]
@@ -112,10 +115,10 @@ def _channel(
     if has_phase:
         weights = np.full(measured.order.size, max(float(np.max(np.abs(measured.value))), 1e-300))
         phase = float(np.angle(np.exp(1j * best_phase(measured, predicted.value, weights))))
-        delay = phase / (2 * np.pi * excitation)
+        delay = phase * multiple / (2 * np.pi * excitation)
     elif not signal.of_frequency:
         delay = _lag(run, record)
-    time_p, history_p, time_m, history_m = _aligned(run, record, delay, excitation)
+    time_p, history_p, time_m, history_m = _aligned(run, record, delay, multiple / excitation)
     return ChannelComparison(
         place=place,
         quantity=quantity,
@@ -124,7 +127,7 @@ def _channel(
         source=signal.source,
         excitation_hz=excitation,
         delay_s=delay,
-        order=predicted.order,
+        order=predicted.order / multiple,
         predicted=predicted.value,
         measured=measured.value * np.exp(-1j * measured.order * phase),
         measured_noise=measured.noise,
@@ -174,9 +177,18 @@ def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: 
 
 
 def _harmonics(
-    predicted: MeasuredSignal, measured: MeasuredSignal, excitation: float, count: int, warnings: list[str]
+    predicted: MeasuredSignal, measured: MeasuredSignal, motion: tuple[float, int], count: int, warnings: list[str]
 ) -> tuple[Harmonics, Harmonics]:
-    """Harmonics of both signals, as many as both contain; none without an excitation frequency."""
+    """Harmonics of both signals, as many as both contain; none without an excitation frequency.
+
+    Parameters
+    ----------
+    predicted, measured : the signals.
+    motion : frequency of the excitation, Hz, and how many of its periods one of the motion has.
+    count : number of harmonics of the excitation.
+    warnings : that there are fewer is added to.
+    """
+    excitation, multiple = motion
     if not np.isfinite(excitation):
         none = Harmonics(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=complex), np.zeros(0), False)
         return none, none
@@ -186,7 +198,8 @@ def _harmonics(
     possible = max(1, min(count, *limits))
     if possible < count:
         warnings.append(f"{measured.name}: the records contain {possible} harmonics of {excitation:g} Hz, not {count}")
-    return harmonics_of(predicted, excitation, possible), harmonics_of(measured, excitation, possible)
+    fundamental, every = excitation / multiple, possible * multiple
+    return harmonics_of(predicted, fundamental, every), harmonics_of(measured, fundamental, every)
 
 
 def _spectrum(signal: MeasuredSignal, excitation: float, place: str, quantity: str, unit: str) -> Spectrum:
@@ -223,17 +236,23 @@ def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
 
 
 def _aligned(
-    predicted: MeasuredSignal, measured: MeasuredSignal, delay: float, excitation: float
+    predicted: MeasuredSignal, measured: MeasuredSignal, delay: float, period: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """A few periods of both in the time of the prediction (the whole record without an excitation frequency)."""
+    """A few periods of both in the time of the prediction.
+
+    Parameters
+    ----------
+    predicted, measured : both.
+    delay : s, of the measurement.
+    period : s, of the motion; not finite without an excitation frequency, where both are returned whole.
+    """
     x, y = predicted.x, np.asarray(predicted.y, dtype=float)
     none = np.zeros(0)
     moved, history = (
         (none, none) if measured.of_frequency else (measured.x + delay, np.asarray(measured.y, dtype=float))
     )
-    if not np.isfinite(excitation):
+    if not np.isfinite(period):
         return x, y, moved, history
-    period = 1 / excitation
     shown = x >= x[-1] - _SHOWN_PERIODS * period
     x, y = x[shown], y[shown]
     if moved.size:
@@ -327,7 +346,9 @@ def pair_channels(
                 signal = channel_named(signals, name, q, path, required=True)
             except ScenarioError:
                 continue
-            pairs.append((name, q, signal))
+            place_alone = quantity is None and split_heading(signal.name)[0] == name  # its unit says what it is
+            if not place_alone or _quantity_of(signal.name, signal.unit or unit or "") == q:
+                pairs.append((name, q, signal))
     if not pairs:
         names = ", ".join(s.name for s in signals[:12])
         raise ScenarioError(
@@ -468,6 +489,44 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
     return Harmonics(orders, value[:count], np.full(count, scatter * np.sqrt(2.0 / t.size)), True)
 
 
+def period_multiple(signal: MeasuredSignal, frequency_hz: float) -> int:
+    """How many periods of the excitation, up to `LONGEST_MOTION`, one period of a steady vibration has.
+
+    It is the smallest number whose harmonics are all the lines below twice the frequency of the excitation. A record of
+    fewer than twelve of its periods, or a spectrum with fewer than four lines in a twelfth of its frequency, does not
+    tell.
+
+    Parameters
+    ----------
+    signal : a time history, or a spectrum.
+    frequency_hz : of the excitation; not finite where there is none.
+
+    Returns
+    -------
+    int
+    """
+    parts = math.lcm(*range(1, LONGEST_MOTION + 1))
+    fundamental = frequency_hz / parts
+    if signal.of_frequency:
+        tells = signal.x.size > 1 and 4 * float(np.median(np.diff(signal.x))) <= fundamental
+    else:
+        tells = (signal.x[-1] - signal.x[0]) * fundamental >= 1 - 1e-3
+    if not tells:
+        return 1
+    whole = None if signal.of_frequency else np.floor((signal.x[-1] - signal.x[0]) * fundamental + 1e-3) / fundamental
+    try:
+        size = np.abs(harmonics_of(signal, fundamental, 2 * parts, whole).value)
+    except MeasurementError:
+        return 1
+    order = np.arange(1, size.size + 1)
+    # 1.1774: median amplitude of noise over the standard deviation of its parts; a line has 6 of these, and 0.01 of the
+    # largest
+    noise = float(np.median(size[order % parts != 0])) / 1.1774
+    lines = order[size > max(6 * noise, 0.01 * size.max())]
+    each = range(1, LONGEST_MOTION + 1)
+    return next((multiple for multiple in each if not np.any(lines % (parts // multiple))), 1)
+
+
 def _short(message: str) -> MeasurementError:
     return MeasurementError(message, "use a longer record or a higher sample rate, or fewer harmonics")
 
@@ -494,8 +553,8 @@ def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> H
 def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
     """The longest last part of a history whose periods repeat.
 
-    Periods are compared with the last one or the last but one (a period-doubled motion), in the rms. Where the last
-    periods already differ by more than 1 %, the part is the last half.
+    Periods are compared, in the rms, with the last one of a motion that repeats after one, two, three or four of them.
+    Where the last periods already differ by more than 1 %, the part is the last half.
 
     Parameters
     ----------
@@ -518,17 +577,19 @@ def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
     periods = CubicSpline(time, x)(starts[:, None] + period * phases)
     periods = periods - periods[-2:].mean()
     size = max(float(np.sqrt(np.mean(periods[-2:] ** 2))), 1e-300)
-    rms = np.sqrt(np.mean((periods[:, None, :] - periods[None, -2:, :]) ** 2, axis=2)) / size  # (count, 2)
-    rms[-1, 1] = rms[-2, 0] = np.inf  # not with themselves
-    difference = np.minimum(rms[:, 0], rms[:, 1])
-    difference[-1] = difference[-2] = min(float(rms[-1, 0]), float(difference[-4:-2].max()))
-    # 0.01: of the rms: periods that differ by less are alike
-    moving = np.flatnonzero(difference > 0.01)
-    first = int(moving[-1]) + 1 if moving.size else 0
-    if count - first < 4:
-        half = count // 2
-        return float(starts[half]), float(difference[half:].max())
-    return float(max(starts[first], time[0])), float(difference[first:].max())
+    half, unsettled = count // 2, np.inf
+    for multiple in range(1, min(LONGEST_MOTION, half) + 1):
+        behind = np.arange(count - 1, -1, -1)  # periods until the last one
+        alike = count - 1 - behind % multiple
+        alike[-multiple:] -= multiple  # not with themselves
+        difference = np.sqrt(np.mean((periods - periods[alike]) ** 2, axis=1)) / size
+        # 0.01: of the rms: periods that differ by less are alike
+        moving = np.flatnonzero(difference > 0.01)
+        first = int(moving[-1]) + 1 if moving.size else 0
+        if count - first >= max(4, 2 * multiple):
+            return float(max(starts[first], time[0])), float(difference[first:].max())
+        unsettled = min(unsettled, float(difference[half:].max()))
+    return float(starts[half]), unsettled
 
 
 def best_phase(measured: Harmonics, predicted: Complexes, sigma: Floats) -> float:

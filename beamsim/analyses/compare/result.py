@@ -7,7 +7,7 @@ import numpy as np
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import Spectrum
 from beamsim.fields import Counter, Entry, attribute, axis, dataset, declared, group, members, stored, table
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats
 
 _ORDER = ("order",)
 _TIME = ("time",)
@@ -24,7 +24,7 @@ class ChannelComparison:
     source: str = attribute("", "file of the measurement")
     excitation_hz: float = attribute("Hz", "frequency of the excitation; NaN where there is none")
     delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
-    order: Ints = axis("1", "frequency over excitation frequency")
+    order: Floats = axis("1", "frequency over excitation frequency")
     # A e^{i phase} of A sin(2 pi f n t + phase)
     predicted: Complexes = dataset(
         "{unit}",
