@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Objective, Response, SobolIndices, is_scalar
+from beamsim.analyses.values import BY_NAME
 from beamsim.plots.drawing import (
     DARK,
     MOST_CURVES,
@@ -47,7 +48,6 @@ NAMED = {
     "open_frequencies_hz": "Natural frequencies, open",
     "contact_share": "Share of time in contact",
 }
-LIMITING = {"largest_gap": "gap"}  # quantity -> limit, where the names differ
 _PEAK = "/peak_output"
 
 
@@ -395,7 +395,7 @@ def _logarithmic(coordinate: Coordinate) -> bool:
 def _limit(result: DesignsResult, quantity: str) -> float | None:
     if quantity.endswith(_PEAK):
         return result.limits.get(OF_OUTPUTS + quantity.removesuffix(_PEAK))
-    return result.limits.get(LIMITING.get(quantity, quantity))
+    return result.limits.get(BY_NAME[quantity].limit)
 
 
 def _words(quantity: str) -> str:

@@ -12,8 +12,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
-
 from beamsim.analyses.branch import largest_of_stable
 from beamsim.flow.processor_time import processor_time
 from beamsim.outcomes import Stop, never
@@ -243,9 +241,8 @@ def _of_sweep(result: SweepResult) -> Values:
     """Largest values of all curves; natural frequencies."""
     entries: dict[str, dict[str, float]] = {}
     for curve in result.curves.values():
-        for value, of in curve.peaks():
-            largest = {f"{curve.name} {name}".strip(): float(np.nanmax(x, initial=0.0)) for name, x in of.items()}
-            entries.setdefault(value.entry, {}).update({name: x / value.scale for name, x in largest.items()})
+        for value, name, largest, _ in curve.largest_values():
+            entries.setdefault(value.entry, {})[f"{curve.name} {name}".strip()] = largest / value.scale
     return compared({"contact_share": result.summary["contact_share"]} | entries) | _frequencies(result)
 
 

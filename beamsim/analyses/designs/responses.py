@@ -69,12 +69,10 @@ def _of_sweep(result: SweepResult) -> Responses:
     """For every curve (direction and level) the largest values and their frequencies."""
     values: Responses = {}
     for curve in result.curves.values():
-        for value, of in curve.peaks():
-            for name, peaks in of.items():
-                best = int(np.argmax(peaks))
-                values |= _largest(curve.name, value, name, float(peaks[best]), float(curve.frequency_hz[best]))
-        for name, share in curve.contact_share.items():
-            values[f"{curve.name}/snubbers/{name}/contact_share"] = float(curve.weights @ share)
+        for value, name, largest, frequency in curve.largest_values():
+            values |= _largest(curve.name, value, name, largest, frequency)
+        for name, share in result.summary["contact_share"][curve.name].items():
+            values[f"{curve.name}/snubbers/{name}/contact_share"] = share
         for name, count in curve.contacts.items():
             values[f"{curve.name}/snubbers/{name}/contacts"] = float(np.sum(count))
     return values

@@ -290,11 +290,9 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
         value.entry: {name: {} for name in curves} for value in VALUES if value.followed or (units and value is OUTPUT)
     }
     for curve in curves.values():
-        for value, of in curve.peaks():
+        for value, name, largest, _ in curve.largest_values():
             if value.entry in entries:
-                entries[value.entry][curve.name] = {
-                    name: float(np.nanmax(x, initial=0.0)) / value.scale for name, x in of.items()
-                }
+                entries[value.entry][curve.name][name] = largest / value.scale
     return entries | ({"output_unit": units} if units else {})
 
 
@@ -349,12 +347,10 @@ def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
     """Margins against the allowables: the smallest over all curves."""
     if scenario.limits is None:
         return {}
-    largest: dict[str, tuple[float, str]] = {}
+    worst: dict[str, tuple[float, str]] = {}
     for curve in curves.values():
-        for value, of in curve.peaks():
-            for name, x in of.items():
-                limit, place = (value.limit, name) if value.limit else (OF_OUTPUTS + name, "")
-                k = int(np.nanargmax(x))
-                at = f"{place}, {curve.frequency_hz[k]:.4g} Hz {curve.direction}".removeprefix(", ")
-                largest[limit] = max(largest.get(limit, (-1.0, "")), (float(x[k]), at))
-    return margins_of(scenario.limits, largest)
+        for value, name, largest, frequency in curve.largest_values():
+            limit, place = (value.limit, name) if value.limit else (OF_OUTPUTS + name, "")
+            at = f"{place}, {frequency:.4g} Hz {curve.direction}".removeprefix(", ")
+            worst[limit] = max(worst.get(limit, (-1.0, "")), (largest, at))
+    return margins_of(scenario.limits, worst)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from beamsim.analyses.gapping import ContactLevels
 from beamsim.analyses.quality import QualityPeak, peaks_of
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.values import OUTPUT, VALUES, AlongCurve
+from beamsim.analyses.values import OUTPUT, VALUES, AlongCurve, Value
 from beamsim.fields import (
     Counter,
     Entry,
@@ -251,6 +252,13 @@ class SweepCurve(AlongCurve):
     def envelope_of(self, of: LimitedQuantity) -> Envelope | OutputEnvelope:
         """What a limit on the level applies to, in every cycle."""
         return self.outputs[of.item] if of.section == "outputs" else getattr(self, of.quantity)[of.item]
+
+    def largest_values(self) -> Iterator[tuple[Value, str, float, float]]:
+        """The values of `peaks`: by name the largest of all cycles in which it is known, and the frequency there."""
+        for value, of in self.peaks():
+            for name, peaks in of.items():
+                k = int(np.argmax(np.where(np.isnan(peaks), -np.inf, peaks)))
+                yield value, name, float(peaks[k]), float(self.frequency_hz[k])
 
     def amplitude_at(self, frequency_hz: Floats) -> Floats:
         """Amplitude of the excitation at any frequencies, Hz, that of the ends beyond them."""
