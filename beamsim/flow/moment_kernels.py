@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from beamsim.flow.compiled import kernel
 
 LEAST = 1.0  # size of an exponent from which (e^x - 1) / x keeps its digits
@@ -49,31 +47,3 @@ def fill_moments(x, out):
     """Moments (n, top + 1) of exponents (n,)."""
     for i in range(x.size):
         _moments(x[i], out.shape[1] - 1, out[i])
-
-
-@kernel
-def add_forms(exponent, tau, forms, of, out):
-    """Add the real parts of ``e @ forms[of_i, q] @ (e, conj(e))`` with the exponentials e at each time.
-
-    Parameters
-    ----------
-    exponent : (B,) complex, 1/s.
-    tau : (n,) s.
-    forms : (S, Q, B, 2 B) complex.
-    of : (n,) which of the S forms.
-    out : (n, Q); added to.
-    """
-    count = exponent.size
-    end, row = np.empty(2 * count, dtype=np.complex128), np.empty(2 * count, dtype=np.complex128)
-    for i in range(tau.size):
-        for b in range(count):
-            end[b] = np.exp(exponent[b] * tau[i])
-            end[count + b] = end[b].conjugate()
-        for q in range(out.shape[1]):
-            form = forms[of[i], q]
-            row[:] = 0.0
-            for b in range(count):
-                for d in range(row.size):
-                    row[d] += end[b] * form[b, d]
-            for d in range(row.size):
-                out[i, q] += (row[d] * end[d]).real

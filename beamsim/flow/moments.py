@@ -7,11 +7,11 @@ times :math:`e^{-i \omega \tau}`. Their integrals over a time are moments :math:
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamsim.flow.moment_kernels import add_forms, fill_moments
+from beamsim.flow.moment_kernels import fill_moments
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 AT_ONCE = 500_000  # numbers of a block of times, which bounds the memory
@@ -97,32 +97,25 @@ class SegmentOutputs:
         coefficient = np.concatenate([0.5 * self.coefficient, 0.5 * self.coefficient.conj()], axis=1)
         return SegmentOutputs(exponent, np.tile(self.power, 2), coefficient)
 
-    def product_integrals(self, other: SegmentOutputs, segment: Ints, tau: Floats, weight: Floats) -> Floats:
-        """Integrals of sums of products of outputs from the starts of segments on.
+    def product_integrals(self, other: SegmentOutputs, tau: Floats, weight: Floats) -> Floats:
+        """Integrals of sums of products of outputs over the first part of each segment.
 
         Parameters
         ----------
         other : the right factors, sums of the same functions.
-        segment : (n,) which of the segments.
-        tau : (n,) s, times after their starts.
+        tau : (S,) s, from the starts of the segments on.
         weight : (K, Q) of the products in the sums.
 
         Returns
         -------
-        (n, Q) integrals.
+        (S, Q) integrals.
         """
         acting = np.asarray(self.coefficient.any(axis=(0, 2)) | other.coefficient.any(axis=(0, 2)))
         left, right = self._some(acting), other._some(acting).with_conjugates()  # what rests may grow without bound
-        forms = np.einsum("sbk,kq,sdk->sqbd", left.coefficient, weight, right.coefficient, optimize=True)
-        rate, power, by_ends = _pairs(left, right, tau)
-        grown = forms * np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
-        integrals: Floats = -grown.sum(axis=(2, 3)).real[segment]
-        add_forms(left.exponent, tau, grown, segment, integrals)
-        alone = forms[:, :, ~by_ends]
-        if alone.size:
-            moments = _integrals(rate[~by_ends], power[~by_ends], tau)
-            integrals += np.einsum("np,nqp->nq", moments, alone[segment]).real
-        return integrals
+        times, which = np.unique(tau, return_inverse=True)
+        moments = _pair_moments(left, right, times)[which]
+        products = (left.coefficient.swapaxes(1, 2) @ moments) * right.coefficient.swapaxes(1, 2)
+        return np.asarray(products.real.sum(axis=2) @ weight)
 
     def function_products(self, length: Floats) -> Complexes:
         """(B, 2 B) sums over segments of lengths (S,) of integrals of products of the functions of one output.
@@ -194,6 +187,41 @@ class SegmentOutputs:
         if functions.all():
             return self
         return SegmentOutputs(self.exponent[functions], self.power[functions], self.coefficient[:, functions])
+
+
+def exponential_products(
+    exponent: Complexes, left: Complexes, right: Complexes, weight: Floats, amplitude: Complexes, tau: Floats
+) -> Floats:
+    """Integrals from 0 to tau of sums of products of outputs, each a sum of T exponentials.
+
+    Parameters
+    ----------
+    exponent : (T,) 1/s.
+    left, right : (T, K) coefficients of the outputs.
+    weight : (K, Q) of the products in the sums.
+    amplitude : (n, T) of the exponentials, which coefficients multiply.
+    tau : (n,) s.
+
+    Returns
+    -------
+    (n, Q) integrals.
+    """
+    one = SegmentOutputs(exponent, np.zeros(exponent.size, dtype=np.int64), left[None])
+    both = replace(one, coefficient=right[None]).with_conjugates()
+    forms = np.stack([(left * w) @ both.coefficient[0].T for w in weight.T])
+    rate, power, by_ends = _pairs(one, both, tau)
+    alone, grown = np.nonzero(~by_ends), forms * np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
+    out = np.empty((tau.size, weight.shape[1]))
+    for part in blocks(tau.size, 4 * exponent.size + 2 * alone[0].size):
+        start = amplitude[part]
+        end = start * np.exp(np.multiply.outer(tau[part], exponent))
+        start, end = (np.concatenate([x, x.conj()], axis=1) for x in (start, end))
+        single = start[:, alone[0]] * start[:, alone[1]] * _integrals(rate[alone], power[alone], tau[part])
+        out[part] = (single @ forms[:, alone[0], alone[1]].T).real
+        for form, column in zip(grown, out[part].T, strict=True):
+            for sign, x in ((1.0, end), (-1.0, start)):
+                column += sign * ((x[:, : exponent.size] @ form) * x).real.sum(axis=1)
+    return out
 
 
 def _pair_moments(left: SegmentOutputs, right: SegmentOutputs, times: Floats) -> Complexes:

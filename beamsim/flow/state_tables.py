@@ -119,7 +119,7 @@ class StateTables:
         self._used: set[int] = set()  # numbers of states that were asked for, or that a motion visited
         self._arrays: dict[str, NDArray[np.generic]] = {}
         if like is not None:  # there will be as many states again, and as large
-            self._arrays = {name: np.zeros_like(array) for name, array in like._arrays.items()}
+            self._arrays = {name: np.zeros(array.shape, array.dtype) for name, array in like._arrays.items()}
 
     def index(self, phases: Ints) -> int | None:
         """Number of a state, None where it is not built."""

@@ -13,7 +13,7 @@ from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
 from beamsim.flow.march import not_finite
-from beamsim.flow.moments import SegmentOutputs, blocks, equal_times, weighted_moments
+from beamsim.flow.moments import SegmentOutputs, blocks, equal_times, exponential_products, weighted_moments
 from beamsim.flow.state_tables import visited_states
 from beamsim.outcomes import Outcome
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -390,11 +390,27 @@ class Trajectory:
             left, right = left_of(state.phases), right_of(state.phases)
             acting = np.flatnonzero(left.acts & right.acts)  # open contacts have no force
             one, other = (state.coefficients(factor.some(acting), self.flow.sources) for factor in (left, right))
+            if state.exponential:
+                out[entries] = self._exponential_products(
+                    state, segment[entries], tau[entries], one, other, weight[acting]
+                )  # fmt: skip
+                continue
             for some, alike in _alike(tau[entries], 2 * state.amplitude_count):
                 of_group = entries[some]
                 integrals = self._alike_products if alike else self._single_products
                 out[of_group] = integrals(state, segment[of_group], tau[of_group], one, other, weight[acting])
         return out
+
+    def _exponential_products(
+        self, state: ContactState, segment: Ints, tau: Floats, left: Complexes, right: Complexes, weight: Floats
+    ) -> Floats:
+        """(n, Q) integrals over the first tau of segments of a contact state without powers of time."""
+        visits, at = np.unique(segment, return_inverse=True)
+        amplitude = self.amplitudes(state, visits)
+        some = amplitude.any(axis=0) & (left.any(axis=1) | right.any(axis=1))  # what rests may grow without bound
+        return exponential_products(
+            state.exponent[state.term_basis[some]], left[some], right[some], weight, amplitude[:, some][at], tau
+        )
 
     def _alike_products(
         self, state: ContactState, segment: Ints, tau: Floats, left: Complexes, right: Complexes, weight: Floats
@@ -413,12 +429,9 @@ class Trajectory:
     ) -> Floats:
         """(n, Q) integrals over the first tau of segments of one contact state."""
         functions, out = state.exponent.size, np.empty((tau.size, weight.shape[1]))
-        visits, at = np.unique(segment, return_inverse=True)
-        order = np.argsort(at, kind="stable")
-        for block in blocks(visits.size, functions * (2 * functions + left.shape[1])):
-            here = order[slice(*np.searchsorted(at[order], [block.start, block.stop]))]
-            one, other = (self.outputs(state, visits[block], table) for table in (left, right))
-            out[here] = one.product_integrals(other, at[here] - block.start, tau[here], weight)
+        for block in blocks(tau.size, functions * (4 * functions + 3 * left.shape[1])):
+            one, other = (self.outputs(state, segment[block], table) for table in (left, right))
+            out[block] = one.product_integrals(other, tau[block], weight)
         return out
 
     @cached_property

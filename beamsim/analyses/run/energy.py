@@ -219,23 +219,23 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
     for index in range(loads.shape[0]):
         signals.direct[index + 1, sources.channel == index] = 1.0
     loaded = _velocities(flow, np.vstack([system.constant_load, loads]))
-    base_rate = flow.empty_output(m if flow.base_channel >= 0 else 0)  # of contacts on the ground
-    driven = base_rate.row.shape[0]
-    base_rate.direct_slope[:, sources.channel == flow.base_channel] = contacts.felt[:driven, None]
+    base_rate = flow.empty_output(1 if flow.base_channel >= 0 else 0)  # of the contacts on the ground
+    base_rate.direct_slope[:, sources.channel == flow.base_channel] = 1.0
+    push = -(contacts.felt * contacts.sign)[None]
 
     @lru_cache(maxsize=1)  # both factors of one state are asked for in turn
     def losses(phases: bytes) -> tuple[LinearOutput, LinearOutput]:
         return contact_losses(flow, np.frombuffer(phases, dtype=np.int64))
 
     def left(phases: Ints) -> LinearOutput:
-        forces = (flow.contact_forces(phases),) if driven else ()
+        forces = (flow.contact_forces(phases).combined(push),) if base_rate.row.size else ()
         return LinearOutput.stacked(moving, losses(phases.tobytes())[0], signals, *forces)
 
     def right(phases: Ints) -> LinearOutput:
         return LinearOutput.stacked(moving, losses(phases.tobytes())[1], loaded, base_rate)
 
     inside = m + contacts.internal_states
-    weight = np.zeros((used.size + inside + loads.shape[0] + 1 + driven, 2))
+    weight = np.zeros((used.size + inside + loads.shape[0] + 1 + base_rate.row.shape[0], 2))
     weight[: used.size + inside, 0] = np.concatenate([rate_of_damping[used], np.ones(inside)])
-    weight[used.size + inside :, 1] = np.concatenate([np.ones(loads.shape[0] + 1), -contacts.sign[:driven]])
+    weight[used.size + inside :, 1] = 1.0
     return left, right, weight
