@@ -29,11 +29,11 @@ from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import BaseMotion, Driven, base_motion, level_signal, single_frequency_hz
 from beamsim.inputs.signal import Signal
 from beamsim.scenario import Located, Scenario
-from beamsim.scenario.base import Path, path_text, walk
+from beamsim.scenario.base import Path, path_text, problem, walk
 from beamsim.scenario.excitation import holds_levels, sine_problems
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.structures.assembly import load_site_in
-from beamsim.structures.places import SLOPE, BaseDirection, LoadSite, Place, Site
+from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction import ReceptanceBound, places_needed, receptance_bound
 from beamsim.structures.stations import Recovery, Stations
 from beamsim.structures.structure import ReducedBasis, Structure
@@ -178,8 +178,8 @@ def _out_of_range(scenario: Scenario, error: Exception) -> Problem:
         if isinstance(value := part.__dict__.get(attribute), float) and value != 0.0
     }
     path = max(sizes, key=lambda place: sizes[place], default=())
-    return Problem(
-        path_text(path),
+    return problem(
+        path,
         f"is too large or too small beside the other numbers: the equations cannot be solved ({error})",
         "check its unit",
     )
@@ -230,7 +230,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     scenario, basis, damping = parts.scenario, parts.basis, parts.damping
     pushing = _pushing(parts)
     free = _checked_for_mechanisms(parts, pushing)
-    loads, cubic, snubbers = constant_loads(parts), pushing.cubic, parts.located_snubbers
+    loads, cubic, snubbers = constant_loads(parts), pushing.cubic, scenario.located_snubbers
     resting = np.vstack([loads, pushing.contacts.resting_load])
     contacts = resolve_preloads(pushing.contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
     equilibrium = _equilibrium(parts, contacts, resting, cubic)
@@ -292,12 +292,12 @@ class _Pushing:
 
 
 def _pushing(parts: Parts) -> _Pushing:
-    nonlinear, basis, snubbers = parts.nonlinear_springs, parts.basis, parts.located_snubbers
+    nonlinear, basis, snubbers = parts.scenario.nonlinear_springs, parts.basis, parts.scenario.located_snubbers
     tables = force_tables(parts.scenario)
     curves = [None if table is None else table.curve for table in tables]
     stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
-    stops = replace(stops, lever=_levers(parts, parts.snubber_sites))
-    springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), _levers(parts, parts.spring_sites))
+    stops = replace(stops, lever=parts.levers(parts.snubber_sites))
+    springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), parts.levers(parts.spring_sites))
     cubic = cubic_springs(springs, basis.size)
     _check_rigid_friction(parts, springs, stops)
     pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
@@ -350,7 +350,7 @@ def _doubts(scenario: Scenario, modes: ModeTable) -> list[str]:
 
 def _located_sites(parts: Parts) -> list[tuple[Located, Site]]:
     """Snubbers and nonlinear springs, and where they sit."""
-    located = (*parts.located_snubbers, *parts.nonlinear_springs)
+    located = (*parts.scenario.located_snubbers, *parts.scenario.nonlinear_springs)
     return list(zip(located, (*parts.snubber_sites, *parts.spring_sites), strict=True))
 
 
@@ -363,33 +363,22 @@ def _acting(parts: Parts) -> list[tuple[Path, LoadSite, str]]:
     ]
 
 
-def _levers(parts: Parts, sites: Sequence[Site]) -> Floats:
-    """(k,) displacement of places for a unit displacement of the base; 1 of links, which do not feel it."""
-    motion = base_direction(parts.scenario)
-    levers = np.ones(len(sites))
-    for k, site in enumerate(sites):
-        if motion is not None and isinstance(site, Place):
-            lever = parts.structure.base_motion_at(site, motion)
-            levers[k] = 1.0 if abs(lever - 1.0) < 1e-9 else lever
-    return levers
-
-
 def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Contacts) -> None:
     """Refuse friction without a tangential spring beside what relaxes or sticks with one, and under a moving base."""
     laws = [(spring.name, spring.law) for spring in springs if spring.law is not None]
     laws += zip((stop.name for stop in parts.scenario.all_snubbers), stops.laws, strict=True)
     coupled = [name for name, law in laws if law.arrays.coupled.any()]
     problems = []
-    for path, _, contact, _ in parts.nonlinear_springs:
+    for path, _, contact, _ in parts.scenario.nonlinear_springs:
         if contact.kind != FRICTION or contact.stiffness is not None:
             continue
         if coupled:
             why = f"is missing, and {', '.join(coupled)} relaxes or sticks with a spring of its own"
-            problems.append(Problem(f"{path_text(path)}.stiffness", why, "give the contact a tangential stiffness"))
+            problems.append(problem((*path, "stiffness"), why, "give the contact a tangential stiffness"))
         if getattr(contact, "mounted_on", "base") == "ground" and base_direction(parts.scenario) is not None:
             why = "is missing, and the base moves while the contact sticks to the ground"
             remedy = "give the contact a tangential stiffness, or mount it on the base"
-            problems.append(Problem(f"{path_text(path)}.stiffness", why, remedy))
+            problems.append(problem((*path, "stiffness"), why, remedy))
     if problems:
         raise ScenarioError(problems)
 
@@ -445,16 +434,12 @@ def _loads(parts: Parts) -> Floats:
 
 
 def _describe_probes(parts: Parts) -> tuple[ProbeRow, ...]:
-    sites, motion = parts.probe_sites, base_direction(parts.scenario)
+    sites = parts.probe_sites
+    of_probes = parts.scenario.effective_probes, sites, parts.shapes(sites), parts.levers(sites).tolist()
     return tuple(
-        ProbeRow(probe.name, site.coordinate, site.across, shape, _carried(parts, site, motion))
-        for probe, site, shape in zip(parts.scenario.effective_probes, sites, parts.shapes(sites), strict=True)
+        ProbeRow(probe.name, site.coordinate, site.across, shape, lever)
+        for probe, site, shape, lever in zip(*of_probes, strict=True)
     )
-
-
-def _carried(parts: Parts, site: Site, motion: BaseDirection | None) -> float:
-    """Motion of a probe's place for a unit motion of the base."""
-    return parts.structure.base_motion_at(site, motion) if isinstance(site, Place) and motion is not None else 1.0
 
 
 def _equilibrium(parts: Parts, contacts: Contacts, loads: Floats, cubic: CubicSprings) -> Equilibrium:
@@ -495,7 +480,7 @@ def _describe_snubbers(
 ) -> tuple[SnubberInfo, ...]:
     described = []
     force = springs_of(contacts).by_contact(equilibrium.force, contacts.sign)
-    located = parts.located_snubbers
+    located = parts.scenario.located_snubbers
     for i, (site, (_, _, s, _), table) in enumerate(zip(parts.snubber_sites, located, tables, strict=True)):
         unit = parts.structure.unit_stiffness(site)
         stiffness = contacts.laws[i].stiffness

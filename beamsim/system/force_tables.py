@@ -11,11 +11,11 @@ import numpy as np
 from pydantic_core import PydanticCustomError
 
 from beamsim.contacts.pads import ForceCurve, fit_branch, fit_curve, loop_width
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension, is_time
 from beamsim.scenario import Scenario, units
-from beamsim.scenario.base import counted, path_text
+from beamsim.scenario.base import counted, problem
 from beamsim.scenario.connections import MeasuredForces, check_points
 from beamsim.typing import Floats
 
@@ -66,7 +66,7 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
             file = _first_file(scenario.folder_of(*at, "file"), scenario.folder_of(*at), table.file)
             if file is None:
                 remedy = "give its path, relative to the folder of the scenario"
-                raise ScenarioError(Problem(path_text(at), f"= {table.file} does not exist", remedy))
+                raise ScenarioError(problem(at, f"= {table.file} does not exist", remedy))
             changed = file.stat().st_mtime_ns
         try:
             as_given = table.model_copy(update={"scale": 1.0, "segment_factors": ()})
@@ -74,26 +74,19 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
         except PydanticCustomError as error:
             context = error.context or {}
             where = at if file is not None else (*at, *context["at"])
-            raise ScenarioError(
-                Problem(path_text(where), _of_file(file, context["at"]) + context["message"], context["remedy"])
-            ) from None
+            message = _of_file(file, context["at"]) + context["message"]
+            raise ScenarioError(problem(where, message, context["remedy"])) from None
         except MeasurementError as fault:
-            raise ScenarioError(Problem(path_text(at), _of_file(file, ()) + fault.message, fault.remedy)) from None
+            raise ScenarioError(problem(at, _of_file(file, ()) + fault.message, fault.remedy)) from None
         except ValueError as error:  # no curve fits the points
             remedy = "it needs a column of deflections and one of forces, from zero on"
-            raise ScenarioError(
-                Problem(path_text(at), f"{_of_file(file, ())}cannot be used: {error}", remedy)
-            ) from None
+            raise ScenarioError(problem(at, f"{_of_file(file, ())}cannot be used: {error}", remedy)) from None
         segments = measured.curve.slopes.size
         if len(table.segment_factors) not in (0, segments):
-            raise ScenarioError(
-                Problem(
-                    f"{path_text(at)}.segment_factors",
-                    f"has {counted(len(table.segment_factors), 'value')}, and the curve has "
-                    f"{counted(segments, 'segment')}",
-                    "give one factor for each segment, [1, 1, ...] to begin with",
-                )
-            )
+            given = counted(len(table.segment_factors), "value")
+            message = f"has {given}, and the curve has {counted(segments, 'segment')}"
+            remedy = "give one factor for each segment, [1, 1, ...] to begin with"
+            raise ScenarioError(problem((*at, "segment_factors"), message, remedy))
         tables.append(measured.scaled(table.scale, table.segment_factors))
     return tuple(tables)
 

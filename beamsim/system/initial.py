@@ -12,7 +12,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, find_equilibrium
 from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import Path, path_text
+from beamsim.scenario.base import Path, problem
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
 from beamsim.structures.assembly import site_in
 from beamsim.structures.places import SLOPE, LoadSite, ends_of
@@ -29,8 +29,8 @@ def held_problems(parts: Parts, acting: Sequence[tuple[Path, LoadSite, str]]) ->
     if not parts.structure.couplings:
         return []
     return [
-        Problem(
-            path_text(path),
+        problem(
+            path,
             f"acts at {site.label}, where a joint leaves no motion: {what} has no effect there",
             "move it along the body, or change the joint",
         )
@@ -123,43 +123,36 @@ def check_mechanisms(parts: Parts, stopping: Floats) -> list[str]:
     if not rigid or not couplings:
         return []
     opening = np.array([_opening(parts, coupling) for coupling in couplings])[:, :rigid]
-    names = {joint.name for joint in parts.scenario.joints}
-    without_slope = [
-        coupling
-        for coupling in couplings
-        if coupling.name in names and sum(each.name == coupling.name for each in couplings) == 1
-    ]
     size = np.linalg.norm(stopping, axis=1, keepdims=True)
     felt = (stopping / np.where(size > 0, size, 1.0))[:, :rigid]
     _, s, vt = np.linalg.svd(felt)
     unstopped = vt[int(np.sum(s > _NOTHING)) :].T
     problems = [
-        Problem(
-            path_text(("joints", index)),
-            f"({coupling.name}) leaves {bodies} free to {verb} there, and nothing stops that motion",
-            f"give the joint a {stiffness}, hold {bodies} by a support or another joint, or let a snubber meet it",
-        )
-        for index, coupling, bodies, verb, stiffness in _free(parts, couplings, opening, unstopped)
-    ]
-    problems += [
-        Problem(
-            path_text(("joints", index)),
-            f"({name}) leaves {body} free to turn or slide there, most at {where}, and nothing stops that motion",
-            f"hold {body} by a support or further joints, or let a snubber meet it",
-        )
-        for index, name, body, where in _turning(parts, without_slope, unstopped)
+        problem(("joints", index), f"{what}, and nothing stops that motion", f"{remedy}, or let a snubber meet it")
+        for index, what, remedy in _mechanisms(parts, opening, unstopped)
     ]
     if problems:
         raise ScenarioError(problems)
     return [
-        f"joints[{index}] ({coupling.name}) leaves {bodies} free to {verb} there: snubbers or nonlinear springs alone "
-        "stop that motion"
-        for index, coupling, bodies, verb, _ in _free(parts, couplings, opening, np.eye(rigid))
-    ] + [
-        f"joints[{index}] ({name}) leaves {body} free to turn or slide there, most at {where}: snubbers or nonlinear "
-        "springs alone stop that motion"
-        for index, name, body, where in _turning(parts, without_slope, np.eye(rigid))
+        f"joints[{index}] {what}: snubbers or nonlinear springs alone stop that motion"
+        for index, what, _ in _mechanisms(parts, opening, np.eye(rigid))
     ]
+
+
+def _mechanisms(parts: Parts, opening: Floats, motions: Floats) -> Iterator[tuple[int, str, str]]:
+    """What joints leave free in rigid motions (rigid, k): number of the joint, the motion, and what would hold it."""
+    couplings = parts.structure.couplings
+    for index, coupling, bodies in _opened(parts, opening, motions):
+        turns = coupling.ends[0].direction == SLOPE
+        verb, stiffness = ("turn", "rotational_stiffness") if turns else ("move", "stiffness")
+        remedy = f"give the joint a {stiffness}, hold {bodies} by a support or another joint"
+        yield index, f"({coupling.name}) leaves {bodies} free to {verb} there", remedy
+    names = [coupling.name for coupling in couplings]
+    joints = {joint.name for joint in parts.scenario.joints}
+    alone = [coupling for coupling in couplings if coupling.name in joints and names.count(coupling.name) == 1]
+    for index, name, body, where in _turning(parts, alone, motions):
+        what = f"({name}) leaves {body} free to turn or slide there, most at {where}"
+        yield index, what, f"hold {body} by a support or further joints"
 
 
 def _turning(parts: Parts, couplings: Sequence[Coupling], motions: Floats) -> Iterator[tuple[int, str, str, str]]:
@@ -190,28 +183,14 @@ def _opening(parts: Parts, coupling: Coupling) -> Floats:
     return np.asarray(parts.shapes([coupling.site])[0] / max(float(np.abs(ends).max()), np.finfo(float).tiny))
 
 
-def _free(
-    parts: Parts, couplings: Sequence[Coupling], opening: Floats, motions: Floats
-) -> list[tuple[int, Coupling, str, str, str]]:
-    """Number and coupling of every joint that the rigid motions (rigid, k) open, with bodies and words."""
+def _opened(parts: Parts, opening: Floats, motions: Floats) -> Iterator[tuple[int, Coupling, str]]:
+    """Number and coupling of every joint that the rigid motions (rigid, k) open, and the bodies that move."""
     names = [joint.name for joint in parts.scenario.joints]
-    opened = []
-    for coupling, row in zip(couplings, opening @ motions, strict=True):
+    for coupling, row in zip(parts.structure.couplings, opening @ motions, strict=True):
         largest = float(np.linalg.norm(row))
-        if coupling.stiffness != 0.0 or coupling.name not in names or largest <= _NOTHING:
-            continue
-        turns = coupling.ends[0].direction == SLOPE
-        moving = parts.basis.vectors[:, : motions.shape[0]] @ (motions @ (row / largest))
-        opened.append(
-            (
-                names.index(coupling.name),
-                coupling,
-                " and ".join(_bodies(parts, moving)),
-                "turn" if turns else "move",
-                "rotational_stiffness" if turns else "stiffness",
-            )
-        )
-    return opened
+        if coupling.stiffness == 0.0 and coupling.name in names and largest > _NOTHING:
+            moving = parts.basis.vectors[:, : motions.shape[0]] @ (motions @ (row / largest))
+            yield names.index(coupling.name), coupling, " and ".join(_bodies(parts, moving))
 
 
 def _bodies(parts: Parts, field: Floats) -> list[str]:

@@ -10,15 +10,24 @@ from typing import Any
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import Path, path_text, suggestion
+from beamsim.scenario.base import Path, problem
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import DEFLECTION, SLOPE, UPWARDS, LoadSite, Place, Site
 from beamsim.structures.stations import Recovery
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.equations import Channel, Forcing, Rows, Sizes
-from beamsim.system.parts import Moved, Parts, base_direction, exciting_forces, gravity_loads, output_direction
+from beamsim.system.parts import (
+    Moved,
+    Parts,
+    base_direction,
+    determined,
+    exciting_forces,
+    gravity_loads,
+    output_direction,
+    supports_named,
+)
 from beamsim.typing import Floats
 
 UNITS = {
@@ -111,7 +120,7 @@ class _Asked:
     @cached_property
     def cubic_sites(self) -> list[Site]:
         """Where cubic springs act."""
-        return [snubber_site(s) for s in self.parts.nonlinear_springs if s.item.kind == "cubic"]
+        return [snubber_site(s) for s in self.parts.scenario.nonlinear_springs if s.item.kind == "cubic"]
 
     @cached_property
     def sizes(self) -> Sizes:
@@ -187,17 +196,13 @@ class _Asked:
         if output.support == "base":
             return self._of_base(output)
         body = output.body or self.parts.scenario.default_body
-        held = [each for each in self.supports if each.body == body]
+        held = supports_named(self.supports, body, output.support, (*path, "support"))
         direction = output.direction or ("ry" if moment else DEFLECTION)
         directions = (direction, SLOPE) if moment and output.direction is None else (direction,)
-        fits = [each for each in held if each.name == output.support and each.direction in directions]
+        fits = [each for each in held if each.direction in directions]
         if not fits:
-            names = list(dict.fromkeys(each.name for each in held))
-            if output.support in names:
-                raise _refused((*path, "kind"), f"= {output.kind}: {output.support} exerts no such reaction in "
-                               f"{direction}", "ask for what it holds")  # fmt: skip
-            remedy = suggestion(output.support, names, "its supports are") if names else "it is free"
-            raise _refused((*path, "support"), f"= {output.support} is not a support of {body}", remedy)
+            message = f"= {output.kind}: {output.support} exerts no such reaction in {direction}"
+            raise ScenarioError(problem((*path, "kind"), message, "ask for what it holds"))
         return self._summed(output, f"{body} {output.support}", [(1.0, fits[0])])
 
     def _of_joint(self, path: Path, output: Any) -> Channel:
@@ -205,13 +210,10 @@ class _Asked:
         direction = SLOPE if output.kind == "joint_moment" else DEFLECTION
         fits = [each for each in joined if each.direction == direction]
         if not fits:
-            raise _refused((*path, "joint"), f"= {output.joint} transmits no moment", "ask for kind: joint_force")
-        if not fits[0].determined:
-            raise _refused(
-                (*path, "joint"), f"= {output.joint} holds what others hold already: its force is not determined",
-                "leave out the joint that is too many, or give it a stiffness",
-            )  # fmt: skip
-        return self._summed(output, output.joint, [(1.0, fits[0])])
+            message = f"= {output.joint} transmits no moment"
+            raise ScenarioError(problem((*path, "joint"), message, "ask for kind: joint_force"))
+        fitting = determined(fits[0], (*path, "joint"), ": its force is not determined")
+        return self._summed(output, output.joint, [(1.0, fitting)])
 
     def _of_base(self, output: Any) -> Channel:
         """All supports and joints that move with the base, and the contacts on it, by their work along its motion."""
@@ -297,7 +299,3 @@ class _Asked:
         for k, (signals, _) in enumerate(self.moved_signals):
             load[:, signals][:, _SIGNALS.index(quantity)] = rows[:, n + k]
         return self._channel(output, body.name, rows.shape[0], squared=True, load=load, **{quantity: rows[:, :n]})
-
-
-def _refused(path: Path, message: str, remedy: str) -> ScenarioError:
-    return ScenarioError(Problem(path_text(path), message, remedy))

@@ -22,8 +22,8 @@ import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.inputs.excitation import Driven
-from beamsim.scenario import Located, Scenario
-from beamsim.scenario.base import Path, path_text, suggestion
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import Path, path_text, problem, suggestion
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, MovedSupport
 from beamsim.scenario.run import ModeStart, ReleasedForceStart, Start
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
@@ -122,15 +122,19 @@ class Moved:
         return -mass, damping @ self.static_shape(structure, basis) - viscous, -stiffness
 
 
-def driven_supports(scenario: Scenario) -> Iterator[tuple[Path, Driven]]:
-    """What of the excitation moves a support, with its path."""
+def _excitations(scenario: Scenario) -> list[tuple[Path, Driven]]:
+    """What excites the structure with its paths: several forces, or one force or motion."""
     excitation = scenario.excitation
     if excitation.kind == "none":
-        return
-    listed = enumerate(excitation.forces) if excitation.kind == "forces" else [(None, excitation)]
-    for index, driven in listed:
-        if isinstance(driven.applied_to, MovedSupport):
-            yield ("excitation",) if index is None else ("excitation", "forces", index), driven
+        return []
+    if excitation.kind != "forces":
+        return [(("excitation",), excitation)]
+    return [(("excitation", "forces", index), each) for index, each in enumerate(excitation.forces)]
+
+
+def driven_supports(scenario: Scenario) -> Iterator[tuple[Path, Driven]]:
+    """What of the excitation moves a support, with its path."""
+    return ((path, each) for path, each in _excitations(scenario) if isinstance(each.applied_to, MovedSupport))
 
 
 def moved_supports(scenario: Scenario, structure: Structure) -> list[Moved]:
@@ -158,30 +162,60 @@ def _moved_support(scenario: Scenario, supports: Sequence[Support], path: Path, 
         key = "joint"
     else:
         body = moved.body or scenario.default_body
-        on_body = [each for each in supports if each.body == body and each.at is None]
-        named, key = [each for each in on_body if each.name == moved.support], "support"
-        if not named:
-            names = list(dict.fromkeys(each.name for each in on_body))
-            remedy = suggestion(str(moved.support), names, "its supports are") if names else "it is free"
-            raise ScenarioError(
-                Problem(path_text((*path, key)), f"= {moved.support} is not a support of {body}", remedy)
-            )
+        named, key = supports_named(supports, body, str(moved.support), (*path, "support")), "support"
     fits = [each for each in named if each.direction in directions]
     if not fits:
         held = " and ".join(dict.fromkeys("slope" if each.direction == SLOPE else each.direction for each in named))
         name = moved.joint or moved.support
+        message = f"= {name} does not hold {moved.direction or 'z'}"
+        raise ScenarioError(problem((*path, key), message, f"it holds {held}"))
+    return determined(fits[0], (*path, key), ", and cannot move against them")
+
+
+def supports_named(supports: Sequence[Support], body: str, name: str, path: Path) -> list[Support]:
+    """What a support of a body holds.
+
+    Parameters
+    ----------
+    supports : of the structure.
+    body, name : of the support.
+    path : where it is asked for.
+
+    Raises
+    ------
+    ScenarioError
+        Where the body has no such support.
+    """
+    on_body = [each for each in supports if each.body == body and each.at is None]
+    named = [each for each in on_body if each.name == name]
+    if not named:
+        names = list(dict.fromkeys(each.name for each in on_body))
+        remedy = suggestion(name, names, "its supports are") if names else "it is free"
+        raise ScenarioError(problem(path, f"= {name} is not a support of {body}", remedy))
+    return named
+
+
+def determined(support: Support, path: Path, consequence: str) -> Support:
+    """The support, if its force follows from the motion.
+
+    Parameters
+    ----------
+    support : of a joint, or of a body.
+    path : where it is asked for.
+    consequence : of a force that does not, for people.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    if not support.determined:
         raise ScenarioError(
-            Problem(path_text((*path, key)), f"= {name} does not hold {moved.direction or 'z'}", f"it holds {held}")
-        )
-    if not fits[0].determined:
-        raise ScenarioError(
-            Problem(
-                path_text((*path, key)),
-                f"= {moved.joint} holds what others hold already, and cannot move against them",
+            problem(
+                path, f"= {support.name} holds what others hold already{consequence}",
                 "leave out the joint that is too many, or give it a stiffness",
             )
-        )
-    return fits[0]
+        )  # fmt: skip
+    return support
 
 
 def check_places(moved: Sequence[Moved], places: Sequence[tuple[Path, Site]]) -> None:
@@ -192,13 +226,8 @@ def check_places(moved: Sequence[Moved], places: Sequence[tuple[Path, Site]]) ->
         for each in moved:
             if any(abs(each.support.direct(end)) > 1e-9 for end in ends):
                 where = path_text((*each.path, "applied_to"))
-                problems.append(
-                    Problem(
-                        path_text(path),
-                        f"is at {site.label}, which moves with the support of {where}",
-                        "move it along the body",
-                    )
-                )
+                message = f"is at {site.label}, which moves with the support of {where}"
+                problems.append(problem(path, message, "move it along the body"))
                 break
     if problems:
         raise ScenarioError(problems)
@@ -247,25 +276,24 @@ class Parts:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
         return np.asarray(self.structure.rows(sites) @ self.basis.vectors / np.sqrt(self.structure.mass_scale))
 
-    @cached_property
-    def located_snubbers(self) -> tuple[Located, ...]:
-        """The snubbers, see `Scenario.located_snubbers`."""
-        return self.scenario.located_snubbers
-
-    @cached_property
-    def nonlinear_springs(self) -> tuple[Located, ...]:
-        """Springs, joints and friction contacts with laws, see `Scenario.nonlinear_springs`."""
-        return self.scenario.nonlinear_springs
+    def levers(self, sites: Sequence[Site]) -> Floats:
+        """(k,) motion of places for a unit motion of the base; 1 of links, which do not feel it, and where it rests."""
+        motion, levers = base_direction(self.scenario), np.ones(len(sites))
+        for k, site in enumerate(sites):
+            if motion is not None and isinstance(site, Place):
+                lever = self.structure.base_motion_at(site, motion)
+                levers[k] = 1.0 if abs(lever - 1.0) < 1e-9 else lever
+        return levers
 
     @cached_property
     def snubber_sites(self) -> list[Site]:
         """Where the snubbers sit."""
-        return [snubber_site(located) for located in self.located_snubbers]
+        return [snubber_site(located) for located in self.scenario.located_snubbers]
 
     @cached_property
     def spring_sites(self) -> list[Site]:
         """Where nonlinear springs, joints and friction contacts sit."""
-        return [snubber_site(located) for located in self.nonlinear_springs]
+        return [snubber_site(located) for located in self.scenario.nonlinear_springs]
 
     @cached_property
     def probe_sites(self) -> list[Site]:
@@ -343,15 +371,11 @@ def start_of(scenario: Scenario) -> Start | None:
 
 def exciting_forces(scenario: Scenario) -> list[tuple[Path, Driven]]:
     """The forces of the excitation with their paths; none of base motion and of no excitation."""
-    excitation = scenario.excitation
-    if excitation.kind == "none":
-        return []
-    listed: list[tuple[Path, Driven]] = (
-        [(("excitation",), excitation)]
-        if excitation.kind != "forces"
-        else [(("excitation", "forces", index), force) for index, force in enumerate(excitation.forces)]
-    )
-    return [(p, each) for p, each in listed if each.applied_to != "base" and each.applied_to.takes[0] not in MOTIONS]
+    return [
+        (path, each)
+        for path, each in _excitations(scenario)
+        if each.applied_to != "base" and each.applied_to.takes[0] not in MOTIONS
+    ]
 
 
 def base_direction(scenario: Scenario) -> BaseDirection | None:

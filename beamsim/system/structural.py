@@ -155,23 +155,24 @@ class StructuralSystem:
 
     @cached_property
     def channels(self) -> ChannelSet:
-        """Everything that can be observed."""
-        return channels_of(self)
+        """Everything that can be observed.
+
+        Of probes the displacement and velocity relative to the base, and the absolute acceleration; of snubbers force,
+        penetration, and displacement and velocity of the structure there; of springs with laws of their own and of
+        friction contacts stretch and force; the outputs that the scenario asks for; and the bending stress along the
+        bodies.
+        """
+        sizes = Sizes(self.dynamics.size, self.dynamics.contacts.count, len(self.forcing.signal), self.cubic.count)
+        channels = (
+            *_of_probes(self, sizes), *_of_snubbers(self, sizes), *_of_springs(self, sizes), *self.outputs,
+            *_of_stations(self, sizes),
+        )  # fmt: skip
+        return ChannelSet(channels, sizes)
 
     @cached_property
     def stress(self) -> StressRows | None:
         """Bending stress along the bodies; None where no body gives one."""
         return stress_rows(self.bodies)
-
-    @property
-    def certificate_warnings(self) -> tuple[str, ...]:
-        """That harmonic balance may miss contacts beside cubic springs."""
-        if not self.cubic.count or not self.dynamics.contacts.count:
-            return ()
-        return (
-            "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, "
-            "without certificate",
-        )
 
     @property
     def contact_names(self) -> tuple[str, ...]:
@@ -180,27 +181,6 @@ class StructuralSystem:
         laws = [(spring.name, spring.law.parts or ()) for spring in self.springs if spring.law is not None]
         names = [name for name, parts in laws for _ in range(len(parts) if split else 1)]
         return (*(snubber.name for snubber in self.snubbers), *names)
-
-
-def channels_of(system: StructuralSystem) -> ChannelSet:
-    """Everything that can be observed of a system.
-
-    Of probes the displacement and velocity relative to the base, and the absolute acceleration; of snubbers force,
-    penetration, and displacement and velocity of the structure there; of springs with laws of their own and of friction
-    contacts stretch and force; the outputs that the scenario asks for; and the bending stress along the bodies.
-    """
-    sizes = sizes_of(system)
-    channels = (
-        *_of_probes(system, sizes), *_of_snubbers(system, sizes), *_of_springs(system, sizes), *system.outputs,
-        *_of_stations(system, sizes),
-    )  # fmt: skip
-    return ChannelSet(channels, sizes)
-
-
-def sizes_of(system: StructuralSystem) -> Sizes:
-    """Sizes of what the channels of a system are made of."""
-    dynamics = system.dynamics
-    return Sizes(dynamics.size, dynamics.contacts.count, len(system.forcing.signal), system.cubic.count)
 
 
 def _of_probes(system: StructuralSystem, sizes: Sizes) -> list[Channel]:

@@ -53,6 +53,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.scenario.sweep import Continuation, HarmonicBalance
 from beamsim.system.equations import ChannelSet
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 NO_STABLE_MOTION = "no_stable_motion"
@@ -138,7 +139,7 @@ def continuation(
         warnings=(
             *scenario.warnings,
             *model.system.warnings,
-            *(model.system.certificate_warnings if isinstance(settings.method, HarmonicBalance) else ()),
+            *(_without_certificate(model.system) if isinstance(settings.method, HarmonicBalance) else ()),
             *deflection_warnings(scenario, model.system.modes, _peaks(branches, "peak_displacement")),
             *forces_beyond_tables(scenario, _peaks(branches, "peak_force")),
         ),
@@ -158,6 +159,16 @@ def continuation(
 
 def _part(progress: Callable[[float], None], first: float, share: float) -> Callable[[float], None]:
     return lambda fraction: progress(first + share * fraction)
+
+
+def _without_certificate(system: StructuralSystem) -> list[str]:
+    """That harmonic balance may miss contacts beside cubic springs."""
+    if not system.cubic.count or not system.dynamics.contacts.count:
+        return []
+    return [
+        "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, without "
+        "certificate"
+    ]
 
 
 def _trace(
