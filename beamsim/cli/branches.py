@@ -12,7 +12,7 @@ from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.cli.printing import percent
 from beamsim.cli.report import Labelled, Views, ended, in_units
-from beamsim.cli.screens import SHOWN, Numbers, Screen, limit_lines, rounded, sureness
+from beamsim.cli.screens import SHOWN, Numbers, Screen, limit_lines, modes, rounded, sureness
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, level_text, scale_for
@@ -34,7 +34,7 @@ def continuation_screen(result: ContinuationResult) -> Screen:
     forces = [f"{numbers.text(force, 'N', 'peak_force_n', name)} at {name}" for name, force in hardest if force > 0]
     if forces:
         lines.append(f"peak force of stable motions {', '.join(forces)}")
-    lines += _special_lines(result)
+    lines += [*_special_lines(result), *modes(result)]
     outputs = {name: of for name, of in _outputs(result, s.get("peak_output", {})).items() if of}
     lines += [f"peak of {name} {of['peak']} at {of['at']}" for name, of in list(outputs.items())[:SHOWN]]
     for curve in s.get("fold_curves", ()):

@@ -44,7 +44,8 @@ def modes_of_states(
     -------
     By name of the field.
     """
-    alone, contacts = replace(dynamics, contacts=stops), dynamics.contacts
+    contacts = dynamics.contacts  # whose arrays the motion needs, too
+    alone = dynamics if contacts.count == stops.count else replace(dynamics, contacts=stops)
     shut = np.array([law.closed_phase for law in stops.laws], dtype=np.int64)
     _, opened = damped_modes(alone, stops.start, rigid)
     omega, closed = damped_modes(alone, shut, rigid)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.branch import FoldBranch, ResponseBranch
-from beamsim.analyses.result import CONVERGENCE, MARGINS, PROCESSOR_TIME, STATUS, Result
+from beamsim.analyses.result import CONVERGENCE, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.analyses.values import DISPLACEMENT, VALUES
 from beamsim.fields import (
@@ -89,6 +89,7 @@ _SUMMARY = (
              "multiple scales"),
     Entry("neglected_harmonics", "1", "largest share of the motion that harmonic balance leaves out",
              "neglected harmonics"),
+    *MODES,
     *CONVERGENCE,
     PROCESSOR_TIME,
 )  # fmt: skip
