@@ -115,9 +115,9 @@ def channel_named(
     loose = [s for s in named if _is_of(s.name, words)]
     if not loose and quantity == "absolute_acceleration":  # accelerometers know no other
         loose = [s for s in named if _is_of(s.name, "acceleration")]
-    loose = loose or ([] if required else named)
+    loose = exact or loose or ([] if required else named)
     histories = [s for s in loose if not s.of_frequency] or loose
-    chosen = exact or histories or ([] if required or len(signals) > 1 else list(signals))
+    chosen = histories or ([] if required or len(signals) > 1 else list(signals))
     if len(chosen) > 1 and all(_same(chosen[0], other) for other in chosen[1:]):
         chosen = chosen[:1]
     if len(chosen) != 1:

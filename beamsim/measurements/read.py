@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import re
 import warnings
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -250,10 +252,29 @@ def read_uff(path: Path) -> list[MeasuredSignal]:
     sets = data_sets(path)
     units = next(({"length": _named(s.get("length"), _LENGTHS), "force": _named(s.get("force"), _FORCES)}
                   for s in sets if s["type"] == 164), {})  # fmt: skip
-    signals = [_function(each, units, path) for each in sets if each["type"] == 58]
-    if not signals:
+    records = [each for each in sets if each["type"] == 58]
+    if not records:
         raise MeasurementError("contains no dataset 58", "export functions at nodal degrees of freedom (dataset 58)")
-    return signals
+    return _told_apart([_function(each, units, path) for each in records], map(_place, records))
+
+
+# by the number of a direction, that of a negative one counted from the end
+_DIRECTIONS = ("", "+X", "+Y", "+Z", "+RX", "+RY", "+RZ", "-RZ", "-RY", "-RX", "-Z", "-Y", "-X")
+
+
+def _place(record: Mapping[str, Any]) -> str:
+    """Node and direction of the response of a function."""
+    direction = int(record.get("rsp_dir", 0))
+    return f"node {record.get('rsp_node', 0)} {_DIRECTIONS[direction] if abs(direction) <= 6 else ''}".rstrip()
+
+
+def _told_apart(signals: list[MeasuredSignal], words: Iterable[str]) -> list[MeasuredSignal]:
+    """The signals, with a word each in names that several have."""
+    several = Counter(signal.name for signal in signals)
+    return [
+        replace(signal, name=f"{signal.name} {word}") if several[signal.name] > 1 else signal
+        for signal, word in zip(signals, words, strict=False)
+    ]
 
 
 def _function(record: Mapping[str, Any], units: Mapping[str, str], path: Path) -> MeasuredSignal:
@@ -289,7 +310,8 @@ UFF = (".uff", ".unv", ".uf", ".58")
 
 
 def read_file(path: Path) -> list[MeasuredSignal]:
-    """All channels of a file in its own units, columns of a table without an axis among them.
+    """All channels of a file in its own units, columns of a table without an axis among them, each with a name of its
+    own.
 
     Raises
     ------
@@ -300,14 +322,12 @@ def read_file(path: Path) -> list[MeasuredSignal]:
         raise MeasurementError("does not exist", "check the path; it is relative to the case's file")
     if path.stat().st_size == 0:
         raise MeasurementError("is empty", "export the measurement again")
-    suffix = path.suffix.lower()
+    readers = {**dict.fromkeys(TEXT, read_csv), **dict.fromkeys(HDF5, read_hdf5), **dict.fromkeys(UFF, read_uff)}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise MeasurementError("has an unknown format", "use .csv, .h5 or .uff")
     try:
-        if suffix in TEXT:
-            return read_csv(path)
-        if suffix in HDF5:
-            return read_hdf5(path)
-        if suffix in UFF:
-            return read_uff(path)
+        signals = reader(path)
     except OSError as error:
         raise MeasurementError(f"cannot be read ({error.strerror or error})", "check the path") from None
-    raise MeasurementError("has an unknown format", "use .csv, .h5 or .uff")
+    return _told_apart(signals, (f"({number})" for number in range(1, len(signals) + 1)))
