@@ -89,6 +89,13 @@ class MeasuredSignal:
         """Whether phases between harmonics are known."""
         return not self.of_frequency or bool(np.iscomplexobj(self.y))
 
+    def last(self, duration: float | None) -> MeasuredSignal:
+        """The last part of a time history, s; the signal itself without a duration, and a spectrum."""
+        if duration is None or self.of_frequency:
+            return self
+        kept = self.x >= self.x[-1] - duration
+        return replace(self, x=self.x[kept], y=self.y[kept])
+
     def on_si_axis(self, unit: str | None, key: str) -> MeasuredSignal:
         """The signal on an axis in s or Hz.
 

@@ -242,3 +242,53 @@ def test_what_the_measurements_do_not_determine_has_no_deviation():
     alone = J[:, [0, 3]]
     np.testing.assert_allclose(deviation[3], np.sqrt(np.linalg.inv(alone.T @ alone)[1, 1]), rtol=1e-12)
     np.testing.assert_allclose(inverse_information(alone), np.linalg.inv(alone.T @ alone), rtol=1e-12)
+
+
+def bouncing(multiple, stiffness=100.0, dashpot=0.1):
+    """A mass at a stop, shaken at a multiple of the frequency at which it bounces: one bounce in so many periods."""
+    bounces = 2 * np.sqrt(101.0) / (1.0 + np.sqrt(101.0)) / (2 * np.pi)
+    stop = {"name": "stop", "side": "below", "gap": 0.0}
+    return {
+        "chain": {
+            "masses": [1.0], "springs": [1.0], "dashpots": [dashpot],
+            "snubbers": [
+                {**stop, "mass": 1, "stiffness": stiffness},
+                {**stop, "name": "other", "mass": 1, "side": "above", "gap": 50.0, "stiffness": 1.0},
+            ],
+        },
+        "excitation": {
+            "kind": "harmonic", "applied_to": {"mass": 1}, "level": 1.0, "frequency": multiple * bounces,
+        },
+        "probes": [{"name": "mass", "mass": 1}],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("multiple", [1, 2, 3, 4])
+@pytest.mark.parametrize("phase", ["free", "of_excitation"])
+def test_motions_of_several_periods_are_fitted_over_all_of_them(multiple, phase):
+    """Their subharmonics were left out, and the unstable motion of one period was fitted to the rest."""
+    case = bouncing(multiple)
+    frequency = case["excitation"]["frequency"]
+    true = steady_vibration(load_scenario(case), multiple=multiple, harmonics=4 * multiple)
+    harmonics = true.harmonics(0, "displacement", 4 * multiple)
+    order = np.arange(1, harmonics.size + 1) / multiple
+    late = (1.0 if phase == "of_excitation" else 1.37) / frequency  # begun in another period of the excitation
+    t = np.arange(24 * 64) / (64 * frequency)
+    history = np.imag(np.exp(2j * np.pi * frequency * np.outer(t + late, order)) @ harmonics)
+    noise = 1e-3 * np.abs(harmonics).max() * np.random.default_rng(multiple).standard_normal(t.size)
+    test = {"file": "a.csv", "quantity": "displacement", "harmonics": 3, "phase": phase}
+    sought = {"chain.snubbers.stop.stiffness": 100.0, "chain.dashpots[0]": 0.1}
+    nonlinear = {"estimate": list(sought), "tests": [test], "starts": 1, "profiles": False}
+    start = bouncing(multiple, stiffness=101.0, dashpot=0.11)
+    scenario = load_scenario({**start, "identify_stiffness": {"snubber": "stop", "nonlinear": nonlinear}})
+    found = identify_stiffness(scenario, [MeasuredSignal("mass", t, history + noise, unit="m")])
+    assert found.nonlinear.tests[0].order.tolist() == (np.arange(1, 3 * multiple + 1) / multiple).tolist()
+    assert {p.parameter: p.value for p in found.nonlinear.parameters} == pytest.approx(sought, rel=5e-3)
+    # the fit has all snubbers as they are: nothing is said of natural frequencies, which nobody measured
+    assert not any("open" in warning for warning in found.warnings)
+
+
+def test_natural_frequencies_are_those_with_other_snubbers_open():
+    measured = {"snubber": "stop", "measured_with": [1.0]}
+    found = identify_stiffness(load_scenario({**bouncing(1), "identify_stiffness": measured}))
+    assert found.warnings == ("the natural frequencies are those with the other snubbers (other) open",)

@@ -8,7 +8,7 @@ import pytest
 import beamsim
 from beamsim.analyses.compare.analysis import compare, harmonics_of, period_multiple, settled_from
 from beamsim.errors import ScenarioError
-from beamsim.measurements.channels import in_si, read_signals
+from beamsim.measurements.channels import channel_named, in_si, read_signals
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import Scenario
 
@@ -138,6 +138,33 @@ def test_units_of_header_and_scenario(tmp_path):
     with pytest.raises(ScenarioError, match=r"x is missing, and .*b\.csv states no unit of tip") as error:
         in_si(signal, None, "absolute_acceleration", "x")
     assert error.value.problems[0].remedy == "give the unit of the absolute acceleration, for example g"
+
+
+def test_functions_of_one_name_are_told_apart(tmp_path):
+    """Accelerometers labelled alike could not be chosen."""
+    pyuff, t = pytest.importorskip("pyuff"), np.arange(8) / 8.0
+    sides = [("panel", 3, 3), ("panel", 3, -1), ("panel", 7, 3), ("panel", 7, 3), ("shaker", 1, 3)]
+    for number, (label, node, direction) in enumerate(sides):
+        record = pyuff.prepare_58(
+            binary=0, func_type=1, rsp_node=node, rsp_dir=direction, ref_dir=3, ref_node=1, data=t + number, x=t,
+            id1=label, rsp_ent_name="NONE", ref_ent_name="NONE", abscissa_spacing=1, abscissa_spec_data_type=17,
+            ordinate_spec_data_type=12, orddenom_spec_data_type=0, ordinate_axis_units_lab="g",
+        )  # fmt: skip
+        pyuff.UFF(str(tmp_path / "a.uff")).write_sets(record, "add")
+    names = ["panel node 3 +Z", "panel node 3 -X", "panel node 7 +Z (3)", "panel node 7 +Z (4)", "shaker"]
+    columns = ["panel (g)", "panel (g)", "tip", "tip", "shaker"]
+    rows = [",".join(map(str, row)) for row in np.column_stack([t, *(t + k for k in range(5))])]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(["time (s)", *columns]), *rows]))
+    for file, found in (
+        ("a.uff", names),
+        ("a.csv", ["panel (g) (2)", "panel (g) (3)", "tip (4)", "tip (5)", "shaker"]),
+    ):
+        signals = [signal for signal in read_signals(tmp_path / file) if signal.name != "time (s)"]
+        assert [signal.name for signal in signals] == found
+        for number, name in enumerate(found):
+            assert channel_named(signals, name, "", tmp_path / file, required=True).y[0] == number
+    with pytest.raises(ScenarioError, match=r"2 channels that could be tip .*panel \(g\) \(2\)"):
+        channel_named(signals, "tip", "velocity", tmp_path / "a.csv", required=True)
 
 
 @pytest.mark.parametrize("name", ["a.uff", "a.h5"])

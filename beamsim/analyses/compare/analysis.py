@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -100,10 +100,7 @@ def _channel(
     if not np.any(signal.y):
         what = f"{signal.label} is zero throughout"
         raise unusable(what, "check the channel and its cable, or leave it out with --channel")
-    record = signal
-    if not signal.of_frequency and last is not None:
-        kept = signal.x >= signal.x[-1] - last
-        record = replace(signal, x=signal.x[kept], y=signal.y[kept])
+    record = signal.last(last)
     try:
         multiple = max(period_multiple(each, excitation) for each in (run, record))
         predicted, measured = _harmonics(run, record, (excitation, multiple), count, warnings)
@@ -460,10 +457,8 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
     orders = np.arange(1, count + 1)
     if signal.of_frequency:
         return _of_spectrum(signal, frequency_hz, orders)
-    t, x = signal.x, np.asarray(signal.y, dtype=float)
-    if last is not None:
-        kept = t >= t[-1] - last
-        t, x = t[kept], x[kept]
+    part = signal.last(last)
+    t, x = part.x, np.asarray(part.y, dtype=float)
     if t.size < 4:
         raise _short(f"has {t.size} samples in the part used")
     rate = (t.size - 1) / (t[-1] - t[0])

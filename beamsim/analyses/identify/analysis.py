@@ -106,7 +106,8 @@ def _identify(
     without = FrequencyTable.of(point.omega[:count] / _HZ, section.measured_without, rigid)
     mac = _mac(current, section, warnings)
     warnings += _structure_warnings(without) if update is None else update.warnings
-    warnings += _others(scenario, section.snubber)
+    if section.measured_with or section.measured_without or section.shapes_without is not None:
+        warnings += _others(scenario, section.snubber)
     contact: dict[str, Any] = {"sensitivities": (), "curves": ()}
     if section.measured_with:
         contact, current, remarks = permanent_contact(current, section, point, count, update)
@@ -147,7 +148,7 @@ def _others(scenario: Scenario, snubber: str) -> Iterator[str]:
     """What is left out of the modes."""
     others = [s.name for s in scenario.all_snubbers if s.name != snubber]
     if others:
-        yield f"the other snubbers ({', '.join(others)}) are assumed to be open"
+        yield f"the natural frequencies are those with the other snubbers ({', '.join(others)}) open"
     bodies = joined_to(scenario, scenario.located_snubber(snubber).bodies)
     if len(bodies) < len(scenario.all_bodies):
         yield (

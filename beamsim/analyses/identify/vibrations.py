@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.analysis import Harmonics, best_phase, harmonics_of
+from beamsim.analyses.compare.analysis import Harmonics, best_phase, harmonics_of, period_multiple
 from beamsim.analyses.identify.fit import (
     MOST_EVALUATIONS,
     Best,
@@ -40,6 +40,7 @@ from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, together
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import counted
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import Reduction
@@ -164,6 +165,7 @@ class _Test:
     quantity: str
     frequency_hz: float
     level: float
+    multiple: int  # periods of the excitation in one of the motion, whose harmonics are compared
     harmonics: Harmonics
     sigma: Floats  # (h,)
     noise_known: bool
@@ -173,6 +175,15 @@ class _Test:
     def size(self) -> int:
         """Number of real measured values."""
         return self.harmonics.order.size * (2 if self.harmonics.has_phase else 1)
+
+    def phase(self, predicted: Complexes) -> float:
+        """Phase of the measurement, rad of the motion's own period: a whole number of those of the excitation where its
+        phase is known."""
+        if self.free_phase:
+            return best_phase(self.harmonics, predicted, self.sigma)
+        turns = 2.0 * np.pi / self.multiple * np.arange(self.multiple)
+        turned = predicted * np.exp(1j * np.multiply.outer(turns, self.harmonics.order))
+        return float(turns[np.argmin([np.sum(self.residuals(each) ** 2) for each in turned])])
 
     def residuals(self, predicted: Complexes) -> Floats:
         """Weighted differences of harmonics in the time of the measurement."""
@@ -220,7 +231,8 @@ def _test(scenario: Scenario, test: MeasuredTest, signal: MeasuredSignal) -> _Te
     frequency = excitation.frequency if test.frequency is None else test.frequency
     if not (np.all(np.isfinite(signal.y)) and np.all(np.isfinite(signal.x))) or signal.x.size == 0:
         raise MeasurementError("has values that are not numbers", "remove them")
-    harmonics = harmonics_of(signal, frequency, test.harmonics, test.last)
+    multiple = period_multiple(signal.last(test.last), frequency)
+    harmonics = harmonics_of(signal, frequency / multiple, test.harmonics * multiple, test.last)
     largest = float(np.max(np.abs(harmonics.value)))
     if largest == 0.0:
         message = f"has no component at {frequency:g} Hz and its harmonics"
@@ -238,6 +250,7 @@ def _test(scenario: Scenario, test: MeasuredTest, signal: MeasuredSignal) -> _Te
         quantity=test.quantity,
         frequency_hz=frequency,
         level=float(excitation.level if test.level is None else test.level),
+        multiple=multiple,
         harmonics=harmonics,
         sigma=np.maximum(sigma, 1e-12 * largest),
         noise_known=known,
@@ -247,7 +260,7 @@ def _test(scenario: Scenario, test: MeasuredTest, signal: MeasuredSignal) -> _Te
 
 def _cases(scenario: Scenario, tests: Sequence[_Test]) -> list[Scenario]:
     """The scenario under the excitation of each test."""
-    highest = max(test.frequency_hz * test.harmonics.order[-1] for test in tests)
+    highest = max(test.frequency_hz * test.harmonics.order[-1] / test.multiple for test in tests)
     reduction = scenario.reduction
     if reduction is None and any(body.reduced_by_default for body in scenario.all_bodies.values()):
         # 3.0: times the highest harmonic used: modes of a fit without `reduction`
@@ -301,10 +314,12 @@ class _Vibrations:
         vibrations, compared, out = [], [], []
         for t, (test, case) in enumerate(zip(self.tests, self.cases, strict=True)):
             count, guess = test.harmonics.order.size, self.guesses[t].start if self.guesses else None
-            vibration = steady_vibration(varied(case, self.numbers, x), guess, harmonics=count, shared=self.shared)
+            vibration = steady_vibration(
+                varied(case, self.numbers, x), guess, multiple=test.multiple, harmonics=count, shared=self.shared
+            )
             self.responses += 1
             harmonics = vibration.harmonics(test.probe_index, test.quantity, count)
-            phase = best_phase(test.harmonics, harmonics, test.sigma) if test.free_phase else 0.0
+            phase = test.phase(harmonics)
             harmonics = harmonics * np.exp(1j * test.harmonics.order * phase)
             vibrations.append(vibration)
             compared.append((harmonics, phase))
@@ -396,12 +411,12 @@ def _test_fit(test: _Test, before: tuple[Complexes, float], predicted: tuple[Com
         quantity=test.quantity,
         unit=level_unit(test.quantity.removeprefix("absolute_")),
         frequency_hz=test.frequency_hz,
-        order=test.harmonics.order.astype(float),
+        order=test.harmonics.order / test.multiple,
         measured=test.harmonics.value,
         noise=test.sigma,
         before=before[0],
         predicted=predicted[0],
-        delay_s=float(np.angle(np.exp(1j * predicted[1]))) / (2 * np.pi * test.frequency_hz),
+        delay_s=float(np.angle(np.exp(1j * predicted[1]))) * test.multiple / (2 * np.pi * test.frequency_hz),
     )
 
 
@@ -411,10 +426,11 @@ _SETTLE = 300  # most periods of transient
 
 @dataclass(frozen=True)
 class SteadyVibration:
-    """A periodic response with the period of its excitation."""
+    """A periodic response with the period of its excitation, or several of these."""
 
     system: StructuralSystem
-    omega: float  # rad/s
+    omega: float  # rad/s, of the response
+    multiple: int  # periods of the excitation in one of the response
     start: Floats  # (N,) state at t = 0, initial guess for neighbouring parameters
     coordinates: Complexes  # (h, n) harmonics 1 to h of q: q = Im sum c_k e^{i k omega t}
     touching: bool  # whether contact is made and lost
@@ -441,10 +457,10 @@ class SteadyVibration:
             return np.asarray(1j * order * self.omega * value)
         if quantity == "absolute_acceleration":
             value = -((order * self.omega) ** 2) * value
-            value[0] += self.system.carried[probe] * _amplitude(self.system.base_acceleration)
+            value[self.multiple - 1] += self.system.carried[probe] * _amplitude(self.system.base_acceleration)
         elif quantity == "absolute_displacement":
             value = value.copy()
-            value[0] += self.system.carried[probe] * _amplitude(self.system.base_displacement)
+            value[self.multiple - 1] += self.system.carried[probe] * _amplitude(self.system.base_displacement)
         return np.asarray(value)
 
     def largest_deflection(self, snubber: int) -> float:
@@ -457,6 +473,7 @@ def steady_vibration(
     scenario: Scenario,
     guess: Floats | None = None,
     *,
+    multiple: int = 1,
     harmonics: int = 16,
     shared: SharedBuilds | None = None,
 ) -> SteadyVibration:
@@ -469,6 +486,7 @@ def steady_vibration(
     ----------
     scenario : with a harmonic excitation, without cubic springs.
     guess : state at t = 0 of a neighbouring response.
+    multiple : periods of the excitation in one of the response.
     harmonics : number wanted.
     shared : keeps what was built for scenarios with the same structure.
 
@@ -486,30 +504,31 @@ def steady_vibration(
         raise UnpredictableError("cubic springs have no exact flow")
     omega = 2 * np.pi * system.excitation_frequency_hz
     flow = VariationalFlow(system.dynamics, _periodic(system, omega), omega, 1.0)
-    problem = ForcedOrbits(flow, "level")
+    problem = ForcedOrbits(flow, "level", multiple=multiple)
     if guess is not None and guess.size != flow.size:
         guess = None
     try:
-        point = find_orbit(problem, guess, settle=_SETTLE)
-        if point is None and guess is not None:
-            point = find_orbit(problem, None, settle=_SETTLE)
+        point = None if guess is None else find_orbit(problem, guess, settle=_SETTLE)
+        if point is None:
+            point = find_orbit(problem, None, settle=_SETTLE, stable=multiple > 1)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise UnpredictableError(str(error)) from error
     if point is None:
         raise UnpredictableError(
-            f"no vibration with the period of the excitation ({system.excitation_frequency_hz:g} Hz) was found"
+            f"no vibration that repeats after {counted(multiple, 'period')} of the excitation "
+            f"({system.excitation_frequency_hz:g} Hz) was found"
         )
     passage = point.data
-    period = 2 * np.pi / omega
-    times = np.arange(_SAMPLES, dtype=np.float64) * (period / _SAMPLES)
+    omega, samples = omega / multiple, _SAMPLES * multiple
+    times = np.arange(samples, dtype=np.float64) * (2 * np.pi / omega / samples)
     states = flow.states_at(passage, np.asarray(times, dtype=np.float64))
     n = system.dynamics.size
     # q = Re sum X e^{i k w t} = Im sum (i X) e^{i k w t}
-    spectrum = 1j * np.fft.rfft(states[:, :n], axis=0)[1 : harmonics + 1] * (2.0 / _SAMPLES)
+    spectrum = 1j * np.fft.rfft(states[:, :n], axis=0)[1 : harmonics + 1] * (2.0 / samples)
     at = np.concatenate([times, passage.time])
     penetration = flow.penetration_of(np.concatenate([states, passage.y]), at)[0].max(axis=0)
     return SteadyVibration(
-        system, omega, point.u[:-1], spectrum, passage.event_time.size > 0, point.residual, penetration
+        system, omega, multiple, point.u[:-1], spectrum, passage.event_time.size > 0, point.residual, penetration
     )
 
 
