@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -202,3 +203,30 @@ def test_result_files_keep_the_damping_of_all_states(tmp_path):
         np.testing.assert_array_equal(getattr(again.modes, name), getattr(result.modes, name))
         assert again.summary[name] == result.summary[name]
     assert again.modes.dashpots == result.modes.dashpots == again.summary["dashpots"]
+
+
+def test_masses_that_only_dashpots_join_have_no_ratio():
+    """Nothing oscillates: both modes are rigid bodies'."""
+    scenario = {
+        "chain": {"masses": [1.0, 1.0], "springs": [0.0, 0.0, 0.0], "dashpots": [0.0, 5.0, 0.0]},
+        "excitation": {"kind": "half_sine", "applied_to": {"mass": 2}, "level": "1 N", "duration": "10 ms"},
+        "run": {"duration": 0.1, "start": "rest"},
+    }
+    table = build_system(load_scenario(scenario)).modes
+    assert np.all(np.isnan(table.damping_ratios))
+    assert np.all(table.open_frequencies_hz == 0.0)
+
+
+def test_the_first_screen_has_the_state_at_rest_where_that_is_a_third_one():
+    stops = [{"name": f"stop{k}", "mass": 1, "side": side, "stiffness": 300.0, "gap": gap,
+              "damping": {"kind": "viscous", "coefficient": 4.0}}
+             for k, side, gap in ((1, "below", -1e-3), (2, "above", 1.0))]  # fmt: skip
+    scenario = load_scenario(
+        {
+            "chain": {"masses": [M], "springs": [K], "snubbers": stops},
+            "probes": [{"name": "mass", "mass": 1}],
+            "run": {"duration": 1.0},
+        }
+    )  # fmt: skip
+    result = SimpleNamespace(modes=build_system(scenario).modes, scenario=scenario)
+    assert next(modes(result)) == "first mode 2.52 Hz open (0 %), 3.73 Hz closed (8.5 %), 3.18 Hz at rest (5 %)"
