@@ -40,6 +40,12 @@ WrittenPosition = float | Share | tuple[float | Share, float | Share]
 PlatePoint = tuple[PositionOrShare, PositionOrShare]
 """x and y on a plate."""
 
+
+def same_position(a: float, b: float) -> bool:
+    """Whether positions differ by round-off only: 55 % of 200 mm is not 110 mm in the last digit."""
+    return math.isclose(a, b, rel_tol=1e-12)
+
+
 PointPosition = Annotated[PositionOrShare | PlatePoint, BY_FORM]
 NodeNumber = Annotated[int, Whole(1)]
 NodeDirection = Literal["x", "y", "z", "rx", "ry", "rz"]
@@ -503,13 +509,12 @@ class Body(Schema):
         return ()
 
     def metres(self, position: float | Share, axis: int = 0) -> float:
-        """A position along a side in m; at its end where it is beyond it by round-off only (3 ft and 36 in differ)."""
+        """A position along a side in m; its end where only round-off is between them (3 ft and 36 in differ)."""
         if axis >= len(self.sides):
             return math.nan if isinstance(position, Share) else position
         side = self.sides[axis]
-        if isinstance(position, Share):
-            return side * position.value
-        return side if side < position <= side * (1.0 + 1e-12) else position
+        x = side * position.value if isinstance(position, Share) else position
+        return side if same_position(x, side) else x
 
     @overload
     def point(self, position: float | Share) -> float: ...

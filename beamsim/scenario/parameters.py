@@ -8,9 +8,9 @@ A path is written as in overrides, ``beam.point_masses[0].mass``; ``[*]`` means 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic_core import PydanticCustomError
 
@@ -26,7 +26,6 @@ from beamsim.scenario.base import (
     refused,
     single_line,
     suggestion,
-    within,
     words_of,
 )
 from beamsim.scenario.parts import ScenarioParts
@@ -265,8 +264,18 @@ def field_type_at(scenario: ScenarioParts, place: Path) -> FieldType | None:
     if not isinstance(owner, Schema):
         return None
     field = _field(owner, str(place[last]))
-    types = (item for item in (*field.metadata, *within(field.annotation)) if isinstance(item, FieldType))
-    return next(types, None)
+    return next(_types(field.annotation, field.metadata, place[last + 1 :]), None)
+
+
+def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[FieldType]:
+    """What reads a value, or the number at these indices of it: of a pair the second may be of another sort."""
+    yield from (item for item in metadata if isinstance(item, FieldType))
+    parts = get_args(annotation)
+    if get_origin(annotation) is tuple:
+        first, indices = indices[:1], indices[1:]
+        parts = parts if Ellipsis in parts else tuple(part for k, part in enumerate(parts) if k in first or not first)
+    for part in parts:
+        yield from _types(part, getattr(part, "__metadata__", ()), indices)
 
 
 def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: tuple[type, ...]) -> list[Path]:

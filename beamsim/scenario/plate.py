@@ -11,7 +11,15 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import Path, Schema, fail, path_text, problem
-from beamsim.scenario.body import AtPlace, Body, ChainDamping, ModalDamping, PlatePoint, WrittenPosition
+from beamsim.scenario.body import (
+    AtPlace,
+    Body,
+    ChainDamping,
+    ModalDamping,
+    PlatePoint,
+    WrittenPosition,
+    same_position,
+)
 
 Edge = Literal["clamped", "pinned", "free"]
 SMALLEST_ELEMENT = 5e-4
@@ -160,8 +168,10 @@ class PlateBody(Body):
         return tuple(self.point(point.position) for point in self.supports.points)
 
     def line_of(self, stiffener: Stiffener) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Where a stiffener begins and ends, m."""
-        return self.point(stiffener.from_), self.point(stiffener.to)
+        """Where a stiffener begins and ends, m; parallel to an edge where only round-off is in between."""
+        start, end = self.point(stiffener.from_), self.point(stiffener.to)
+        x, y = (a if same_position(a, b) else b for a, b in zip(start, end, strict=True))
+        return start, (x, y)
 
     @property
     def gives_stress(self) -> bool:
@@ -222,7 +232,8 @@ class PlateBody(Body):
             support = getattr(self.supports, edge)
             if on_it and support != "free":
                 return f"{support} {edge} edge"
-        return "point support" if (x, y) in self.supported_points else ""
+        on_point = any(same_position(x, a) and same_position(y, b) for a, b in self.supported_points)
+        return "point support" if on_point else ""
 
     def holds(self, position: WrittenPosition) -> bool:
         """Whether a support is at a point."""

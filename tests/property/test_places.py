@@ -4,7 +4,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from places import CASES, MARKER, UNITS, differences, resolved, text_of
 
@@ -12,6 +12,7 @@ import beamsim
 from beamsim.analyses.compare_modes import compare_modes, read_shapes
 from beamsim.analyses.continuation.paths import response_model
 from beamsim.analyses.designs.plan import check_cases, plan_designs, plan_draws
+from beamsim.analyses.identify.analysis import mode_shapes
 from beamsim.analyses.identify.fit import sought_numbers
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
@@ -21,7 +22,9 @@ from beamsim.scenario.parameters import value_at
 from beamsim.scenario.quantities import PositionType
 from beamsim.scenario.tree import parse
 from beamsim.structures.places import Link, load_site_of
+from beamsim.system.build import build_system
 
+UNSHRUNK = (Phase.explicit, Phase.reuse, Phase.generate)  # what differs is said by path, on any body
 SHARES = sorted({int(share) for text in CASES.values() for _, share in MARKER.findall(text)})
 BODIES = st.tuples(st.integers(80, 2500), st.integers(80, 2500)).map(lambda mm: (mm[0] / 1000, mm[1] / 1000))
 INNER = [share for share in SHARES if 0 < share < 100]
@@ -71,7 +74,7 @@ def analysed(scenario):
     return found
 
 
-@settings(deadline=None, max_examples=6, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=6, phases=UNSHRUNK, suppress_health_check=[HealthCheck.too_slow])
 @given(BODIES, MOVED)
 @pytest.mark.parametrize("case", CASES)
 def test_a_place_is_the_same_in_percent_and_in_a_unit(case, sides, moved):
@@ -174,6 +177,42 @@ def test_a_moving_snubber_is_followed_between_the_same_places():
         assert (model.second.first, model.second.last) == pytest.approx((0.28, 0.4), rel=1e-14)
 
 
+PLATE = """\
+bodies: {panel: {kind: plate, length: 300 mm, width: 200 mm, thickness: 2 mm, youngs_modulus: 70 GPa, density: 2700,
+  poissons_ratio: 0.33, elements: [2, 2], supports: {left: clamped, points: [{position: [60 %, 55 %]}]},
+  stiffeners: [{from: [0, FROM], to: [100 %, TO], bending_stiffness: 30 N m^2, mass_per_length: 0.1 kg/m}]}}
+probes: [{name: a, position: [100 %, 50 %]}]
+run: {duration: 1 ms}
+"""
+
+
+@pytest.mark.parametrize(("start", "end"), [("55 %", "110 mm"), ("0.11", "55 %"), ("11 cm", "55 %")])
+def test_a_stiffener_is_parallel_to_an_edge_whatever_its_ends_are_written_in(start, end):
+    """0.55 of 200 mm is not 110 mm in the last digit, and the mesh had no line along such a stiffener."""
+    assert 0.55 * 0.2 != 0.11
+    text = PLATE.replace("[60 %, 55 %]", "[60 %, 20 %]")
+    cases = [text.replace("FROM", one).replace("TO", other) for one, other in ((start, end), ("55 %", "55 %"))]
+    squared = [build_system(load_scenario(text)).dynamics.stiffness for text in cases]
+    np.testing.assert_allclose(squared[0], squared[1], rtol=1e-8)
+
+
+@pytest.mark.parametrize("at", ["[180 mm, 110 mm]", "[60 %, 55 %]", "[0.18, 11 cm]"])
+def test_a_point_support_is_found_whatever_a_place_is_written_in(at):
+    text = PLATE.replace("FROM", "30 %").replace("TO", "30 %")
+    with pytest.raises(ScenarioError, match="is on the point support, which cannot deflect"):
+        load_scenario(text + f"snubbers: [{{name: s, position: {at}, side: below, stiffness: 1 kN/m}}]\n")
+
+
+@pytest.mark.parametrize("end", ["0.6979139840844495", "100 %", "2.2897440422718156 ft"])
+def test_an_end_is_the_end_whatever_it_is_written_in(end):
+    """It was only where round-off put it beyond, not where it put it before."""
+    assert 2.2897440422718156 * 0.3048 < 0.6979139840844495
+    text = text_of("folds", "percent", (0.6979139840844495, 0.2)).replace("position: 90 %", f"position: {end}")
+    text = text.replace("elements: 4", "elements: 4, supports: {left: clamped, right: pinned}").partition("sweep:")[0]
+    with pytest.raises(ScenarioError, match="is the pinned right end, which cannot deflect"):
+        load_scenario(text)
+
+
 @pytest.mark.parametrize("place", ["position: 50 %", "position: 0.1", "position: 100 mm", "mass: 1"])
 def test_a_node_is_the_place_on_imported_matrices(place):
     old = "at: {body: panel, node: 14, direction: z}"
@@ -217,11 +256,35 @@ def test_a_listed_share_follows_the_length_in_every_case():
         load_scenario(ranged)
 
 
+def test_a_number_of_a_pair_is_read_as_its_own_field():
+    """The force of a table's point was read as a length, and its unit was that of the deflection."""
+    text = text_of("folds", "percent").replace("stiffness: 50 kN/m", "force_deflection: [[0 mm, 0 N], [1 mm, 9 N]]")
+    scenario = load_scenario(text)
+    plan = plan_draws(scenario, {"snubbers.tip.force_deflection[1][1]": ["0.01 kN", "12 N"]})
+    assert plan.coordinates[0].unit == "N"
+    assert [case.values for case in plan.cases] == [(10.0,), (12.0,)]
+    length = plan_draws(scenario, {"snubbers.tip.force_deflection[1][0]": ["2 mm"]})
+    assert (length.coordinates[0].unit, length.cases[0].values) == ("m", (0.002,))
+
+
 @pytest.mark.parametrize("section", ["identify_stiffness.shapes_without.positions[0]", "nnm.mode"])
 def test_what_no_case_of_a_study_has_cannot_be_varied(section):
     text = text_of("followed", "percent").replace("sweep:", "nnm: {mode: 1, energy: 1 mJ}\nsweep:")
     with pytest.raises(ScenarioError, match="has no effect on a case"):
         plan_draws(load_scenario(text), {section: [1, 2]})
+
+
+def test_measured_shapes_are_compared_where_they_were_measured():
+    """Of the second body, in every unit: the diagonal of the assurance is that of the model with itself."""
+    macs = []
+    for unit in UNITS:
+        scenario = load_scenario(text_of("followed", unit, (0.4, 0.25)))
+        shapes = mode_shapes(scenario, "tip", 2, tuple(share * 0.4 for share in (0.3, 0.6, 1.0)))
+        given = {"identify_stiffness.shapes_without.shapes": shapes.T.tolist()}
+        macs.append(beamsim.identify_stiffness(load_scenario(scenario, given | {"vary": None})).mac)
+    np.testing.assert_allclose(np.diag(macs[0]), 1.0, rtol=1e-9)
+    for other in macs[1:]:
+        np.testing.assert_allclose(other, macs[0], rtol=1e-9)
 
 
 @pytest.mark.parametrize("unit", UNITS)
