@@ -1,4 +1,4 @@
-"""The whole attack by one command: random systems, and faults seeded into the search for contacts.
+"""The whole attack by one command: random systems, scenarios in other words, and seeded faults.
 
     python tests/attack/run.py --systems 10000 --jobs 1 --seed 1
 
@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 import warnings
+from collections import Counter
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -108,11 +109,28 @@ def report_systems(findings):
     return lines, faults + slow
 
 
+def rewritten(first, count, say):
+    """Lines about scenarios that are written in other words, and what differs."""
+    from rewritten import rewrite
+
+    outcomes, found, values = Counter(), [], 0
+    for seed in range(first, first + count):
+        with tempfile.TemporaryDirectory() as folder:
+            for finding in rewrite(seed, folder):
+                outcomes[finding.words, finding.outcome] += 1
+                values += finding.compared
+                found += [f"scenario {seed} ({finding.source}), {finding.words}: {d}" for d in finding.differences]
+        say("scenarios in other words", seed - first + 1, count)
+    lines = [f"scenarios in other words: {count}; {values} histories and values compared"]
+    return lines + [f"  {' '.join(key):<60} {number:>6}" for key, number in sorted(outcomes.items())], found
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--systems", type=int, default=10_000)
     parser.add_argument("--large", type=int, default=300, help="systems of many modes")
-    parser.add_argument("--faults", type=int, default=12, help="seeded faults of the event search")
+    parser.add_argument("--rewritten", type=int, default=1000, help="scenarios that are written in other words")
+    parser.add_argument("--faults", type=int, default=12, help="seeded faults of the event search, and of places")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--output", type=Path, default=Path("attack.json"))
@@ -142,6 +160,8 @@ def main():
         if count:
             findings = systems(first + options.seed * 1_000_000, count, options.jobs, say, file)
             keep(name, *report_systems(findings))
+    if options.rewritten:
+        keep("scenarios in other words", *rewritten(options.seed * 1_000_000, options.rewritten, say))
     if options.faults:
         import seeded_faults
 
@@ -152,6 +172,11 @@ def main():
             if bool(difference) == (name == "nothing"):
                 found.append(lines[-1].strip())
             say("seeded faults", len(lines), options.faults + 1)
+        for name in ["nothing", *list(seeded_faults.OF_PLACES)[: options.faults]]:
+            failed = seeded_faults.caught_by_tests(name)
+            lines.append(f"  seeded fault of places: {name}: {failed or 'not caught'}")
+            if bool(failed) == (name == "nothing"):
+                found.append(lines[-1].strip())
         keep("seeded faults", lines, found)
     print(f"{len(faults)} found in {time.monotonic() - begin:.0f} s; see {options.output}")
     return 1 if faults else 0

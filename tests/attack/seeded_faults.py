@@ -1,7 +1,8 @@
-"""Faults seeded into a copy of the event search: each must be caught by the random systems.
+"""Faults seeded into the event search, and into what resolves places: each must be caught.
 
-A copy of the package with one change compiles its kernels and runs in a process of its own; events and states of its
-motions are compared as in `comparison`. The first systems are aimed at double eigenvalues and slow decays.
+A copy of the package with one change in its search compiles its kernels and runs in a process of its own; events and
+states of its motions are compared as in `comparison`. The first systems are aimed at double eigenvalues, slow decays.
+A module that resolves places is changed as it is imported, and the tests of places run on it.
 """
 
 import os
@@ -76,6 +77,61 @@ SEEDED = {
 
 NONE = (KERNELS, "EPS = ", "EPS = ")  # the twin: nothing is changed, and nothing may be found
 
+BODY, PLACES, PARAMETERS = "beamsim/scenario/body.py", "beamsim/structures/places.py", "beamsim/scenario/parameters.py"
+OF_PLACES = {
+    "a share is taken for metres": (BODY, "x = side * position.value if", "x = position.value if"),
+    "a share of half the length": (BODY, "x = side * position.value if", "x = 0.5 * side * position.value if"),
+    "y is a share of the length": (BODY, "self.metres(position[1], 1)", "self.metres(position[1], 0)"),
+    "nothing is beyond its body": (BODY, "        if x > side:\n", "        if x > 2.0 * side:\n"),
+    "ends are where round-off puts them": (BODY, "return side if same_position(x, side) else x", "return x"),
+    "places are on the first body": (PLACES, "named_body = place.body or body", "named_body = next(iter(sections))"),
+    "parts that are loaded are of the first body": (
+        PLACES,
+        "(sections[body].point(end) for end in ends)",
+        "(next(iter(sections.values())).point(end) for end in ends)",
+    ),
+    "places of outputs are left out": (
+        "beamsim/system/outputs.py",
+        "        place = site_in(self.parts.scenario, output)\n",
+        "        place = site_in(self.parts.scenario, output)\n"
+        "        place = replace(place, point=getattr(output.place.position, 'value', place.point))\n",
+    ),
+    "positions y of a table are shares of the length": (
+        "beamsim/scenario/distributed.py",
+        "body.metres(each, axis)",
+        "body.metres(each)",
+    ),
+    "tables reach beyond their body": (
+        "beamsim/scenario/checks.py",
+        'yield from body.beyond(where, (*path, "shape", key, index), position, axis)',
+        "pass",
+    ),
+    "values are along the first side": (PARAMETERS, "int(second and len(body.sides) > 1)", "0"),
+    "a number of a pair is read as the first": (PARAMETERS, "if k in first or not first)", "if k == 0)"),
+    "measured shapes are on the first body": (
+        PARAMETERS,
+        'named = found[0].bodies[0] if found else ""',
+        "named = next(iter(scenario.all_bodies))",
+    ),
+    "bounds reach beyond their body": (PARAMETERS, "        for bound in (low, high):\n", "        for bound in ():\n"),
+    "shares of a list are those of the nominal length": (
+        PARAMETERS,
+        "return str(read) if isinstance(read, q.Rate | Share) else read",
+        "return str(read) if isinstance(read, q.Rate) else _in_metres(scenario, place, read)",
+    ),
+    "a snubber moves along the first body": (
+        "beamsim/scenario/checks.py",
+        "return scenario.all_bodies[scenario.located_snubbers[index].bodies[0]]",
+        "return next(iter(scenario.all_bodies.values()))",
+    ),
+    "shapes are compared at shares of a metre": (
+        "beamsim/analyses/identify/analysis.py",
+        "tuple(map(body.metres, given.positions))",
+        "tuple(getattr(p, 'value', p) for p in given.positions)",
+    ),
+}
+"""The same in what resolves places."""
+
 CHILD = """
 import sys
 from pathlib import Path
@@ -111,3 +167,43 @@ def catch(name, first, last):
     if done.returncode:
         raise AssertionError(f"{name}: {done.stderr[-2000:]}")
     return done.stdout.strip()
+
+
+AS_IMPORTED = """
+import sys
+from importlib.machinery import PathFinder, SourceFileLoader
+import pytest
+
+module, text, instead, *tests = sys.argv[1:]
+
+class Changed(SourceFileLoader):
+    def get_code(self, name):
+        return compile(self.get_data(self.path).decode().replace(text, instead), self.path, "exec")
+
+class Finder(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        spec = super().find_spec(name, path, target)
+        if name == module:
+            spec.loader = Changed(name, spec.origin)
+        return spec
+
+sys.meta_path.insert(0, Finder)
+raise SystemExit(pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "not slow", *tests]))
+"""
+
+
+def caught_by_tests(name, tests=("tests/property/test_places.py",)):
+    """The first test that fails with a fault in what resolves places, '' where all pass; any other name is of none."""
+    file, text, instead = OF_PLACES.get(name, NONE)
+    if (ROOT / file).read_text(encoding="utf-8").count(text) != 1:
+        raise AssertionError(f"{name}: the text to change is not there once")
+    module = file.removesuffix(".py").replace("/", ".")
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", AS_IMPORTED, module, text, instead, *tests],
+        cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    if done.returncode not in (0, 1, 2) or bool(done.returncode) != bool(failed):
+        raise AssertionError(f"{name}: {done.stdout[-1000:]}{done.stderr[-1000:]}")
+    return failed[0] if failed else ""

@@ -51,6 +51,7 @@ def test_what_was_found_before(tmp_path, seed):
     assert compare(seed, tmp_path).differences == []
 
 
+SEEDED = seeded_faults.SEEDED | seeded_faults.OF_PLACES
 MORE_FEATURES = (
     "table",
     "Maxwell branches",
@@ -111,9 +112,9 @@ def test_the_systems_aimed_at_seeded_faults_agree(tmp_path):
     assert len(assert_agreement(AIMED, tmp_path)) == len(AIMED)
 
 
-@pytest.mark.parametrize("name", seeded_faults.SEEDED)
+@pytest.mark.parametrize("name", SEEDED)
 def test_what_a_seeded_fault_changes_is_there(name):
-    file, text, _ = seeded_faults.SEEDED[name]
+    file, text, _ = SEEDED[name]
     assert (seeded_faults.ROOT / file).read_text(encoding="utf-8").count(text) == 1
 
 
@@ -122,3 +123,9 @@ def test_a_seeded_fault_is_caught():
     assert seeded_faults.catch("decay taken at the far end", 0, 20).startswith(
         "seed 2000000000: stop_1: 6 events of ours, 2"
     )
+
+
+@pytest.mark.parametrize("name", ["places of outputs are left out", "y is a share of the length"])
+def test_a_seeded_fault_of_places_is_caught(name):
+    """All of them, and the twin without a fault, by `python -m tests.attack`."""
+    assert "test_places.py::" in seeded_faults.caught_by_tests(name)
