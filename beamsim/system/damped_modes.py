@@ -107,7 +107,7 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
 
     from scipy.optimize import linear_sum_assignment
 
-    scale = np.maximum(omega, 1e-3 * omega.max() or 1.0)  # states are displacements by this, which may be zero of rigid modes
+    scale = np.maximum(omega, 1e-3 * omega.max() or 1.0)  # of displacements; a rigid mode has none
     states, drive = contacts.internal_rates(phases)
     beyond = (depth.T * (force[:, 0] - slow)) @ depth  # of branches that have not relaxed
     matrix = np.block([
