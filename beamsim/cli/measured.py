@@ -17,7 +17,6 @@ from beamsim.analyses.identify.result import FrequencyTable, IdentificationResul
 from beamsim.cli.printing import lines, percent, told
 from beamsim.cli.report import Labelled, Views
 from beamsim.cli.screens import SHOWN, Screen, rounded
-from beamsim.outcomes import STANDINGS
 from beamsim.plots.style import amount, extent, scale_for
 from beamsim.scenario.base import counted
 from beamsim.scenario.parameters import unit_of
@@ -57,8 +56,6 @@ def _scatter(deviation: float, low: float, high: float, unit: str, coverage: flo
 
 def _agreement(result: IdentificationResult) -> str:
     """How far the largest measured frequency is from the model, with and without the stop."""
-    if said := STANDINGS[result.outcome.gravest].first_line:
-        return said
     tables = {"with contact": result.with_snubber, "without the stop": result.without_snubber}
     worst = {
         name: float(np.nanmax(np.abs(table.difference_percent)))

@@ -29,7 +29,7 @@ DIGITS = 3  # at most; fewer where the convergence supports no more
 class Screen:
     """What is printed of a result below its title."""
 
-    verdict: str  # beside the title
+    verdict: str  # beside the title, behind what the outcome comes to
     rows: Sequence[Mapping[str, str]]  # by heading; the first heading is empty
     lines: Sequence[str]
 
@@ -41,7 +41,8 @@ class Screen:
         result : with its title, outcome and warnings.
         files : written by the command, the result file first.
         """
-        lines = ["  ".join(filter(None, (result.title or files[0], self.verdict)))]
+        verdict = ", ".join(filter(None, (standing(result), self.verdict)))
+        lines = ["  ".join(filter(None, (result.title or files[0], verdict)))]
         if statements := ended(result.outcome):
             lines += [f"{text[:1].upper()}{text[1:]}" for text in statements.split("; ")]
         table = under_headings(self.rows)
@@ -131,7 +132,7 @@ def rounded(value: float, unit: str, digits: int = DIGITS, size: float | None = 
 
 
 def sureness(result: Result, change: float) -> str:
-    """Whether the values can be trusted, in a few words.
+    """Whether the values of a result that is complete can be trusted, in a few words.
 
     Parameters
     ----------
@@ -139,9 +140,9 @@ def sureness(result: Result, change: float) -> str:
     change : the largest with a finer model of the values that are printed.
     """
     summary = result.summary
-    model, doubtful = summary.get("convergence_model") or {"reason": "not known"}, summary.get("doubtful")
-    if said := STANDINGS[result.outcome.gravest].first_line:
-        said += f": {counted(len(doubtful), 'value')}" if doubtful and result.complete else ""
+    model = summary.get("convergence_model") or {"reason": "not known"}
+    if standing(result):
+        said = ""
     elif model["reason"]:
         said = f"not checked with a finer model ({model['reason']})"
     elif not model["modes"]:
@@ -151,7 +152,13 @@ def sureness(result: Result, change: float) -> str:
     else:
         said = f"converged within {percent(change, 2)}"
     error = summary.get("energy_error")
-    return f"{said}, energy error {error:.0e}" if is_known(error) else said
+    return ", ".join(filter(None, (said, f"energy error {error:.0e}" if is_known(error) else "")))
+
+
+def standing(result: Result) -> str:
+    """What the outcome comes to, with the number of values that do not converge; empty of what is complete."""
+    said, doubtful = STANDINGS[result.outcome.gravest].first_line, result.summary.get("doubtful")
+    return f"{said}: {counted(len(doubtful), 'value')}" if said and doubtful and result.complete else said
 
 
 def limits_by_place(compared: Mapping[str, Mapping[str, Any]]) -> dict[str, list[str]]:

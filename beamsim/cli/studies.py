@@ -17,7 +17,7 @@ from beamsim.analyses.designs.result import (
 from beamsim.analyses.values import VALUES, limit_label
 from beamsim.cli.report import Labelled, Views, margins
 from beamsim.cli.screens import SHOWN, Screen, rounded
-from beamsim.outcomes import STANDINGS, OnLimit
+from beamsim.outcomes import OnLimit
 from beamsim.plots.style import amount, extent, margin_text
 from beamsim.scenario.base import counted
 
@@ -59,7 +59,6 @@ def _judged(result: DesignsResult) -> str:
     s = result.summary
     said = f"{s['solved']} of {result.cases} cases" if s["solved"] < result.cases else counted(result.cases, "case")
     failed = f", {s['failed']} FAILED" if s["failed"] else ""
-    said = " ".join(filter(None, (STANDINGS[result.outcome.gravest].first_line, said)))
     passing = f", {_passing(result, s['passing'])}" if "passing" in s else ""
     return f"{said}, each a {result.analysis.replace('_', ' ')}{failed}{passing}"
 
