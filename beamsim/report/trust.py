@@ -8,7 +8,7 @@ from typing import Any
 
 from beamsim.analyses.result import Result
 from beamsim.fields import figure_in_words, place_in_words
-from beamsim.outcomes import first_of
+from beamsim.outcomes import STANDINGS
 from beamsim.plots.style import scale_for
 from beamsim.trust.convergence import named
 
@@ -23,13 +23,9 @@ Row = tuple[str, str, str]  # what was checked, what came out, what that means
 
 
 def doubts(result: Result) -> list[str]:
-    """Sentences that a reader must see before any number: what is incomplete or can't be trusted."""
-    texts = [] if result.complete or not result.status else [str(result.outcome.displayed(scale_for))]
-    doubtful = result.summary.get("doubtful") or []
-    if doubtful:
-        first = first_of([*map(figure_in_words, doubtful)], 6)
-        texts.append(f"not converged: {first} (see the table of changes below)")
-    return texts
+    """Sentences that a reader must see before any number: what is incomplete, doubtful or not reliable."""
+    doubtful = STANDINGS[result.outcome.gravest].first_line
+    return [str(result.outcome.displayed(scale_for))] if doubtful else []
 
 
 def checks(result: Result) -> Iterator[Row]:

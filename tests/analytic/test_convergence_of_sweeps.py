@@ -54,6 +54,28 @@ def test_a_sweep_with_too_few_modes_is_marked(tmp_path):
     assert stored.outcome == result.outcome
 
 
+def test_an_acceleration_at_a_dashpot_without_mass_is_marked_however_many_modes_there_are():
+    """It grows with the modes, and carried no mark."""
+    damped = [TIP | {"stiffness": "100 kN/m", "damping": {"kind": "ratio", "ratio": 0.05}}]
+    one = {"kind": "stepped", "from": "63 Hz", "to": "64 Hz", "points": 2}
+    peaks = []
+    for modes in (6, 9):
+        result = beamsim.sweep(case(modes, snubbers=damped, sweep=one))
+        assert result.summary["doubtful"] == ["peak_acceleration_g.up_0 tip"]
+        assert result.outcome.remedy.startswith("for the peak acceleration of up_0 tip give the structure a point mass")
+        peaks.append(result.summary["peak_acceleration_g"]["up_0"]["tip"])
+    assert peaks[1] > 1.2 * peaks[0]
+
+
+def test_a_limit_on_what_a_sweep_does_not_follow_is_neither_met_nor_exceeded():
+    """`--check` passed."""
+    left_out = {"kind": "stepped", "from": 50, "to": 60, "points": 2, "accelerations": False, "convergence": "off"}
+    result = beamsim.sweep(case(3, sweep=left_out, limits={"peak_acceleration": "1 g", "peak_force": "1 kN"}))
+    verdicts = {name: item["verdict"] for name, item in result.summary["margins"].items()}
+    assert verdicts == {"peak_acceleration": "not reliable", "peak_force": "ok"}
+    assert "limits.peak_acceleration is not checked: this sweep does not follow its value" in result.warnings
+
+
 def test_a_stop_between_the_sweep_and_its_comparison_is_told():
     """The result is whole, and said "complete", though nothing was compared."""
     saved = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -25,7 +26,7 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level
-from beamsim.analyses.values import OUTPUT, VALUES, margins_of
+from beamsim.analyses.values import OUTPUT, VALUES, Margins, margins_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.measured import read_profile
@@ -155,7 +156,7 @@ class _LevelsDone:
         scenario, settings, system, curves = self.scenario, self.settings, self.system, self.curves
         logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
         linear = _linear_curve(system, settings.from_, settings.to, logarithmic)
-        correction = self.base_correction()
+        correction, summary = self.base_correction(), _summary(scenario, curves)
         return SweepResult(
             scenario=scenario,
             kind=settings.kind,
@@ -171,7 +172,7 @@ class _LevelsDone:
             warnings=(
                 *scenario.warnings,
                 *system.warnings,
-                *_uncompared(scenario, system),
+                *_not_followed(system, summary["margins"]),
                 *([] if correction is None else correction.warnings(held=holds_levels(settings))),
                 *deflection_warnings(
                     scenario,
@@ -184,7 +185,7 @@ class _LevelsDone:
             ),
             wall_time_s=clock.perf_counter() - self.begin,
         ).with_summary(
-            **_summary(scenario, curves),
+            **summary,
             **_gapping(linear, curves),
             **({} if correction is None else correction.summary()),
         )
@@ -316,31 +317,15 @@ def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, An
     return {"gapping": summary}
 
 
-def _uncompared(scenario: Scenario, system: StructuralSystem) -> list[str]:
-    """What is asked for and not given."""
-    energies = [
-        f"outputs: {output.name} is an energy, which sweeps do not follow; use `beamsim run` or kind: continuation"
-        for output in system.outputs
-        if output.squared
-    ]
-    limited = () if scenario.limits is None else scenario.limits.given
-    unchecked = [
-        f"limits.{OF_OUTPUTS}{output.name} is not checked, because sweeps do not follow energies"
-        for output in system.outputs
-        if output.squared and OF_OUTPUTS + output.name in limited
-    ]
-    return energies + unchecked + _without_accelerations(scenario)
-
-
-def _without_accelerations(scenario: Scenario) -> list[str]:
-    given = () if scenario.limits is None else scenario.limits.given
-    if (
-        "peak_acceleration" in given
-        and scenario.sweep is not None
-        and not getattr(scenario.sweep, "accelerations", True)
-    ):
-        return ["limits.peak_acceleration is not checked, because sweep.accelerations = false"]
-    return []
+def _not_followed(system: StructuralSystem, margins: Margins) -> Iterator[str]:
+    """What is asked for and not given: energies, and limits on these and on accelerations that are left out."""
+    for output in system.outputs:
+        if output.squared:
+            remedy = "use `beamsim run` or kind: continuation"
+            yield f"outputs: {output.name} is an energy, which sweeps do not follow; {remedy}"
+    for name, item in margins.items():
+        if math.isnan(item["value"]):
+            yield f"limits.{name} is not checked: this sweep does not follow its value"
 
 
 def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
