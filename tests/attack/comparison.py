@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from own_laws import Bent, Pad
 from own_model import Equations, model_of
 from random_systems import PERIODS, random_case
 
@@ -250,7 +251,7 @@ def _contacts(own, motion, contact):
 
     Events within contact, as from segment to segment of a table, are left out.
     """
-    law = own.equations.model.contacts[contact]
+    law = own.equations.model.contacts[contact].of
     at = np.flatnonzero(motion.event_contact == contact)
     touching = np.array([law.touching(phase) for phase in motion.event_phase[at]], dtype=bool)
     before = np.append(law.touching(own.starting_phases[contact]), touching[:-1])
@@ -340,7 +341,7 @@ def _events(own, result, end):
             found.append(
                 f"{name}: {t.size} events of ours, {theirs.size} of the package; they part at {at:.9g} of {end:.6g} s"
             )
-    bends = [j for j, c in enumerate(own.equations.model.contacts) if c.slopes]
+    bends = [j for j, c in enumerate(own.equations.model.contacts) if isinstance(c.of, Bent)]
     passed = np.isin(own.motion.event_contact, bends) & (own.motion.event_time < edge)
     listed = result.summary.get("breakpoints_passed", 0)
     if passed.sum() != listed and not any(_at_a_bend(own, j, end, slack) for j in bends):
@@ -373,12 +374,13 @@ def _depth(own, contact, times, end):
     It is that from touching, or of a face that pushes its force over its stiffness.
     """
     equations, law = own.equations, own.equations.model.contacts[contact]
+    forced = isinstance(law.of, Pad) or law.of.phases > 2  # it ends by its force, not by its penetration
     moved = equations.move(np.unique([*times, *own.motion.time[own.motion.time < end]]), own.step, 2 * own.most_steps)
     at = np.flatnonzero(np.isin(moved.time, times))
     depth = []
     for y, phases, inputs in zip(moved.y[at], moved.phases[at], equations.inputs_at(moved.time[at]), strict=True):
         guards = equations.guards(contact, phases[contact])
-        unit = law.stiffness if (law.relaxing or law.of) and law.touching(phases[contact]) else 1.0
+        unit = law.stiffness if forced and law.of.touching(phases[contact]) else 1.0
         depth.append(min(abs(guard[0] @ y + guard[1] @ inputs) / unit for guard in guards))
     return np.array(depth) / (np.linalg.norm(law.row) * own.size)
 
@@ -396,8 +398,8 @@ def _at_a_bend(own, contact, end, slack):
     farther = np.abs(np.diff(stretch))[turns]  # a turn between two samples is that much farther at most
     near = slack * np.linalg.norm(law.row) * own.size
     start = float(row_y @ equations.start() + row_u @ equations.inputs_at(np.zeros(1))[0])
-    ends = np.abs(np.subtract.outer([start, stretch[-1]], law.bends)).min() < near
-    return ends or np.any(np.abs(np.subtract.outer(stretch[turns], law.bends)) < near + farther[:, None])
+    ends = np.abs(np.subtract.outer([start, stretch[-1]], law.of.bends)).min() < near
+    return ends or np.any(np.abs(np.subtract.outer(stretch[turns], law.of.bends)) < near + farther[:, None])
 
 
 def _states(own, result, slack, finer):
@@ -440,7 +442,7 @@ def _peaks(own, result, slack):
     k = 2
     speed = np.linalg.norm(motion.y[:, equations.n : 2 * equations.n], axis=1).max()
     for contact in equations.model.contacts:
-        if not contact.pushes:
+        if not contact.of.pushes:
             continue
         allowed = slack * np.linalg.norm(contact.row) * (contact.stiffness * size + contact.dashpot * speed)
         theirs = result.summary["peak_force_n"][contact.name]

@@ -1,11 +1,12 @@
-"""Contact laws with several segments or states of their own: force-deflection tables, Maxwell branches, dry friction.
+"""Contact laws: springs and dashpots, force-deflection tables, Maxwell branches, bent springs, dry friction.
 
 Each phase of a law is linear: rows are factors of the penetration (the stretch, of friction), its rate, 1, and the
 law's own states, all in m. Written from the forces of springs and dashpots: a branch has its elastic stretch as state,
 friction that of its spring, a released pad the compression of its face.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -62,14 +63,64 @@ class Curve:
         return found
 
 
+class Law:
+    """What most laws are: without states of their own, static force, stored energy and ends of their own."""
+
+    states, pushes, knots = 0, False, ()
+
+    def touching(self, phase):
+        return phase == 0
+
+    def phase_at(self, *_):
+        return 0
+
+    def static(self, _):
+        """(slope, force) under a slow penetration."""
+        return 0.0, 0.0
+
+    def rates(self, _):
+        return np.zeros((0, 3))
+
+    def stored(self, *_):
+        return 0.0
+
+    def changed(self, _):
+        """With other numbers where phases change."""
+        return self
+
+
+class OneSided(Law):
+    """A law of a curve, which has a segment for each penetration."""
+
+    pushes = True
+
+    @property
+    def knots(self):
+        return self.curve.knots
+
+    def static(self, delta):
+        slope, zero = self.curve.line(self.curve.segment(delta))
+        return slope, slope * delta + zero
+
+
+class Spring(Law):
+    """A spring whose stretch is the state."""
+
+    states = 1
+
+    def force(self, _):
+        return unit(4, s0=self.stiffness)
+
+    def stored(self, _, __, states):
+        return 0.5 * self.stiffness * states[0] ** 2
+
+
 @dataclass(frozen=True)
-class TableStop:
+class TableStop(OneSided):
     """A curve beside a dashpot while there is penetration; phases: open, then one for each segment."""
 
     curve: Curve
     dashpot: float
-    states = 0
-    pushes = True
 
     @property
     def phases(self):
@@ -81,23 +132,11 @@ class TableStop:
     def phase_at(self, delta, _):
         return 1 + self.curve.segment(delta) if delta > 0 else 0
 
-    @property
-    def knots(self):
-        return self.curve.knots
-
-    def static(self, delta):
-        """(slope, force) under a slow penetration."""
-        slope, zero = self.curve.line(self.curve.segment(delta))
-        return slope, slope * delta + zero
-
     def force(self, phase):
         if phase == 0:
             return np.zeros(3)
         slope, zero = self.curve.line(phase - 1)
         return unit(3, d=slope, v=self.dashpot, one=zero)
-
-    def rates(self, _):
-        return np.zeros((0, 3))
 
     def exits(self, phase):
         delta = unit(3, d=1.0)
@@ -111,7 +150,7 @@ class TableStop:
 
 
 @dataclass(frozen=True)
-class Pad:
+class Pad(OneSided):
     """A curve, a dashpot and Maxwell branches that never pull; phases: released on each segment, then touching.
 
     States: compression of the released face, then the elastic stretch of each branch. The released face is without
@@ -121,7 +160,6 @@ class Pad:
     curve: Curve
     dashpot: float
     branches: tuple  # (N/m, s) each
-    pushes = True
 
     @property
     def states(self):
@@ -136,12 +174,6 @@ class Pad:
 
     def phase_at(self, delta, _):
         return len(self.curve.slopes) + self.curve.segment(delta) if delta > 0 else 0
-
-    @property
-    def knots(self):
-        return self.curve.knots
-
-    static = TableStop.static
 
     def balance(self, i, quantity):
         """Row of the force of curve and branches, the curve being compressed by a quantity with a row."""
@@ -190,25 +222,81 @@ class Pad:
 
 
 @dataclass(frozen=True)
-class SpringFriction:
+class Bent(Law):
+    """A piecewise-linear spring, less its linear part at rest; phases are its segments."""
+
+    bends: tuple  # m
+    slopes: tuple  # N/m, one more
+
+    @property
+    def phases(self):
+        return len(self.slopes)
+
+    @property
+    def knots(self):
+        return self.bends
+
+    def phase_at(self, stretch, *_):
+        return int(np.searchsorted(self.bends, stretch, side="right"))
+
+    @property
+    def slope_at_rest(self):
+        """Of the smaller one where zero is a bend."""
+        at = int(np.searchsorted(self.bends, 0.0, side="left"))
+        if at < len(self.bends) and self.bends[at] == 0.0 and self.slopes[at + 1] < self.slopes[at]:
+            at += 1
+        return self.slopes[at]
+
+    def line(self, segment):
+        """(slope, force at zero stretch) of a segment; the force is zero at zero stretch."""
+        points, force = [0.0], [0.0]
+        at = self.phase_at(0.0)
+        if segment >= at:
+            for i in range(at, segment):
+                force.append(force[-1] + self.slopes[i] * (self.bends[i] - points[-1]))
+                points.append(self.bends[i])
+        else:
+            for i in range(at, segment, -1):
+                force.append(force[-1] + self.slopes[i] * (self.bends[i - 1] - points[-1]))
+                points.append(self.bends[i - 1])
+        return self.slopes[segment], force[-1] - self.slopes[segment] * points[-1]
+
+    def static(self, stretch):
+        slope, zero = self.line(self.phase_at(stretch))
+        return slope - self.slope_at_rest, slope * stretch + zero - self.slope_at_rest * stretch
+
+    def force(self, phase):
+        slope, zero = self.line(phase)
+        return unit(3, d=slope - self.slope_at_rest, one=zero)
+
+    def exits(self, phase):
+        stretch, one = unit(3, d=1.0), unit(3, one=1.0)
+        found = [Exit(stretch - self.bends[phase - 1] * one, phase - 1, late=0.0)] if phase > 0 else []
+        if phase < len(self.bends):
+            found.append(Exit(self.bends[phase] * one - stretch, phase + 1, late=0.0))
+        return found
+
+    def stored(self, _, stretch, __):
+        ends = np.sort([0.0, stretch])
+        points = np.unique([*ends, *(b for b in self.bends if ends[0] < b < ends[1])])
+        total = 0.0
+        for a, b in pairwise(points):
+            slope, zero = self.line(self.phase_at(0.5 * (a + b)))
+            total += slope * (b * b - a * a) / 2 + zero * (b - a)
+        return (total if stretch > 0 else -total) - self.slope_at_rest * stretch**2 / 2
+
+    def changed(self, change):
+        return replace(self, bends=tuple(change(np.array(self.bends))))
+
+
+@dataclass(frozen=True)
+class SpringFriction(Spring):
     """Dry friction behind a spring, whose stretch is the state; phases: sticks, slides forwards, backwards."""
 
     stiffness: float
     static_limit: float  # N
     sliding: float  # N
-    states, phases, pushes, knots = 1, 3, False, ()
-
-    def touching(self, phase):
-        return phase == 0
-
-    def phase_at(self, *_):
-        return 0
-
-    def static(self, _):
-        return 0.0, 0.0
-
-    def force(self, _):
-        return unit(4, s0=self.stiffness)
+    phases = 3
 
     def rates(self, phase):
         return unit(4, v=float(phase == 0))[None, :]
@@ -222,29 +310,14 @@ class SpringFriction:
             found.append(Exit(row, following, 0, unit(4, one=sign * self.sliding / self.stiffness), late=0.0))
         return found
 
-    def stored(self, _, __, states):
-        return 0.5 * self.stiffness * states[0] ** 2
-
 
 @dataclass(frozen=True)
-class Branch:
+class Branch(Spring):
     """A Maxwell branch that always acts, of a joint; its state is the stretch of its spring."""
 
     stiffness: float
     time: float  # s, of relaxation
-    states, phases, pushes, knots = 1, 1, False, ()
-
-    def touching(self, _):
-        return False
-
-    def phase_at(self, *_):
-        return 0
-
-    def static(self, _):
-        return 0.0, 0.0
-
-    def force(self, _):
-        return unit(4, s0=self.stiffness)
+    phases = 1
 
     def rates(self, _):
         return unit(4, v=1.0, s0=-1.0 / self.time)[None, :]
@@ -252,36 +325,21 @@ class Branch:
     def exits(self, _):
         return []
 
-    def stored(self, _, __, states):
-        return 0.5 * self.stiffness * states[0] ** 2
-
 
 @dataclass(frozen=True)
-class RigidFriction:
+class RigidFriction(Law):
     """Dry friction that holds a motion exactly while it sticks; phases as of `SpringFriction`."""
 
     static_limit: float
     sliding: float
-    states, phases, pushes, knots = 0, 3, False, ()
-
-    def touching(self, phase):
-        return phase == 0
+    phases = 3
 
     def phase_at(self, _, rate):
         return 0 if rate == 0.0 else 1 if rate > 0 else 2
 
-    def static(self, _):
-        return 0.0, 0.0
-
     def force(self, phase):
         return unit(3, one=(0.0, self.sliding, -self.sliding)[phase])
-
-    def rates(self, _):
-        return np.zeros((0, 3))
 
     def exits(self, phase):
         """Of sliding; those of sticking depend on the force that holds it."""
         return [Exit(unit(3, v=1.0 if phase == 1 else -1.0), 0, late=0.0)] if phase else []
-
-    def stored(self, *_):
-        return 0.0

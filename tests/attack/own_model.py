@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from dense_stepper import EPS, Inputs, Linear, integrate
 from independent import Beam
-from own_laws import Branch, Curve, Pad, RigidFriction, SpringFriction, TableStop
+from own_laws import Bent, Branch, Curve, Pad, RigidFriction, SpringFriction, TableStop
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
@@ -23,80 +23,18 @@ class Contact:
     """A law between a place (or two) and its surroundings.
 
     One-sided: penetration delta = -gap - sign (row @ x + felt d); the push on the structure along the row is sign N.
-    Piecewise linear: stretch s = row @ x + felt d, the pull beyond the linear part -(f(s) - k0 s) along the row.
-    Others are laws of `own_laws`, of a penetration or, for friction, of a stretch.
+    Others, as friction and piecewise-linear springs, have sign -1 and no gap: delta is the stretch row @ x + felt d.
     """
 
     name: str
     law: str  # kelvin_voigt, no_tension, piecewise_linear
     row: np.ndarray  # (n,)
-    sign: float = 1.0
+    of: object  # its law, of `own_laws`
+    sign: float = -1.0
     felt: float = 0.0  # 1: on the ground, so that the base's displacement counts
-    stiffness: float = 0.0
+    stiffness: float = 0.0  # the largest
     dashpot: float = 0.0
     gap: float = 0.0
-    bends: tuple = ()
-    slopes: tuple = ()
-    of: object = None  # its law, of `own_laws`
-
-    @property
-    def pushes(self):
-        """Whether it is one-sided."""
-        return self.of.pushes if self.of else not self.slopes
-
-    @property
-    def states(self):
-        """Number of states of its own."""
-        return self.of.states if self.of else int(self.relaxing)
-
-    def touching(self, phase):
-        return self.of.touching(phase) if self.of else phase == 1
-
-    @property
-    def relaxing(self):
-        """Whether its face moves by itself when it is released."""
-        return self.law == "no_tension" and self.dashpot > 0
-
-    @property
-    def phases(self):
-        if self.of:
-            return self.of.phases
-        return len(self.slopes) if self.slopes else 2
-
-    def segment_at(self, stretch):
-        return int(np.searchsorted(self.bends, stretch, side="right"))
-
-    @property
-    def slope_at_rest(self):
-        """Of the smaller one where zero is a bend."""
-        at = int(np.searchsorted(self.bends, 0.0, side="left"))
-        if at < len(self.bends) and self.bends[at] == 0.0 and self.slopes[at + 1] < self.slopes[at]:
-            at += 1
-        return self.slopes[at]
-
-    def line(self, segment):
-        """(slope, force at zero stretch) of a segment of the piecewise-linear force, zero at zero stretch."""
-        points, force = [0.0], [0.0]
-        at = self.segment_at(0.0)
-        if segment >= at:
-            for i in range(at, segment):
-                force.append(force[-1] + self.slopes[i] * (self.bends[i] - points[-1]))
-                points.append(self.bends[i])
-        else:
-            for i in range(at, segment, -1):
-                force.append(force[-1] + self.slopes[i] * (self.bends[i - 1] - points[-1]))
-                points.append(self.bends[i - 1])
-        return self.slopes[segment], force[-1] - self.slopes[segment] * points[-1]
-
-    def energy(self, segment, stretch):
-        """Energy of the piecewise-linear force less that of its linear part."""
-        ends = np.sort([0.0, stretch])
-        points = np.unique([*ends, *(b for b in self.bends if ends[0] < b < ends[1])])
-        total = 0.0
-        for a, b in pairwise(points):
-            slope, zero = self.line(self.segment_at(0.5 * (a + b)))
-            total += slope * (b * b - a * a) / 2 + zero * (b - a)
-        return (total if stretch > 0 else -total) - self.slope_at_rest * stretch**2 / 2
 
 
 @dataclass(frozen=True)
@@ -196,12 +134,10 @@ class Body:
             else:
                 bends, slopes = spring["breakpoints"], spring["stiffnesses"]
                 kept = [i for i in range(len(bends)) if slopes[i] != slopes[i + 1]]  # others are no bends
-                contact = Contact(
-                    "", "piecewise_linear", row, felt=float(grounded), bends=tuple(bends[i] for i in kept),
-                    slopes=(*(slopes[i] for i in kept), slopes[-1]),
-                )  # fmt: skip
-                slope = contact.slope_at_rest
+                law = Bent(tuple(bends[i] for i in kept), (*(slopes[i] for i in kept), slopes[-1]))
+                slope = law.slope_at_rest
                 if kept:
+                    contact = Contact("", "piecewise_linear", row, law, felt=float(grounded), stiffness=max(law.slopes))
                     bent.append(contact)
             self.K = self.K + slope * np.outer(row, row)
             if grounded:
@@ -348,19 +284,15 @@ def contacts_of(case, structure):
         name = snubber.get("name", f"snubber_{i + 1}")
         table, branches = snubber.get("force_deflection"), snubber.get("maxwell", ())
         gap = snubber.get("gap", 0.0)
-        if table or branches:
-            knots, slopes = (0.0,), (k,)
-            if table:
-                x, force = np.transpose(table)
-                knots, slopes = tuple(x[:-1].tolist()), tuple((np.diff(force) / np.diff(x)).tolist())
-            curve = Curve(knots, slopes)
-            branches = tuple((b["stiffness"], b["relaxation_time"]) for b in branches)
-            pad = law == "no_tension" and (c > 0 or branches)
-            of = Pad(curve, c, branches) if pad else TableStop(curve, c)
-            k = max(slopes) + sum(b[0] for b in branches)
-            found.append(Contact(name, law, row, sign, felt, k, c, gap, of=of))
-        else:
-            found.append(Contact(name, law, row, sign, felt, k, c, gap))
+        knots, slopes = (0.0,), (k,)
+        if table:
+            x, force = np.transpose(table)
+            knots, slopes = tuple(x[:-1].tolist()), tuple((np.diff(force) / np.diff(x)).tolist())
+        curve = Curve(knots, slopes)
+        branches = tuple((b["stiffness"], b["relaxation_time"]) for b in branches)
+        of = Pad(curve, c, branches) if law == "no_tension" and (c > 0 or branches) else TableStop(curve, c)
+        k = max(slopes) + sum(b[0] for b in branches)
+        found.append(Contact(name, law, row, of, sign, felt, k, c, gap))
         preloads.append(snubber.get("preload"))
     for name, body in structure.bodies.items():
         for spring in body.springs:
@@ -370,7 +302,7 @@ def contacts_of(case, structure):
             preloads.append(None)
     for across, stiffness, time in structure.branches:
         row = across @ structure.free @ structure.shapes
-        found.append(Contact("", "branch", row, -1.0, 0.0, stiffness, of=Branch(stiffness, time)))
+        found.append(Contact("", "branch", row, Branch(stiffness, time), stiffness=stiffness))
         preloads.append(None)
     for friction in case.get("friction", ()):
         found.append(friction_of(friction, structure))
@@ -389,7 +321,7 @@ def friction_of(friction, structure):
     limits = [friction["normal_force"] * friction["coefficient"][key] for key in ("static", "sliding")]
     stiffness = friction.get("stiffness", 0.0)
     law = SpringFriction(stiffness, *limits) if stiffness else RigidFriction(*limits)
-    return Contact(friction["name"], "friction", row, -1.0, felt, stiffness, of=law)
+    return Contact(friction["name"], "friction", row, law, felt=felt, stiffness=stiffness)
 
 
 def lowest_square(squares, row, stiffness):
@@ -427,16 +359,11 @@ def equilibrium(structure, contacts, load, pushes=None):
         """Tangent stiffness and what is left of the load."""
         K, r = np.diag(structure.omega**2), load - structure.omega**2 * x
         for c, push in zip(contacts, pushes, strict=True):
-            stretch = c.row @ x
-            delta = -c.gap - c.sign * stretch
+            delta = -c.gap - c.sign * (c.row @ x)
             if np.isfinite(push):
                 r = r + c.sign * push * c.row
-            elif c.slopes:
-                slope, zero = c.line(c.segment_at(stretch))
-                K = K + (slope - c.slope_at_rest) * np.outer(c.row, c.row)
-                r = r - (slope * stretch + zero - c.slope_at_rest * stretch) * c.row
-            elif c.pushes and delta > 0:
-                slope, force = c.of.static(delta) if c.of else (c.stiffness, c.stiffness * delta)
+            elif delta > 0 or not c.of.pushes:
+                slope, force = c.of.static(delta)
                 K = K + slope * np.outer(c.row, c.row)
                 r = r + c.sign * force * c.row
         return K, r
@@ -613,7 +540,7 @@ class Equations:
     def __post_init__(self):
         m = self.model
         self.n = m.omega.size
-        ends = np.cumsum([2 * self.n, *(c.states for c in m.contacts)])
+        ends = np.cumsum([2 * self.n, *(c.of.states for c in m.contacts)])
         self.inside = [slice(a, b) for a, b in pairwise(ends)]  # states of each contact
         self.N = int(ends[-1])
         self.scale = max(float(m.omega.max()), 1e-3 * float(self.stiffest()))
@@ -621,36 +548,22 @@ class Equations:
 
     def stiffest(self):
         m = self.model
-        return np.sqrt(
-            np.max(m.omega) ** 2
-            + sum((c.stiffness or max(c.slopes, default=0.0)) * (c.row @ c.row) for c in m.contacts)
-        )
+        return np.sqrt(np.max(m.omega) ** 2 + sum(c.stiffness * (c.row @ c.row) for c in m.contacts))
 
     def penetration(self, contact):
         """Rows of delta (or stretch) and its rate over y and u."""
         n, N, U = self.n, self.N, self.U
-        sign = 1.0 if contact.slopes else -contact.sign  # friction has -1
+        sign = -contact.sign
         y, u, rate_y, rate_u = np.zeros(N), np.zeros(U), np.zeros(N), np.zeros(U)
         y[:n], rate_y[n : 2 * n] = sign * contact.row / self.scale, sign * contact.row
-        u[0] = 0.0 if contact.slopes else -contact.gap
+        u[0] = -contact.gap
         if U == 4:
             u[3], rate_u[2] = sign * contact.felt, sign * contact.felt
         return y, u, rate_y, rate_u
 
     def force(self, i, phase):
         """Rows over y and u of the force along the contact's own direction (a push, or the extra pull of a spring)."""
-        c = self.model.contacts[i]
-        y, u, rate_y, rate_u = self.penetration(c)
-        if c.slopes:
-            slope, zero = c.line(phase)
-            u = u * (slope - c.slope_at_rest)
-            u[0] += zero
-            return y * (slope - c.slope_at_rest), u
-        if c.of:
-            return self.combined(i, c.of.force(phase))
-        if phase == 0:
-            return np.zeros(self.N), np.zeros(self.U)
-        return c.stiffness * y + c.dashpot * rate_y, c.stiffness * u + c.dashpot * rate_u
+        return self.combined(i, self.model.contacts[i].of.force(phase))
 
     def combined(self, i, row):
         """Rows over y and u of a row of a contact's penetration, its rate, 1 and its own states."""
@@ -673,17 +586,14 @@ class Equations:
         for i, phase in enumerate(phases):
             c = m.contacts[i]
             y, u = self.force(i, phase)
-            direction = np.asarray(-c.row if c.slopes else c.sign * c.row, dtype=np.longdouble)
+            direction = np.asarray(c.sign * c.row, dtype=np.longdouble)
             A[n : 2 * n] += np.outer(direction, y)
             B[n : 2 * n] += np.outer(direction, u)
         for i, phase in enumerate(phases):
             c, part = m.contacts[i], self.inside[i]
-            if c.of:
-                for k, row in enumerate(c.of.rates(phase)):
-                    y, u = self.combined(i, row)
-                    A[part.start + k], B[part.start + k] = s * y, s * u
-            elif c.relaxing and phase == 0:
-                A[part.start, part.start] = -c.stiffness / c.dashpot
+            for k, row in enumerate(c.of.rates(phase)):
+                y, u = self.combined(i, row)
+                A[part.start + k], B[part.start + k] = s * y, s * u
         holding = {}
         stuck = [i for i, phase in enumerate(phases) if isinstance(m.contacts[i].of, RigidFriction) and phase == 0]
         if stuck:  # no acceleration along their rows
@@ -707,7 +617,6 @@ class Equations:
     def guards(self, i, phase, holding=None):
         """(row over y, over u, contact, next phase, entry reset, its row over y, over u) of each guard of a contact."""
         c = self.model.contacts[i]
-        y, u, rate_y, rate_u = self.penetration(c)
         nothing = (-1, np.zeros(self.N), np.zeros(self.U))
         one = np.eye(self.U)[0]
         late = self.late * np.linalg.norm(c.row) * one
@@ -716,30 +625,15 @@ class Equations:
             return [
                 (-sign * holding[0], limit - sign * holding[1], i, k, *nothing) for k, sign in ((1, 1.0), (2, -1.0))
             ]
-        if c.of:
-            found = []
-            for leave in c.of.exits(phase):
-                row_y, row_u = self.combined(i, leave.row)
-                start = nothing
-                if leave.state >= 0:
-                    value = self.combined(i, leave.value)
-                    start = (self.inside[i].start + leave.state, *(self.scale * row for row in value))
-                found.append((row_y, row_u + leave.late * late, i, leave.following, *start))
-            return found
-        if c.slopes:
-            found = []
-            if phase > 0:
-                found.append((y, u - c.bends[phase - 1] * one, i, phase - 1, *nothing))
-            if phase < len(c.bends):
-                found.append((-y, c.bends[phase] * one - u, i, phase + 1, *nothing))
-            return found
-        if not c.relaxing:
-            return [(-y, late - u, i, 1, *nothing)] if phase == 0 else [(y, u + late, i, 0, *nothing)]
-        entry = self.inside[i].start
-        if phase == 0:
-            return [(np.eye(self.N)[entry] / self.scale - y, late - u, i, 1, *nothing)]
-        force = c.stiffness * y + c.dashpot * rate_y, c.stiffness * u + c.dashpot * rate_u
-        return [(force[0], force[1] + c.stiffness * late, i, 0, entry, self.scale * y, self.scale * u)]
+        found = []
+        for leave in c.of.exits(phase):
+            row_y, row_u = self.combined(i, leave.row)
+            start = nothing
+            if leave.state >= 0:
+                value = self.combined(i, leave.value)
+                start = (self.inside[i].start + leave.state, *(self.scale * row for row in value))
+            found.append((row_y, row_u + leave.late * late, i, leave.following, *start))
+        return found
 
     def watches(self, phases):
         """Rows of what is sought the maximum of: each probe's displacement up and down, each one-sided force."""
@@ -749,7 +643,7 @@ class Equations:
             whole[: self.n] = row / self.scale
             rows += [(whole, np.zeros(self.U)), (-whole, np.zeros(self.U))]
         for i, c in enumerate(self.model.contacts):
-            if c.pushes:
+            if c.of.pushes:
                 rows.append(self.force(i, phases[i]))
         return rows
 
@@ -773,17 +667,9 @@ class Equations:
                 row_y, row_u, rate_y, rate_u = self.penetration(c)
                 value = float(row_y @ y + row_u @ u)
                 size = float(np.abs(row_y) @ np.abs(y) + np.abs(row_u) @ np.abs(u))
-                if c.of:
-                    near = c.pushes and min(abs(value - knot) - 1e-13 * knot for knot in c.of.knots) <= 1e-13 * size
-                    found.append(c.of.phase_at(value, float(rate_y @ y + rate_u @ u)))
-                elif c.slopes:
-                    nearest = min(c.bends, key=lambda b: abs(b - value))
-                    near = abs(value - nearest) <= 1e-13 * (size + abs(nearest))
-                    found.append(c.segment_at(value))
-                else:
-                    near = abs(value) <= 1e-13 * size or (value == 0.0)
-                    found.append(int(value > 0))
-                if undecided is None and near:
+                near = [abs(value - knot) - 1e-13 * abs(knot) <= 1e-13 * size for knot in c.of.knots]
+                found.append(c.of.phase_at(value, float(rate_y @ y + rate_u @ u)))
+                if undecided is None and any(near):
                     close.append(i)
             return found
 
@@ -791,10 +677,10 @@ class Equations:
         phases = phases_of(y, u, None)
         if not close:
             return phases
-        tables = Tables(self.N, m.inputs, longest, tuple(c.phases for c in m.contacts))
+        tables = Tables(self.N, m.inputs, longest, tuple(c.of.phases for c in m.contacts))
         later = list(phases)
         for i in close:
-            if not m.contacts[i].slopes:
+            if m.contacts[i].of.pushes:
                 later[i] = 0
         tables.add(tuple(later), self.linear(later))
         out = np.empty(self.N)
@@ -811,7 +697,7 @@ class Equations:
     def move(self, stops, longest, most_steps):
         """The motion through the stops."""
         return integrate(
-            self.linear, self.N, [c.phases for c in self.model.contacts], self.model.inputs, longest, self.start(),
+            self.linear, self.N, [c.of.phases for c in self.model.contacts], self.model.inputs, longest, self.start(),
             self.starting_phases(longest), stops, 2 * len(self.model.probes) + self.one_sided, most_steps,
             self.stiffest(),
         )  # fmt: skip
@@ -828,8 +714,7 @@ class Equations:
 
         m = self.model
         contacts = tuple(
-            replace(c, gap=float(changed(c.gap)), bends=tuple(changed(np.array(c.bends))), row=changed(c.row))
-            for c in m.contacts
+            replace(c, gap=float(changed(c.gap)), of=c.of.changed(changed), row=changed(c.row)) for c in m.contacts
         )
         numbers = {name: changed(getattr(m, name)) for name in ("omega", "constant", "loads", "start")}
         largest = np.linalg.norm(motion.y[:, : self.n], axis=1).max(initial=0.0) / self.scale
@@ -837,7 +722,7 @@ class Equations:
 
     @property
     def one_sided(self):
-        return sum(c.pushes for c in self.model.contacts)
+        return sum(c.of.pushes for c in self.model.contacts)
 
     def displacement(self, y, probe):
         return y[..., : self.n] @ self.model.probes[probe] / self.scale
@@ -851,18 +736,8 @@ class Equations:
         for i, c in enumerate(m.contacts):
             row_y, row_u, _, _ = self.penetration(c)
             delta = motion.y @ row_y + u @ row_u
-            if c.of:
-                states = motion.y[:, self.inside[i]] / self.scale
-                total += [c.of.stored(*each) for each in zip(motion.phases[:, i], delta, states, strict=True)]
-                continue
-            if c.slopes:
-                total += [c.energy(s, d) for s, d in zip(motion.phases[:, i], delta, strict=True)]
-                continue
-            closed = motion.phases[:, i] == 1
-            total += np.where(closed, 0.5 * c.stiffness * delta**2, 0.0)
-            if c.relaxing:
-                face = motion.y[:, self.inside[i].start] / self.scale
-                total += np.where(closed, 0.0, 0.5 * c.stiffness * face**2)
+            states = motion.y[:, self.inside[i]] / self.scale
+            total += [c.of.stored(*each) for each in zip(motion.phases[:, i], delta, states, strict=True)]
         return total
 
     def inputs_at(self, time):
