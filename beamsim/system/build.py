@@ -33,6 +33,7 @@ from beamsim.scenario.base import Path, path_text, problem, walk
 from beamsim.scenario.excitation import holds_levels, sine_problems
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.structures.assembly import load_site_in
+from beamsim.structures.mechanisms import check_mechanisms, held_problems, open_loops
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction import ReceptanceBound, places_needed, receptance_bound
 from beamsim.structures.stations import Recovery, Stations
@@ -40,7 +41,7 @@ from beamsim.structures.structure import ReducedBasis, Structure
 from beamsim.system.damped_modes import damping_remarks, modes_of_states
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
-from beamsim.system.initial import check_mechanisms, held_problems, initial_state, open_loops
+from beamsim.system.initial import initial_state
 from beamsim.system.outputs import output_channels, output_sites
 from beamsim.system.parts import (
     Parts,
@@ -266,7 +267,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
         warnings=(
             *parts.structure.remarks,
-            *open_loops(parts),
+            *open_loops(scenario, parts.structure),
             *free,
             *warnings,
             *_remarks(snubbers, pushing.tables),
@@ -313,10 +314,12 @@ def _pushing(parts: Parts) -> _Pushing:
 
 def _checked_for_mechanisms(parts: Parts, pushing: _Pushing) -> list[str]:
     """Warnings of motions that contacts alone stop; ScenarioError where nothing does, or nothing can move."""
-    problems = held_problems(parts, _acting(parts))
+    problems = held_problems(parts.structure, _acting(parts))
     if problems:
         raise ScenarioError(problems)
-    free = check_mechanisms(parts, np.vstack([pushing.stops.shape, *(spring.shape for spring in pushing.springs)]))
+    stopping = np.vstack([pushing.stops.shape, *(spring.shape for spring in pushing.springs)])
+    joints = [joint.name for joint in parts.scenario.joints]
+    free = check_mechanisms(joints, parts.structure, parts.basis, stopping)
     if parts.moved:
         probes = [(("probes", k), site) for k, site in enumerate(parts.probe_sites)]
         check_places(parts.moved, [*((located.path, site) for located, site in _located_sites(parts)), *probes])
