@@ -65,7 +65,11 @@ def checks(result: Result) -> Iterator[Row]:
             text = "nothing is left out: the model has all its modes and no mesh"
         if parted is not None and math.isfinite(parted):
             text += f"; the contact sequences diverge at {parted:.4g} s, later values are compared as statistics"
-        yield "finer model", text, "the change of every value is in the table below"
+        yield (
+            "finer model",
+            text,
+            "the change of every value is in the table below; more is missing of one that converges slowly",
+        )
     against: Any = summary.get("against")
     if against:
         yield (
