@@ -30,6 +30,7 @@ from beamsim.scenario.body import AtPlace, Body
 from beamsim.scenario.checks import place_problems
 from beamsim.scenario.run import Reduction
 from beamsim.structures.assembly import site_in
+from beamsim.structures.modes import closed_modes
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
 from beamsim.typing import Complexes, Floats, Ints
@@ -178,9 +179,8 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     omega = parts.omega[: parts.basis.modes]
     if closed:
         contacts, count = build_system(scenario, assessed=False).dynamics.contacts, len(parts.snubber_sites)
-        stops, stiffness = contacts.shape[:count], contacts.slow[0][:count]
-        squared, vectors = np.linalg.eigh(np.diag(parts.stiffness) + (stops.T * stiffness) @ stops)
-        omega, shapes = np.sqrt(np.maximum(squared, 0.0)), shapes @ vectors
+        omega, modes = closed_modes(parts.omega, contacts.shape[:count], contacts.slow[0][:count], parts.basis.rigid)
+        shapes = shapes @ modes
     frequencies = omega / (2 * np.pi)
     order = np.argsort(frequencies, kind="stable")
     most = max(int(np.sum(frequencies <= highest)), min(least, frequencies.size))
