@@ -148,6 +148,10 @@ def test_a_value_that_the_finer_model_does_not_have_does_not_say_that_it_stays()
     assert "tip" not in result.summary["convergence"]["peak_force_n"]
     assert result.summary["margins"]["peak_force"]["verdict"] == "not reliable"
     assert finer.summary["margins"]["peak_force"]["verdict"] == "not reliable"
+    vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": ["2 g"]}]}
+    study = beamsim.design_study(case(1, limits=limits, sweep=PATH | {"convergence": "on"}, vary=vary))
+    assert study.passing.tolist() == [False]
+    assert study.summary["margins"]["peak_force"]["verdict"] == "not reliable"
 
 
 def test_a_study_judges_its_cases_as_their_runs_are_judged():

@@ -72,6 +72,18 @@ def test_a_circle_under_type_checking_and_one_within_a_function_are_found():
     TopologicalSorter(graph).prepare()
 
 
+def test_what_a_result_exits_with_is_decided_in_one_place():
+    """An exception without a result has a code of its own."""
+    decided = {
+        (name, node.attr)
+        for name, tree in modules().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and node.attr in ("NOT_CONVERGED", "LIMIT_EXCEEDED")
+    }
+    assert {name for name, _ in decided} == {"beamsim.outcomes", "beamsim.errors"}
+    assert {code for name, code in decided if name == "beamsim.errors"} == {"NOT_CONVERGED"}
+
+
 def test_no_two_classes_share_a_name():
     homes = defaultdict(set)
     for name, tree in modules().items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -135,9 +136,8 @@ class CaseSolver:
         kind = analysis if analysis in KINDS else "sweep"
         result: Any = named(KINDS[kind].analysis)(scenario, stop=self.stop)
         margins: Margins = result.summary.get("margins", {})
-        ranges = {
-            RANGE + name: (x["lowest"], x["highest"]) for name, x in margins.items() if x["lowest"] < x["highest"]
-        }
+        ends = {RANGE + name: (x["lowest"], x["highest"]) for name, x in margins.items() if x["lowest"] != x["highest"]}
+        ranges = {name: (low, high) if low < high else (-math.inf, math.inf) for name, (low, high) in ends.items()}
         return responses_of_result(result), result.outcome.but(numbers={**result.outcome.numbers, **ranges})
 
 
