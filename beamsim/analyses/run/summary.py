@@ -59,10 +59,10 @@ def resting(probe: str, quantity: str, figures: Mapping[str, Any]) -> bool:
 
     Returns
     -------
-    False of other quantities than displacement and absolute acceleration.
+    False of other quantities than displacement, absolute acceleration and those of outputs.
     """
-    peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity)
-    return peak is not None and figures[peak].get(probe) == 0.0
+    peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity, "peak_output")
+    return figures.get(peak, {}).get(probe) == 0.0
 
 
 def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
@@ -187,7 +187,8 @@ def _without_round_off(
     A probe at a node of the motion moves by round-off: its displacement is 0, and its acceleration where that is no
     larger than such a displacement makes it at the first natural frequency. The acceleration of a probe that does not
     leave its place under dead loads is 0 where that is no larger than the round-off of its deflection makes it at the
-    highest, and the base is at rest. A contact that never opens has no gap.
+    highest, and the base is at rest; so are velocities and accelerations that are outputs, where no probe moves. A
+    contact that never opens has no gap.
     """
     settled = dict(extremes)
     values = np.array([[True], [False], [True], [False]])  # times stay
@@ -200,7 +201,12 @@ def _without_round_off(
             rests = still & (peak <= ROUND_OFF * size * (2.0 * np.pi * first_hz) ** 2)
             base = system.base_acceleration
             if base is None or (common_record((base,)) is None and not base.coefficient.any()):
-                rests |= (high - low <= ROUND_OFF * size) & (peak <= PRECISION * size * system.dynamics.fastest**2)
+                unmoved, speed = high - low <= ROUND_OFF * size, PRECISION * size * system.dynamics.fastest
+                rests |= unmoved & (peak <= speed * system.dynamics.fastest)
+                for key, least in (("velocity", speed), ("acceleration", speed * system.dynamics.fastest)):
+                    of_output = extremes.get(("outputs", key))
+                    if of_output is not None and unmoved.all():
+                        settled["outputs", key] = np.where(values & (largest(of_output) <= least), 0.0, of_output)
             settled[ACCELERATION] = np.where(values & rests, 0.0, extremes[ACCELERATION])
     if PENETRATION in extremes:
         settled[PENETRATION] = np.where(values & (contact_share >= 1.0 - ALWAYS), 0.0, extremes[PENETRATION])
