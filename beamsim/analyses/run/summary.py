@@ -62,7 +62,7 @@ def resting(probe: str, quantity: str, figures: Mapping[str, Any]) -> bool:
     False of other quantities than displacement, absolute acceleration and those of outputs.
     """
     peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity, "peak_output")
-    return figures.get(peak, {}).get(probe) == 0.0
+    return bool(figures.get(peak, {}).get(probe) == 0.0)
 
 
 def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
