@@ -90,7 +90,17 @@ def test_what_cannot_be_told_apart_is_named():
         {"beam.point_masses": []},
     )
     result = identify_stiffness(bare)
-    assert any("beam.youngs_modulus and beam.density cannot be distinguished" in w for w in result.warnings)
+    (said,) = (w for w in result.warnings if "beam.youngs_modulus and beam.density cannot be distinguished" in w)
+    assert said.endswith("fix one of them, or give it a prior")
+
+
+def test_a_prior_is_not_advised_where_there_is_one():
+    """Two wide priors hold values that the frequencies do not tell apart."""
+    sought = [{"parameter": f"beam.{name}", "prior": 5.0} for name in ("youngs_modulus", "density")]
+    changed = case(frequencies(3, **{"beam.point_masses": []}), sought, uncertainty="0.01 %")
+    result = identify_stiffness(load_scenario(changed, {"beam.point_masses": []}))
+    (said,) = (w for w in result.warnings if "distinguished" in w)
+    assert said.endswith("fix one of them")
 
 
 def test_bounds_are_kept_and_reported():

@@ -114,7 +114,7 @@ def continuation(
     if not branches:
         raise KeyboardInterrupt
     if isinstance(settings.method, HarmonicBalance):
-        remarks += _doubt(branches, settings.method.largest_error, model.followed.unit)
+        remarks += _doubt(branches, settings.method, model.followed.unit)
     worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
     outcome = worst.but(*(remark for remark in remarks if remark is not worst))
     outcome = reduction_checked(balanced(outcome, branches, model.followed.unit), scenario, model.system.modes)
@@ -271,17 +271,17 @@ def _stable_stretches(traced: list[OrbitBranch]) -> Iterator[tuple[float, float]
                 yield float(min(a, b)), float(max(a, b))
 
 
-def _doubt(branches: list[ResponseBranch], largest: float, unit: str) -> Iterator[Outcome]:
+def _doubt(branches: list[ResponseBranch], method: HarmonicBalance, unit: str) -> Iterator[Outcome]:
     """A word on neglected harmonics where they are worth more than allowed."""
     error = np.concatenate([b.neglected_harmonics for b in branches if b.neglected_harmonics is not None])
     worst = int(np.argmax(error))
-    if error[worst] > largest:
+    if error[worst] > method.largest_error:
         parameter = float(np.concatenate([b.parameter for b in branches])[worst])
         yield Outcome.of(
             OutcomeKind.UNTRUSTED, "harmonics_neglected",
             f"the neglected harmonics amount to {100 * error[worst]:.3g} % of the motion (sweep.method.largest_error = "
-            f"{100 * largest:g} %)",
-            at=Where(parameter, unit), remedy="use more harmonics, or the shooting method",
+            f"{100 * method.largest_error:g} %)",
+            at=Where(parameter, unit), remedy=f"raise sweep.method.harmonics above {method.harmonics}, or use shooting",
         )  # fmt: skip
 
 

@@ -261,11 +261,11 @@ class Fit:
             )
         on_bound = [f"{p.parameter} ended on its bound, {p.value:g}" for p in estimates if p.at_bound]
         told = [i for i in range(len(self.numbers)) if i not in without]
-        names = [self.numbers[i].parameter for i in told]
+        sought = [self.numbers[i] for i in told]
         return (
             tuple(estimates),
             covariance,
-            (_confounded(names, jacobian[:, told], covariance[np.ix_(told, told)]) + on_bound),
+            (_confounded(sought, jacobian[:, told], covariance[np.ix_(told, told)]) + on_bound),
         )
 
     def profiles(self, best: Best, covariance: Floats, scale: float, points: int) -> tuple[ProfileLikelihood, ...]:
@@ -331,10 +331,26 @@ def inverse_information(jacobian: Floats) -> Floats:
     return inverse
 
 
-def _confounded(names: Sequence[str], jacobian: Floats, covariance: Floats) -> list[str]:
-    """Warnings about parameters that the measurements cannot distinguish."""
+def _confounded(sought: Sequence[Sought], jacobian: Floats, covariance: Floats) -> list[str]:
+    """Warnings about parameters that the measurements cannot distinguish.
+
+    Parameters
+    ----------
+    sought : p of them.
+    jacobian, covariance : (r, p) of the residuals; (p, p).
+
+    Returns
+    -------
+    One sentence a group.
+    """
+    names = [number.parameter for number in sought]
+    without_prior = {number.parameter for number in sought if np.isnan(number.prior)}
     if len(names) == 0:
         return []
+
+    def apart(*together: str) -> str:
+        return "fix one of them, or give it a prior" if without_prior.intersection(together) else "fix one of them"
+
     size = np.linalg.norm(jacobian, axis=0)
     warnings = [
         f"{name} has no influence on the measured quantities and cannot be identified from them"
@@ -351,14 +367,14 @@ def _confounded(names: Sequence[str], jacobian: Floats, covariance: Floats) -> l
                 together = [n for n, d in zip(kept, direction, strict=True) if abs(d) > 0.2]
                 warnings.append(
                     f"{' and '.join(together)} cannot be distinguished: the measurements depend only on a "
-                    "combination of them; fix one of them, or give it a prior"
+                    f"combination of them; {apart(*together)}"
                 )
         if not any("cannot be distinguished" in w for w in warnings):
             correlation = correlation_of(covariance)
             for i in range(len(names)):
                 warnings += [
                     f"{names[j]} and {names[i]} can hardly be distinguished: their correlation is "
-                    f"{correlation[i, j]:.4f}; fix one of them, give it a prior, or measure more"
+                    f"{correlation[i, j]:.4f}; measure more, {apart(names[j], names[i])}"
                     for j in range(i)
                     if abs(correlation[i, j]) > 0.995
                 ]
