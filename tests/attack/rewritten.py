@@ -9,6 +9,7 @@ it is, and again
 - `renamed`: bodies (one alone is listed among `bodies`) under other names, these and all lists in another order,
 - `mirrored`: left and right exchanged, along x on plates; chains from their other end,
 - `upside_down`: above and below exchanged,
+- `turned`: plates with x and y exchanged,
 - `varied`: as a case of an ensemble in which a number of it is another one; the run is that of the edited scenario,
 - `stored`: written, read, and run again from the file.
 
@@ -515,9 +516,61 @@ def turned_ends(ends):
     return ordered[::-1]
 
 
+def turned(tree, rng):
+    """A mirror in the diagonal: displacements stay, rotations are about the other axis."""
+    if not all(is_plate(body) for _, body in bodies_of(tree).values()):
+        raise Unfit("no plate")
+    edges = {"left": "bottom", "right": "top", "bottom": "left", "top": "right"}
+    for _, body in bodies_of(tree).values():
+        body |= {"length": body["width"], "width": body["length"], "elements": body["elements"][::-1]}
+        supports = body.get("supports", {})
+        body["supports"] = {edges.get(edge, edge): held for edge, held in supports.items()}
+        if isinstance(stiffness := body.get("bending_stiffness"), dict):
+            exchanged = {"dx": stiffness["dy"], "dy": stiffness["dx"]}
+            stiffness |= exchanged | {"nu": stiffness.get("nu", 0.0) * stiffness["dy"] / stiffness["dx"]}
+        for stiffener in body.get("stiffeners", ()):
+            stiffener |= {key: stiffener[key][::-1] for key in ("from", "to")}
+    for path, value in list(points(tree)):
+        put(tree, path, value[::-1])
+    for part in (*tree.get("constant_forces", ()), *(force["applied_to"] for force in forces(tree))):
+        if isinstance(part, dict):
+            if isinstance(part.get("area"), list):
+                part["area"] = [corner[::-1] for corner in part["area"]]
+            turn_shape(part.get("shape", {}))
+    for output in tree.get("outputs", ()):
+        if "component" in output or output["kind"] in ("bending_moment", "stress", "strain"):
+            output["component"] = {"x": "y", "y": "x", "xy": "xy"}[output.get("component", "x")]
+        if output.get("support") in edges:
+            output["support"] = edges[output["support"]]
+    if tree.get("excitation", {}).get("direction") or "support" in str(tree.get("excitation")):
+        raise Unfit("a base that turns, or a support that moves")
+    return tree
+
+
+def points(tree, path=()):
+    """Path and value of every point of a plate."""
+    for key, part in list(tree.items() if isinstance(tree, dict) else enumerate(tree)):
+        if key == "position" and isinstance(part, list):
+            yield (*path, key), part
+        elif isinstance(part, (dict, list)):
+            yield from points(part, (*path, key))
+
+
+def turn_shape(shape):
+    if shape.get("kind") == "mode":
+        raise Unfit("a shape that changes its sign")
+    for key in ("values", "coefficients"):
+        if key in shape:
+            shape[key] = np.transpose(shape[key]).tolist()
+    if shape.get("kind") == "table":
+        shape["x"], shape["y"] = shape["y"], shape["x"]
+    if "half_waves" in shape:
+        shape["half_waves"] = shape["half_waves"][::-1]
+
+
 WORDS = {
     "shares": shares, "absolute": absolute, "units": units, "renamed": renamed, "mirrored": mirrored,
-    "upside_down": upside_down,
+    "upside_down": upside_down, "turned": turned,
 }  # fmt: skip
 SAME = (*WORDS, "varied", "stored")
 

@@ -1,11 +1,13 @@
 """A scenario written in other words gives the same result, as a thousand do in `python -m tests.attack`."""
 
 import copy
+from pathlib import Path
 
 import numpy as np
 import pytest
-from rewritten import SAME, difference, in_unit, positions, put, reflected, rewrite, scenario_of, told
+from rewritten import SAME, difference, histories, in_unit, positions, put, reflected, rewrite, scenario_of, told
 
+import beamsim
 from beamsim.scenario.units import LENGTH, STIFFNESS, read_quantity
 
 SEEDS = {9: "a plate", 10: "imported matrices", 21: "a beam and a chain that are joined", 22: "a chain"}
@@ -24,6 +26,39 @@ def test_the_same_physics_in_other_words(seed, tmp_path):
 @pytest.mark.parametrize("seed", range(40, 60))
 def test_more_scenarios_in_other_words(seed, tmp_path):
     assert [(f.source, f.words, f.differences) for f in rewrite(seed, tmp_path) if f.differences] == []
+
+
+MATRICES = """\
+bodies: {{panel: {{kind: matrices, mass: {{file: {folder}/panel.op4, name: mxx}}, dofs: {dofs},
+  stiffness: {{file: {folder}/panel.op4, name: kxx}}, base: {{nodes: [15], direction: z}},
+  damping: {{kind: modal, ratio: 1 %}}}}}}
+snubbers: [{{name: corner, at: {{node: 14}}, side: below, stiffness: 100 kN/m, gap: 0.1 mm}}]
+excitation: {{kind: harmonic, applied_to: base, direction: ry, about: {about}, level: 30 rad/s^2, frequency: 20 Hz}}
+probes: [{{name: corner, at: {{node: 14}}}}]
+reduction: {{modes: 6}}
+run: {{duration: 0.1 s, sample_rate: 1 kHz, convergence: off}}
+"""
+
+
+def test_coordinates_of_imported_matrices_begin_anywhere(tmp_path):
+    """Nodes and the axis of a turning base moved together; moved alone, the axis is another one."""
+    folder, shift, about = Path(__file__).parents[2] / "configs" / "matrices", (0.3, -0.2, 0.1), (0.1, 0.0, 0.0)
+    heading, *rows = (folder / "panel_dofs.csv").read_text().splitlines()
+    lines = [heading]
+    for row in rows:
+        named, coordinates = row.split(",")[:2], np.array(row.split(",")[2:], dtype=float) + shift
+        lines.append(",".join([*named, *map(repr, coordinates.tolist())]))
+    (tmp_path / "dofs.csv").write_text("\n".join(lines) + "\n")
+
+    def motion(dofs, about):
+        return histories(beamsim.run(beamsim.load_scenario(MATRICES.format(folder=folder, dofs=dofs, about=[*about]))))
+
+    first = motion(folder / "panel_dofs.csv", about)
+    other = motion(tmp_path / "dofs.csv", np.add(about, shift).tolist())
+    assert [said for name in first if (said := difference(name, first[name], other[name], ()))] == []
+    alone = motion(tmp_path / "dofs.csv", about)
+    assert difference("force of corner", first["force of corner"], alone["force of corner"], ())
+    assert first["force of corner"].max() > 0
 
 
 def test_a_place_that_is_another_differs(tmp_path):
