@@ -249,6 +249,7 @@ def test_a_listed_share_follows_the_length_in_every_case():
     text = text_of("folds", "percent").replace("sweep:", "unused:").partition("unused")[0] + "run: {duration: 0.02 s}\n"
     scenario = load_scenario(text)
     plan = plan_draws(scenario, {"snubbers.tip.position": ["40 %", "0.2"], "beam.length": [0.3, 0.5]})
+    assert (plan.coordinates[0].values.tolist(), plan.coordinates[0].unit) == (["40 %", "0.2 m"], "1")
     for case, expected in zip(plan.cases, (0.12, 0.2), strict=True):
         assert value_at(plan.study.scenario(case), ("snubbers", 0, "position")) == pytest.approx(expected)
     ranged = text + "vary: {kind: grid, parameters: [{path: snubbers.tip.position, from: 40 %, to: 60 %, points: 3}]}\n"

@@ -308,10 +308,7 @@ def _plan(
     return DesignPlan(
         scenario=scenario,
         kind=kind,
-        coordinates=tuple(
-            Coordinate(parameter.path, _array(column), parameter.unit)
-            for parameter, column in zip(varied, columns, strict=True)
-        ),
+        coordinates=tuple(map(_coordinate, varied, columns)),
         shape=tuple(len(c) for c in columns) if kind == "grid" else (len(columns[0]),),
         study=Study(analysis, _with_whole_paths(case, scenario), places, realisations, asked, fingerprint),
         cases=tuple(Case(k, values, realisation) for k, (values, realisation) in enumerate(each)),
@@ -344,10 +341,13 @@ def varies_seed(places: Iterable[Iterable[Path]]) -> bool:
     return any(place == ("excitation", "seed") for of_parameter in places for place in of_parameter)
 
 
-def _array(column: list[Value]) -> NDArray[Any]:
-    if any(isinstance(value, str) for value in column):
-        return np.array([value if isinstance(value, str) else f"{value:g}" for value in column])
-    return np.array(column, dtype=float)
+def _coordinate(parameter: VariedParameter, column: list[Value]) -> Coordinate:
+    """The values of a parameter; words, shares of a length among them, say their unit themselves."""
+    if not any(isinstance(value, str) for value in column):
+        return Coordinate(parameter.path, np.array(column, dtype=float), parameter.unit)
+    unit = parameter.unit.removeprefix("1")
+    texts = [value if isinstance(value, str) else f"{value:g} {unit}".rstrip() for value in column]
+    return Coordinate(parameter.path, np.array(texts), "1")
 
 
 def _assigned(coordinate: Coordinate, value: Value) -> str:
