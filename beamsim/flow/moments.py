@@ -190,7 +190,7 @@ class SegmentOutputs:
 
 
 def exponential_products(
-    exponent: Complexes, left: Complexes, right: Complexes, weight: Floats, amplitude: Complexes, tau: Floats
+    exponent: Complexes, left: Complexes, right: Complexes, weight: Floats, amplitude: Complexes, of: Ints, tau: Floats
 ) -> Floats:
     """Integrals from 0 to tau of sums of products of outputs, each a sum of T exponentials.
 
@@ -199,7 +199,8 @@ def exponential_products(
     exponent : (T,) 1/s.
     left, right : (T, K) coefficients of the outputs.
     weight : (K, Q) of the products in the sums.
-    amplitude : (n, T) of the exponentials, which coefficients multiply.
+    amplitude : (S, T) of the exponentials on S segments, which coefficients multiply.
+    of : (n,) which of the segments.
     tau : (n,) s.
 
     Returns
@@ -210,17 +211,21 @@ def exponential_products(
     both = replace(one, coefficient=right[None]).with_conjugates()
     forms = np.stack([(left * w) @ both.coefficient[0].T for w in weight.T])
     rate, power, by_ends = _pairs(one, both, tau)
-    alone, grown = np.nonzero(~by_ends), forms * np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends)
-    out = np.empty((tau.size, weight.shape[1]))
-    for part in blocks(tau.size, 4 * exponent.size + 2 * alone[0].size):
-        start = amplitude[part]
-        end = start * np.exp(np.multiply.outer(tau[part], exponent))
-        start, end = (np.concatenate([x, x.conj()], axis=1) for x in (start, end))
-        single = start[:, alone[0]] * start[:, alone[1]] * _integrals(rate[alone], power[alone], tau[part])
-        out[part] = (single @ forms[:, alone[0], alone[1]].T).real
-        for form, column in zip(grown, out[part].T, strict=True):
-            for sign, x in ((1.0, end), (-1.0, start)):
-                column += sign * ((x[:, : exponent.size] @ form) * x).real.sum(axis=1)
+    grown, mixed = np.split(forms * np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends), 2, axis=2)
+    alike, apart = mixed + grown, mixed - grown
+    of_parts = np.block([[alike.real, apart.imag], [-alike.imag, apart.real]])  # of real and imaginary parts
+
+    def at(amplitude: Complexes) -> Floats:
+        parts = np.hstack([amplitude.real, amplitude.imag])
+        return np.stack([((parts @ form) * parts).sum(axis=1) for form in of_parts], axis=1)
+
+    out, (row, column) = -at(amplitude)[of], np.nonzero(~by_ends)
+    whole = np.concatenate([amplitude, amplitude.conj()], axis=1)
+    for part in blocks(tau.size, 4 * exponent.size + 2 * row.size):
+        out[part] += at(amplitude[of[part]] * np.exp(np.multiply.outer(tau[part], exponent)))
+        alone = whole[of[part]][:, row] * whole[of[part]][:, column]
+        alone *= _integrals(rate[row, column], power[row, column], tau[part])
+        out[part] += (alone @ forms[:, row, column].T).real
     return out
 
 

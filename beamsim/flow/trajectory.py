@@ -409,7 +409,7 @@ class Trajectory:
         amplitude = self.amplitudes(state, visits)
         some = amplitude.any(axis=0) & (left.any(axis=1) | right.any(axis=1))  # what rests may grow without bound
         return exponential_products(
-            state.exponent[state.term_basis[some]], left[some], right[some], weight, amplitude[:, some][at], tau
+            state.exponent[state.term_basis[some]], left[some], right[some], weight, amplitude[:, some], at, tau
         )
 
     def _alike_products(
