@@ -105,8 +105,6 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
     if not by_states.any() and np.count_nonzero(damping) == np.count_nonzero(np.diag(damping)):
         return omega, ratio
 
-    from scipy.optimize import linear_sum_assignment
-
     scale = np.maximum(omega, 1e-3 * omega.max() or 1.0)  # of displacements; a rigid mode has none
     states, drive = contacts.internal_rates(phases)
     beyond = (depth.T * (force[:, 0] - slow)) @ depth  # of branches that have not relaxed
@@ -118,7 +116,12 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
     values, vectors = np.linalg.eig(matrix)
     values, vectors = values[values.imag > 0.0], vectors[: 2 * n, values.imag > 0.0]
     share = np.abs(vectors[:n]) ** 2 + np.abs(vectors[n:]) ** 2
-    modes, of = linear_sum_assignment(share / share.sum(axis=0), maximize=True)
+    share /= share.sum(axis=0)
+    modes, of = share.argmax(axis=0), np.arange(share.shape[1])
+    if np.unique(modes).size < modes.size:  # of two that have most of the same mode
+        from scipy.optimize import linear_sum_assignment  # which takes as long to import as a validation
+
+        modes, of = linear_sum_assignment(share, maximize=True)
     ratio[modes] = -values[of].real / np.abs(values[of])
     ratio[omega == 0.0] = np.nan
     return omega, ratio
