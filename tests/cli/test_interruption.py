@@ -203,7 +203,7 @@ def test_the_first_signal_is_a_flag_and_the_second_one_ends(number, heeded, caps
         signal.raise_signal(number)
         assert interrupted()
     assert capsys.readouterr().err == STOPPING + "\n"
-    assert exit_code(COMPLETE, interrupted.signal) == 128 + number
+    assert exit_code(COMPLETE, signal=interrupted.signal) == 128 + number
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
 
     def twice():
