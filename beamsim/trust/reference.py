@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.motion import RunMotion, output_times
-from beamsim.analyses.run.result import Against, AgainstFigure, EventLog, RunResult
+from beamsim.analyses.run.result import ALLOWED_CHANGE, Against, AgainstFigure, EventLog, RunResult
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import figures_of_motion
 from beamsim.analyses.values import DISPLACEMENT, VALUES
 from beamsim.errors import Problem, ScenarioError
-from beamsim.outcomes import never
+from beamsim.outcomes import Outcome, OutcomeKind, never
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import ContactEvents, divergence, places
@@ -50,7 +50,8 @@ def tolerance_of(text: str) -> float:
 def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = never) -> RunResult:
     """The result with a comparison with the reference integrator, in `RunResult.against` and in its summary.
 
-    There is none, but a warning, where either of the two ended before the run does.
+    There is none, but a warning, where either of the two ended before the run does. The result is not reliable where
+    its displacements are not those of the reference, and a warning says from when on the two have other contacts.
 
     Parameters
     ----------
@@ -61,7 +62,6 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     Returns
     -------
     RunResult : the same result with ``against`` and ``summary["against"]``.
-
     """
     if result.outcome.cut_short:
         return _without(result, f"the run is {result.status}")
@@ -81,7 +81,24 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     if motion.outcome.cut_short:
         return _without(result, f"the reference integrator is {motion.outcome.text}")
     compared = _compared(result, system, motion)
-    return replace(result, against=compared, summary={**result.summary, "against": _summary(compared)})
+    return _judged(
+        replace(result, against=compared, summary={**result.summary, "against": _summary(compared)}), compared
+    )
+
+
+def _judged(result: RunResult, compared: Against) -> RunResult:
+    """The result with what the comparison says of it."""
+    until, outcome, warnings = compared.agrees_until_s, result.outcome, result.warnings
+    if compared.largest_state_difference > ALLOWED_CHANGE:
+        apart = f"displacements differ by {100 * compared.largest_state_difference:.2g} % from the {compared.method}"
+        remedy = "compare again with a smaller tolerance, reference:1e-10: what then remains is an error of the run"
+        outcome = outcome.but(Outcome.of(OutcomeKind.UNTRUSTED, "differs_from_reference", apart, remedy=remedy))
+    if until < result.time[-1]:
+        warnings += (
+            f"--against: from {until:.4g} s on run and reference have other contacts; compare again with a smaller "
+            "tolerance, reference:1e-10: the time of a sensitive motion grows, that of an error stays",
+        )
+    return replace(result, warnings=warnings).ended(outcome)
 
 
 def _without(result: RunResult, reason: str) -> RunResult:

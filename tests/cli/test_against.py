@@ -1,6 +1,7 @@
 """``beamsim run --against reference``: the same case by the reference integrator."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from shipped import PATHS, asked, shipped
 
 import beamsim
 from beamsim.errors import ScenarioError
+from beamsim.outcomes import ExitCode, exit_code
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import SpectrumSettings
 from beamsim.system.build import build_system
@@ -57,12 +59,23 @@ def test_it_agrees_to_its_tolerance(result):
 
 
 def test_a_wrong_motion_is_seen(result):
-    """The twin: the integration of another case differs."""
-    from dataclasses import replace
+    """The twin: the integration of another case differs, and the run is not reliable."""
+    assert against(result, 1e-6).complete
+    softer = {**CASE, "chain": {**CASE["chain"], "springs": [45.0, 30.0, 0.0]}}
+    wrong = against(replace(result, scenario=Scenario.model_validate(softer)), 1e-6)
+    assert wrong.against.largest_state_difference > 0.02
+    assert exit_code(wrong.outcome) == ExitCode.NOT_CONVERGED
+    assert wrong.summary["status"] == wrong.status
+    assert "displacements differ by" in wrong.status
 
+
+def test_contacts_that_only_one_of_the_two_has_are_named(result):
+    """Of other contacts the time is said, and what tells a sensitive motion from an error."""
     other = result.scenario.model_copy(update={"gravity": 0.5})
-    values = against(replace(result, scenario=other), 1e-6).summary["against"]
-    assert values["largest_state_difference"] > 1e-2 or values["agrees_until_s"] < 1.0
+    compared = against(replace(result, scenario=other), 1e-6)
+    assert compared.against.agrees_until_s < 1.0
+    assert any(f"from {compared.against.agrees_until_s:.4g} s on" in warning for warning in compared.warnings)
+    assert not any("other contacts" in warning for warning in against(result, 1e-6).warnings)
 
 
 def test_a_run_that_is_integrated_itself_is_compared_with_another_method():
