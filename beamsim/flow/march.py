@@ -17,8 +17,8 @@ EVENT_LIMIT, NOT_FINITE = "event_limit", "not_finite"
 
 
 def too_many_events(time: float, events: int) -> Outcome:
-    """The outcome of a motion that has the largest number of contact events at a time in s."""
-    sentence = f"the limit of {events} contact events is reached"
+    """The outcome of a motion that has more than the largest number of contact events at a time in s."""
+    sentence = f"there are more than {events} contact events"
     return Outcome.of(OutcomeKind.STOPPED, EVENT_LIMIT, sentence, at=Where(time, "s"), events=events)
 
 
@@ -176,7 +176,7 @@ class March:
                     f"{self.evaluations} evaluations of the contact gaps do not suffice", at=Where(motion.time, "s"),
                 )  # fmt: skip
             elif self.events > self.max_events:
-                self.outcome = too_many_events(motion.time, self.events)
+                self.outcome = too_many_events(motion.time, self.max_events)
             elif self.stop():
                 self.outcome = interruption(at=Where(motion.time, "s"))
             elif self.progress is not None:

@@ -140,7 +140,7 @@ def integrate(
         elif piece.guard is not None:
             record.meet(equations, piece.guard)
             if len(record.events) > stepping.max_events:
-                outcome = too_many_events(record.t, len(record.events))
+                outcome = too_many_events(record.t, stepping.max_events)
     return record.trajectory(equations.count, outcome)
 
 

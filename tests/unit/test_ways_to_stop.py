@@ -17,6 +17,7 @@ def test_a_run_with_too_many_events():
     result = beamsim.run(load_scenario(CHAIN, ["run.max_events=3"]))
     assert result.outcome.code == "event_limit"
     assert result.outcome.place.value == pytest.approx(result.time[-1], abs=2.0 / result.scenario.sample_rate)
+    assert "more than 3 contact events" in result.status
     assert result.outcome.remedy.startswith("raise run.max_events")
     assert result.summary["status"] == result.status
 
