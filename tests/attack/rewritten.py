@@ -4,7 +4,7 @@ A scenario is a shipped config, a system of `random_systems`, or a plate, short 
 it is, and again
 
 - `shares`: every place as a share of its body's length,
-- `absolute`: dashpots for damping ratios, factors for Rayleigh ratios, and defaults of shapes, areas and sides written out,
+- `absolute`: dashpots for damping ratios, factors for Rayleigh ratios; defaults of shapes, areas and sides written out,
 - `units`: every quantity in another unit, chosen at random,
 - `renamed`: bodies (one alone is listed among `bodies`) under other names, these and all lists in another order,
 - `mirrored`: left and right exchanged, along x on plates; chains from their other end,
