@@ -28,7 +28,7 @@ from beamsim.contacts.laws import ContactLaw, kelvin_voigt, piecewise_linear
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law, relaxing_law, table_law
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Located
-from beamsim.scenario.base import counted, path_text
+from beamsim.scenario.base import path_text
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.places import ends_of, site_of
 from beamsim.typing import Floats, Ints
@@ -239,24 +239,6 @@ def _dashpot(located: Located, stiffness: float, omega: Floats, shape: Floats, r
     except ValueError as error:
         at = f"{path_text(located.path)}.damping.ratio"
         raise ScenarioError(Problem(at, f"has no meaning here: {error}", "give the dashpot in N s/m")) from None
-
-
-def dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, dict[str, Any]]:
-    """By snubber its dashpot, N s/m, and what that follows from, for people; the snubbers are the first contacts."""
-    pairs = [(at.item, law) for at, law in zip(located, contacts.laws, strict=False)]
-    return {s.name: {"dashpot_n_s_per_m": law.dashpot, "from": _dashpot_source(s, law)} for s, law in pairs}
-
-
-def _dashpot_source(snubber: Any, law: ContactLaw) -> str:
-    number = len(snubber.maxwell)
-    beside = f", beside {counted(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
-    if snubber.damping is None:
-        return f"none written{beside}"
-    if snubber.damping.kind == "viscous" or not law.dashpot:
-        return f"as written{beside}"
-    hz = snubber.damping.ratio * law.stiffness / (np.pi * law.dashpot)
-    written = f"{100 * snubber.damping.ratio:.4g} % of {hz:.4g} Hz, the first natural frequency with it alone closed"
-    return f"{written}{beside}"
 
 
 def _law(snubber: Any, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:

@@ -16,7 +16,6 @@ from beamsim.contacts.snubbers import (
     SpringInfo,
     build_contacts,
     cubic_springs,
-    dashpots,
     describe_springs,
     pressed_by,
     resists,
@@ -38,7 +37,7 @@ from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction import ReceptanceBound, places_needed, receptance_bound
 from beamsim.structures.stations import Recovery, Stations
 from beamsim.structures.structure import ReducedBasis, Structure
-from beamsim.system.damped_modes import damping_remarks, modes_of_states
+from beamsim.system.damped_modes import damping_remarks, dashpots, modes_of_states
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state

@@ -1,4 +1,4 @@
-r"""Natural frequencies and damping ratios of a structure whose contacts stay in given phases.
+r"""Natural frequencies and damping ratios of a structure whose contacts stay in given phases, and its dashpots.
 
 The frequencies are those without damping. The ratios are those of the damped motion,
 
@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import ContactLaw
 from beamsim.outcomes import first_of
 from beamsim.scenario import Located
+from beamsim.scenario.base import counted
 from beamsim.structures.modes import closed_modes
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import ModeTable
@@ -59,6 +61,24 @@ def modes_of_states(
         omega, ratio = damped_modes(dynamics, resting, rigid)
         modes |= {"resting_frequencies_hz": omega / (2 * np.pi), "resting_damping_ratios": ratio}
     return modes
+
+
+def dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, dict[str, Any]]:
+    """By snubber its dashpot, N s/m, and what that follows from, for people; the snubbers are the first contacts."""
+    pairs = [(at.item, law) for at, law in zip(located, contacts.laws, strict=False)]
+    return {s.name: {"dashpot_n_s_per_m": law.dashpot, "from": _dashpot_source(s, law)} for s, law in pairs}
+
+
+def _dashpot_source(snubber: Any, law: ContactLaw) -> str:
+    number = len(snubber.maxwell)
+    beside = f", beside {counted(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
+    if snubber.damping is None:
+        return f"none written{beside}"
+    if snubber.damping.kind == "viscous" or not law.dashpot:
+        return f"as written{beside}"
+    hz = snubber.damping.ratio * law.stiffness / (np.pi * law.dashpot)
+    written = f"{100 * snubber.damping.ratio:.4g} % of {hz:.4g} Hz, the first natural frequency with it alone closed"
+    return f"{written}{beside}"
 
 
 def damping_remarks(snubbers: Sequence[Located], modes: ModeTable) -> list[str]:

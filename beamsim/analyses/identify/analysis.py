@@ -124,7 +124,6 @@ def _identify(
 
         pad = fit_pad(scenario, section.pad, section.pad.data)
         warnings += pad.warnings
-    spent = processor_time() - processor
     estimate = contact.get("estimate")
     parts = [part.outcome for part in (estimate, nonlinear) if part is not None and not part.outcome.complete]
     result = IdentificationResult(
@@ -138,7 +137,7 @@ def _identify(
         pad_modulus=_pad_modulus(section, estimate),
         pad=pad,
         warnings=tuple(warnings),
-        processor_time_s=spent,
+        processor_time_s=processor_time() - processor,
         wall_time_s=clock.perf_counter() - begin,
     )
     return result.with_summary(**_summary(result))

@@ -505,10 +505,9 @@ def steady_vibration(
     omega = 2 * np.pi * system.excitation_frequency_hz
     flow = VariationalFlow(system.dynamics, _periodic(system, omega), omega, 1.0)
     problem = ForcedOrbits(flow, "level", multiple=multiple)
-    if guess is not None and guess.size != flow.size:
-        guess = None
     try:
-        point = None if guess is None else find_orbit(problem, guess, settle=_SETTLE)
+        fits = guess is not None and guess.size == flow.size
+        point = find_orbit(problem, guess, settle=_SETTLE) if fits else None
         if point is None:
             point = find_orbit(problem, None, settle=_SETTLE, stable=multiple > 1)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
