@@ -443,6 +443,8 @@ def merge(base: Any, over: Any, key: str = "") -> Any:
     merged = WrittenMapping(base, over.mark, base.marks | over.marks)
     for name, item in over.items():
         merged[name] = merge(merged[name], item, name) if name in merged else item
+        if item is None and name in base:
+            del merged[name]
     _drop_alternatives(merged, {name for name, item in over.items() if item is not None}, over.keys())
     return merged
 
@@ -603,7 +605,10 @@ def _with(base: Any, parts: Path, value: Any, walked: Path, written: Collection[
             raise _missing(f"{where} is {single_line(base)}, without keys", f"replace {where} whole")
         if not rest and value is not None:
             _drop_alternatives(base, {part}, {name for name in base if (*walked, name) in written})
-        base[part] = _with(base.get(part), rest, value, (*walked, part), written)
+        if value is None and not rest and part in base:
+            del base[part]
+        else:
+            base[part] = _with(base.get(part), rest, value, (*walked, part), written)
     if rest in ((), ("kind",)):
         base.marks.pop(part, None)
     return base

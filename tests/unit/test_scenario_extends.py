@@ -164,6 +164,20 @@ def test_an_override_of_a_kind_replaces_the_mapping_and_comes_first():
     assert kept == load_scenario(BASE)
 
 
+def test_null_takes_away_what_another_form_does_not_have(folder):
+    """A uniform beam becomes one of segments, by overrides and by a file that extends it."""
+    segments = "[{from: 0 mm, to: 300 mm, bending_stiffness: 40 N m^2, mass_per_length: 1 kg/m}]"
+    uniform = {"beam": {"length": 0.3, "bending_stiffness": 30.0, "mass_per_length": 1.0}}
+    without = ["beam.bending_stiffness=null", "beam.mass_per_length=null", f"beam.segments={segments}"]
+    for order in (without, without[::-1]):
+        assert load_scenario(uniform, order).beam.segments[0].bending_stiffness == 40.0
+    (folder / "uniform.yaml").write_text("beam: {length: 0.3, bending_stiffness: 30, mass_per_length: 1}\n")
+    (folder / "stepped.yaml").write_text(
+        f"extends: uniform.yaml\nbeam: {{bending_stiffness: null, mass_per_length: null, segments: {segments}}}\n"
+    )
+    assert load_scenario(folder / "stepped.yaml").beam == load_scenario(uniform, without).beam
+
+
 def test_null_in_an_override():
     scenario = load_scenario(BASE, ["run.sample_rate=null", "probes=", "beam.damping=null"])
     assert scenario.sample_rate == 121 * 65.0
