@@ -22,10 +22,6 @@ from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.studies import IdentifyStiffness, Vary
 from beamsim.scenario.sweep import NonlinearMode, Sweep
 
-MANY_SAMPLES = 5_000_000
-"""More output samples than this make a file of a gigabyte or so."""
-
-
 AnyBody = Annotated[
     Annotated[Beam, Tag("<section>")]
     | Annotated[StiffnessBeam, Tag("<stiffness>")]
@@ -95,8 +91,8 @@ class ScenarioParts(Schema):
 
         100 samples a period of the excitation, more if the structure or a short run needs it. With a single frequency
         the samples of a period are a whole number, so that spectra of whole periods have no leakage. Long runs at high
-        frequency are sampled down to 20 a period. A random input has 10 samples, or a multiple of that, in a period of
-        its highest frequency: half as many as its own spline, whose pieces they fit.
+        frequency have two million samples, or 20 a period where these are more. A random input has 10 samples, or a
+        multiple of that, in a period of its highest frequency: half as many as its own spline, whose pieces they fit.
         """
         run = self.run
         assert run is not None
@@ -105,7 +101,8 @@ class ScenarioParts(Schema):
         highest = self.excitation.highest_frequency_hz
         random = self.excitation.kind == "random"
         rate = max((10.0 if random else 100.0) * highest, 50.0 * self._rough_frequency_hz, 2000.0 / run.duration)
-        rate = min(rate, max(MANY_SAMPLES / run.duration, (10.0 if random else 20.0) * highest))
+        # 2e6: samples that are many without being asked for
+        rate = min(rate, max(2e6 / run.duration, (10.0 if random else 20.0) * highest))
         units = (10.0 * highest,) if random else self.excitation.frequencies_hz
         return _whole_multiple(rate, units[0]) if len(units) == 1 else _round_number(rate)
 

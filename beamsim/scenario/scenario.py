@@ -23,7 +23,7 @@ from beamsim.scenario.checks import problems
 from beamsim.scenario.connections import SnubberRatioDamping, placed
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.excitation import Shock
-from beamsim.scenario.parts import MANY_SAMPLES, ScenarioParts
+from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.quantities import FileType
 from beamsim.scenario.tree import dumped, locate, located_problem
 
@@ -108,6 +108,7 @@ def doubts(scenario: ScenarioParts) -> Iterator[str]:
     highest_hz = max(scenario.excitation.frequencies_hz, default=0.0)
     for name, body in scenario.all_bodies.items():
         yield from body.doubts(scenario.body_path(name), highest_hz)
+    yield from _sizes(scenario)
     yield from _damping(scenario)
     yield from _snubbers(scenario)
     yield from _point_forces(scenario)
@@ -146,6 +147,15 @@ def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> li
         for name, (peak, probe) in largest.items()
         if name in scenario.all_bodies and peak > (allowed := scenario.all_bodies[name].largest_deflection)
     ]
+
+
+def _sizes(scenario: ScenarioParts) -> Iterator[str]:
+    """Bodies so large that a unit may be missing."""
+    for name, body in scenario.all_bodies.items():
+        for key in ("length", "width"):
+            size = getattr(body, key, 0.0)
+            if size > 100.0:  # m
+                yield f"{path_text((*scenario.body_path(name), key))} = {size:g} m: was {size:g} mm meant?"
 
 
 def _damping(scenario: ScenarioParts) -> Iterator[str]:
@@ -208,6 +218,11 @@ def _timing(scenario: ScenarioParts) -> Iterator[str]:
     run, excitation = scenario.run, scenario.excitation
     if run is None:
         return
+    if excitation.kind == "none" and run.start == "static_equilibrium":
+        yield (
+            "nothing moves: there is no excitation, and the run starts at static equilibrium; give excitation, or "
+            "run.start: rest, {mode: 1, amplitude: 1 mm} or another one"
+        )
     lowest = min(excitation.frequencies_hz, default=math.inf)
     if run.duration * lowest < 1.0:
         yield f"run.duration = {run.duration:g} s is shorter than one period of the excitation, {1.0 / lowest:g} s"
@@ -225,7 +240,7 @@ def _timing(scenario: ScenarioParts) -> Iterator[str]:
             )
         if isinstance(shock, Shock) and shock.time >= run.duration:
             yield f"{path_text(path)}.time = {shock.time:g} s lies after the end of the run, {run.duration:g} s"
-    if scenario.sample_rate * run.duration > 1.01 * MANY_SAMPLES:
+    if scenario.sample_rate * run.duration > 5e6:  # a gigabyte or so
         yield f"{scenario.sample_rate * run.duration:.3g} output samples make a very large result file"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,6 +27,7 @@ from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import BaseMotion, Driven, base_motion, level_signal, single_frequency_hz
 from beamsim.inputs.signal import Signal
+from beamsim.outcomes import first_of
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
 from beamsim.scenario.excitation import holds_levels, sine_problems
@@ -339,15 +340,35 @@ def _remarks(snubbers: Sequence[Located], tables: Sequence[TableOfStop | None]) 
     ]
 
 
-def _doubts(scenario: Scenario, modes: ModeTable) -> list[str]:
-    """Warnings of a reduced model that may not be accurate."""
+def _doubts(scenario: Scenario, modes: ModeTable) -> Iterator[str]:
+    """Warnings of stops without effect, of an excited structure without damping, and of an inaccurate reduced model."""
+    opened, closed, stops = modes.open_frequencies_hz, modes.closed_frequencies_hz, scenario.all_snubbers
+    stiff = [stop.name for stop in stops if stop.stiffness is not None]
+    if stops and len(stiff) == len(stops) and np.all(closed - opened <= 1e-3 * opened):
+        yield (
+            f"snubbers: with {first_of(stiff, 4)} closed no natural frequency is more than 0.1 % higher: the stiffness "
+            "has no effect; was kN/m meant?"
+        )
+    if scenario.excitation.kind != "none" and scenario.nnm is None and not _loses(scenario, modes):
+        yield (
+            "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body "
+            "damping, for example {kind: modal, ratio: 1 %}"
+        )
     if not modes.reduction_bound > 0.01:
-        return []
-    return [
+        return
+    yield (
         f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz and at the frequencies "
         f"of the excitation the error of its receptance at contacts and loads is bounded by "
         f"{modes.reduction_bound:.2g} of its size; {scenario.more_modes(modes.kept_modes)}"
-    ]
+    )
+
+
+def _loses(scenario: Scenario, modes: ModeTable) -> bool:
+    """Whether anything takes energy out of a motion: dashpots of any kind, friction, stops that yield."""
+    rubs = any(each.item.kind == FRICTION for each in scenario.nonlinear_springs)
+    yields = any(stop.hardening is not None for stop in scenario.all_snubbers)
+    ratios = (modes.damping_ratios, modes.closed_damping_ratios)
+    return rubs or yields or any(each is not None and np.nan_to_num(each).any() for each in ratios)
 
 
 def _located_sites(parts: Parts) -> list[tuple[Located, Site]]:
