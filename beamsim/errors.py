@@ -92,6 +92,12 @@ class ResultFileError(BeamsimError):
     exit_code = ExitCode.USAGE
 
 
+class NotWrittenError(ResultFileError):
+    """What was computed has no room where it was to be written, or the disk fails."""
+
+    exit_code = ExitCode.NOT_WRITTEN
+
+
 class NotTrustedError(BeamsimError):
     """A computation ended without a reliable result."""
 

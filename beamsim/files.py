@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from beamsim.errors import ResultFileError
+from beamsim.errors import NotWrittenError, ResultFileError
 
 PAUSES_S = (0.1, 0.3, 1.0)  # between attempts to replace a file that another program has open
 
@@ -50,6 +50,8 @@ def replacing(path: Path | str) -> Iterator[Path]:
     ------
     ResultFileError
         When the place cannot be written.
+    NotWrittenError
+        When it could be, and then is full or fails.
     """
     target = Path(path).resolve()
     check_writable(target)
@@ -61,7 +63,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
             os.fsync(written.fileno())
         _replace(temporary, target)
     except OSError as error:
-        raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
+        raise NotWrittenError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
     finally:
         _remove(temporary)
 

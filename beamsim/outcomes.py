@@ -68,6 +68,7 @@ class ExitCode(IntEnum):
     USAGE = 2  # usage, scenario or file
     NOT_CONVERGED = 3  # incomplete or not reliable; the result is saved; under --check: a limit that is neither
     LIMIT_EXCEEDED = 4  # under --check
+    NOT_WRITTEN = 5  # what was computed: no room where it was to go, or a disk that fails
     INTERRUPTED = 130  # from the keyboard
     BROKEN_PIPE = 141
     TERMINATED = 143  # by SIGTERM

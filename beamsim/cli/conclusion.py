@@ -20,7 +20,7 @@ from beamsim.kinds import KINDS, named
 from beamsim.outcomes import exit_code
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import scale_for, shown_in
-from beamsim.store.results import write_result
+from beamsim.store.results import keep_result
 from beamsim.trust import checked
 
 _Result = TypeVar("_Result", bound=Result)
@@ -56,7 +56,7 @@ def concluded(
         with progress_of(label, shown=reporting.progress, afterwards=afterwards) as progress:
             result = compute(progress, interrupted)
         with progress_of(f"writing {target.name}", shown=reporting.progress):
-            write_result(result, target)
+            keep_result(result, target)
         conclude(kind, result, target, reporting, interrupted)
     return result
 

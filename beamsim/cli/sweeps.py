@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from signal import SIGINT
 from typing import Any
@@ -18,7 +19,7 @@ from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given, Reporting
 from beamsim.cli.preparation import located, prepared
 from beamsim.cli.progress import Progress, progress_of
-from beamsim.errors import Problem, ResultFileError, ScenarioError, VerdictError
+from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
 from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import Scenario
 from beamsim.store.results import holds, open_result, write_result
@@ -77,10 +78,14 @@ def _kind(scenario: Scenario) -> str:
 def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool) -> None:
     """Compute a swept or stepped sine, saving partial results."""
 
+    def save(part: SweepResult) -> None:
+        with suppress(NotWrittenError):  # the whole result is kept elsewhere if there is still no room
+            write_result(part, target)
+
     def computed(progress: Progress, stop: Interruption) -> SweepResult:
         with located(scenario):
             result = checked.sweep(
-                scenario, progress, stop=stop, save=lambda part: write_result(part, target),
+                scenario, progress, stop=stop, save=save,
                 resume=_earlier(target, scenario) if resume else None,
             )  # fmt: skip
         if not result.curves:  # it was interrupted before its first cycle

@@ -13,6 +13,10 @@ import errno
 import json
 import math
 import os
+import secrets
+import shlex
+import shutil
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from beamsim.errors import ResultFileError, ScenarioError
+from beamsim.errors import NotWrittenError, ResultFileError, ScenarioError
 from beamsim.fields import plain
 from beamsim.files import replacing
 from beamsim.kinds import KINDS, kind_of_class, named
@@ -57,6 +61,38 @@ def write_result(result: Result, path: Path | str) -> Path:
     items["/summary"] = Item(encode_summary(result.summary))
     write_items(items, path)
     return Path(path)
+
+
+def keep_result(result: Result, path: Path | str) -> None:
+    """Write a result to ``path``; where that fails, to the first of the temporary and the home folder that has room.
+
+    Raises
+    ------
+    ResultFileError
+        As `write_result`.
+    NotWrittenError
+        If it is not in ``path``: says where it is and how to move it, or that it is lost.
+    """
+    try:
+        write_result(result, path)
+        return
+    except NotWrittenError as error:
+        what = str(error).removesuffix("; choose another path with -o")
+    target, folders = Path(path).resolve(), [tempfile.gettempdir(), str(Path.home())]
+    what = f"{what} ({shutil.disk_usage(target.parent).free / 1e6:.3g} MB are free there)"
+    for folder in folders:
+        elsewhere = Path(folder) / f"{target.stem}-{secrets.token_hex(3)}{target.suffix}"
+        try:
+            write_result(result, elsewhere)
+        except ResultFileError:
+            continue
+        move = shlex.join(["mv", str(elsewhere), str(path)])
+        size = f"{elsewhere.stat().st_size / 1e6:.3g} MB"
+        raise NotWrittenError(f"{what}; the result ({size}) is in {elsewhere}; make room and move it: {move}")
+    raise NotWrittenError(
+        f"{what}, nor is there room in {' or '.join(folders)}: the result is lost; make room, or choose another path "
+        "with -o, and run again"
+    )
 
 
 def encode_summary(summary: Mapping[str, Any]) -> dict[str, Any]:

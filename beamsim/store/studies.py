@@ -23,7 +23,7 @@ from beamsim.errors import ResultFileError
 from beamsim.files import check_writable
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
-from beamsim.store.results import write_result
+from beamsim.store.results import keep_result, write_result
 from beamsim.version import __version__
 
 SAVED_EVERY_S = 30.0  # interval between updates of the result file
@@ -89,7 +89,7 @@ def stored_study(
             journal.remove()
         raise
     if journal.outcomes:
-        write_result(result, target)
+        keep_result(result, target)
     if len(journal.outcomes) in (0, len(plan.cases)):
         journal.remove()
     return result

@@ -1,16 +1,20 @@
 """What a full disk, a closed pipe and odd places do to the command line: a sentence and a code, never a traceback."""
 
+import errno
 import json
 import os
 import subprocess
 import sys
+import tempfile
 
 import numpy as np
 import pytest
 
+import beamsim
 from beamsim.errors import ResultFileError
 from beamsim.store import results as result_files
 from beamsim.store.flat import Item
+from tests.helpers.commands import invoke
 
 CASE = """
 chain: {masses: [1], springs: [1], dashpots: [0.1]}
@@ -46,10 +50,43 @@ def small_disk():
 def test_a_full_disk_while_the_result_is_written(here):
     """HDF5 by itself ends the process with a segmentation fault here."""
     done = run(here, "run", "case.yaml", "--no-plots", "-q", preexec_fn=small_disk)
-    assert done.returncode == 2, done.stderr
+    assert done.returncode == 5, done.stderr
     assert done.stderr.startswith("beamsim: cannot write case.h5: ")
+    assert "nor is there room in" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert os.listdir(here) == ["case.yaml"]
+
+
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="needs posix_fallocate")
+@pytest.mark.parametrize("full", [1, 2, 3])
+def test_a_result_without_room_is_written_elsewhere(here, full, monkeypatch):
+    """The first, the first two and all three of the folders are full: its own, the temporary and the home folder."""
+    places = [here / name for name in ("own", "temporary", "home")]
+    for place in places:
+        place.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(places[1]))
+    monkeypatch.setenv("HOME", str(places[2]))
+    reserve, tried = os.posix_fallocate, []
+
+    def reserve_where_there_is_room(file, offset, size):
+        tried.append(size)
+        if len(tried) <= full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        reserve(file, offset, size)
+
+    monkeypatch.setattr(os, "posix_fallocate", reserve_where_there_is_room)
+    done = invoke("run", here / "case.yaml", "--no-plots", "-q", "-o", places[0])
+    assert done.exit_code == 5, done.output
+    assert f"cannot write {places[0] / 'case.h5'}: No space left on device (" in done.stderr
+    written = [list(place.iterdir()) for place in places]
+    if full == 3:
+        assert written == [[], [], []]
+        assert "the result is lost" in done.stderr
+        return
+    assert [len(files) for files in written] == [0, int(full == 1), int(full == 2)]
+    elsewhere = written[full][0]
+    assert f"mv {elsewhere} {places[0] / 'case.h5'}" in done.stderr
+    assert beamsim.open_result(elsewhere).complete
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
