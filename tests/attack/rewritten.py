@@ -630,9 +630,12 @@ def perturbed(tree, rng):
 
 def rewrite(seed, folder, words=SAME):
     """Draw a scenario, write it in other words, and compare: what came of each."""
-    source, tree = scenario_of(seed, Path(folder))
     rng = np.random.default_rng([seed, 10])
-    first = told(tree)
+    try:
+        source, tree = scenario_of(seed, Path(folder))
+        first = told(tree)
+    except (Unfit, ScenarioError):
+        return [Rewriting(seed, "drawn", "not written", "is refused or does not move")]
     if first is None:  # a tenth of it has fewer contacts
         run = tree["run"]
         rates = {"sample_rate": 10 * run["sample_rate"], "spectrum": {"to": 10 * run["spectrum"]["to"]}}
