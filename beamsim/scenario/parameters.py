@@ -23,6 +23,7 @@ from beamsim.scenario.base import (
     fail,
     path_parts,
     path_text,
+    plain,
     refused,
     single_line,
     suggestion,
@@ -44,6 +45,7 @@ from beamsim.scenario.studies import (
     Zipped,
 )
 from beamsim.scenario.sweep import PositionPath
+from beamsim.scenario.tree import from_python, in_a_body
 from beamsim.scenario.units import RATIO, UnitError, read_level, read_quantity
 
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
@@ -78,18 +80,10 @@ def find_parameters(
         paths = _walk(scenario, parts, (), path, (int, float, str, Share, *more))
     except PydanticCustomError as error:
         found = refused(error, ())
-        raise fail(found.message, _in_a_body(scenario, parts) or found.remedy, at) from None
+        raise fail(found.message, in_a_body(from_python(plain(scenario)), parts) or found.remedy, at) from None
     if not paths:
         raise fail(f"= {path} matches nothing: the list is empty", "add an item, or omit the path", at)
     return paths
-
-
-def _in_a_body(scenario: ScenarioParts, parts: Sequence[str | int]) -> str:
-    """The remedy for a path to an item that a body lists, ``snubbers.stop`` for ``chain.snubbers.stop``; else empty."""
-    for name, body in scenario.all_bodies.items() if len(parts) > 1 else ():
-        if any(item.name == parts[1] for item in body.own_lists.get(str(parts[0]), ())):
-            return f"did you mean {path_text((*scenario.body_path(name), *parts))}?"
-    return ""
 
 
 def value_at(scenario: ScenarioParts, place: Path) -> Any:

@@ -494,7 +494,7 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
                 written.add(place)
                 _with(root, place, value, (), written)
         except ScenarioError as error:
-            remedy = _in_a_body(root, path_parts(path))
+            remedy = in_a_body(root, path_parts(path))
             problems += [replace(each, path=path, remedy=remedy or each.remedy) for each in error.problems]
     if problems:
         raise ScenarioError(problems)
@@ -560,7 +560,7 @@ def _index_of(items: list[Any], name: str, walked: Path) -> int:
     raise _missing(f"{where} has no item called {name}", suggestion(name, given_names, "the names are"))
 
 
-def _in_a_body(root: WrittenMapping, parts: Sequence[str | int]) -> str:
+def in_a_body(root: WrittenMapping, parts: Sequence[str | int]) -> str:
     """The remedy for a path to an item that a body lists, ``snubbers.stop`` for ``chain.snubbers.stop``; else empty."""
     single = {(key,): root.get(key) for key in ("beam", "chain")}
     several = root.get("bodies")
