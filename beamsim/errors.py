@@ -97,6 +97,10 @@ class NotWrittenError(ResultFileError):
 
     exit_code = ExitCode.NOT_WRITTEN
 
+    def __init__(self, path: object, reason: str, remedy: str = "choose another path with -o") -> None:
+        self.reason = reason
+        super().__init__(f"cannot write {path}: {reason}; {remedy}")
+
 
 class NotTrustedError(BeamsimError):
     """A computation ended without a reliable result."""

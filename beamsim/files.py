@@ -63,7 +63,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
             os.fsync(written.fileno())
         _replace(temporary, target)
     except OSError as error:
-        raise NotWrittenError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
+        raise NotWrittenError(path, error.strerror or str(error)) from error
     finally:
         _remove(temporary)
 

@@ -77,9 +77,9 @@ def keep_result(result: Result, path: Path | str) -> None:
         write_result(result, path)
         return
     except NotWrittenError as error:
-        what = str(error).removesuffix("; choose another path with -o")
+        reason = error.reason
     target, folders = Path(path).resolve(), [tempfile.gettempdir(), str(Path.home())]
-    what = f"{what} ({shutil.disk_usage(target.parent).free / 1e6:.3g} MB are free there)"
+    reason += f" ({shutil.disk_usage(target.parent).free / 1e6:.3g} MB are free there)"
     for folder in folders:
         elsewhere = Path(folder) / f"{target.stem}-{secrets.token_hex(3)}{target.suffix}"
         try:
@@ -88,11 +88,10 @@ def keep_result(result: Result, path: Path | str) -> None:
             continue
         move = shlex.join(["mv", str(elsewhere), str(path)])
         size = f"{elsewhere.stat().st_size / 1e6:.3g} MB"
-        raise NotWrittenError(f"{what}; the result ({size}) is in {elsewhere}; make room and move it: {move}")
-    raise NotWrittenError(
-        f"{what}, nor is there room in {' or '.join(folders)}: the result is lost; make room, or choose another path "
-        "with -o, and run again"
-    )
+        raise NotWrittenError(path, reason, f"the result ({size}) is in {elsewhere}; make room and move it: {move}")
+    reason += f", nor is there room in {' or '.join(folders)}"
+    remedy = "the result is lost; make room, or choose another path with -o, and run again"
+    raise NotWrittenError(path, reason, remedy)
 
 
 def encode_summary(summary: Mapping[str, Any]) -> dict[str, Any]:
