@@ -221,11 +221,8 @@ def _gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> list[
             kept = [amount(of["preload_n"], "N")]
             if len(snubbers) > 1:
                 kept[0] += " with all closed"
-                kept += (
-                    []
-                    if "not_predicted" in of
-                    else [f"{amount(of['preload_alone_n'], 'N')} with the others as at rest"]
-                )
+                if "not_predicted" not in of:
+                    kept.append(f"{amount(of['preload_alone_n'], 'N')} with the others as at rest")
             sigmas = " to 3 sigma" if "sigmas" in of else ""
             rows.append(("", f"preload that keeps contact{sigmas}: {', '.join(kept)}"))
     return aligned(rows, gap=2)

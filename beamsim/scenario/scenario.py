@@ -152,8 +152,7 @@ def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> li
 def _sizes(scenario: ScenarioParts) -> Iterator[str]:
     """Bodies so large that a unit may be missing."""
     for name, body in scenario.all_bodies.items():
-        for key in ("length", "width"):
-            size = getattr(body, key, 0.0)
+        for key, size in zip(("length", "width"), body.sides, strict=False):
             if size > 100.0:  # m
                 yield f"{path_text((*scenario.body_path(name), key))} = {size:g} m: was {size:g} mm meant?"
 

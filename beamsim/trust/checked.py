@@ -202,28 +202,32 @@ def _checked(
         return result
     if stop():
         return result.interrupted(COMPARISON)
-    begin, wall = processor_time(), clock.perf_counter()
-    checked = _convergence(values, result, lambda case: again(case, _part(progress, share, 1.0)), stop)
+    begin, wall, own = processor_time(), clock.perf_counter(), values(result)
+    checked = _convergence(values, own, result, lambda case: again(case, _part(progress, share, 1.0)), stop)
     if stop():
         return result.interrupted(COMPARISON)
     checked = replace(checked, processor_time_s=processor_time() - begin)
-    result = with_convergence(result, checked, values(result))
+    result = with_convergence(result, checked, own)
     return replace(result, wall_time_s=result.wall_time_s + clock.perf_counter() - wall)
 
 
 def _convergence(
-    values: Callable[[_Result], Values], result: _Result, solve: Callable[[Scenario], _Result], stop: Stop
+    values: Callable[[_Result], Values],
+    own: Values,
+    result: _Result,
+    solve: Callable[[Scenario], _Result],
+    stop: Stop,
 ) -> Convergence:
-    """The changes of a result's values with a finer model."""
+    """The changes of a result's own values with a finer model."""
     modes = result.modes.kept_modes
     if keeps_all(result.scenario, modes):
-        return Convergence(unchanged(values(result)))
+        return Convergence(unchanged(own))
     second = solved_again(solve, result.scenario, modes, stop)
     if isinstance(second, Convergence):
         return second
     if not second.outcome.trusted:
         return Convergence(reason=f"the finer model is {second.outcome.text}")
-    changes = relative_changes([values(result)], [values(second)])
+    changes = relative_changes([own], [values(second)])
     return Convergence(changes, tuple(doubtful(changes, {})), second.modes.kept_modes, modes)
 
 
