@@ -73,13 +73,7 @@ def _now() -> str:
 @cache
 def _versions() -> dict[str, str]:
     """Versions of Python and of the packages that the numbers depend on."""
-    return dict(_known_versions())
-
-
-@cache
-def _known_versions() -> tuple[tuple[str, str], ...]:
-    packages = [(name, version(name)) for name in ("numpy", "scipy", "numba")]
-    return ("python", platform.python_version()), *packages
+    return {"python": platform.python_version()} | {name: version(name) for name in ("numpy", "scipy", "numba")}
 
 
 @declared(kw_only=True)

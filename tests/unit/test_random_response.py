@@ -6,7 +6,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import beamsim
 from beamsim.analyses.gapping import transfer
-from beamsim.analyses.run.linear_prediction import linear_structures
+from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.random_response import LEVELS, crossing_rates, rms_interval
 from beamsim.cli.report import table_rows
 from beamsim.inputs.excitation import noise
@@ -170,8 +170,8 @@ def stopped(gap: float, **run: object) -> dict:
 def test_linear_predictions_are_those_of_the_oscillators():
     """Open 10 Hz at 5 %, closed 24.6 Hz with both dashpots; the integral is right to 1e-6."""
     case = load_scenario(stopped(1e-4))
-    predicted = linear_structures(case, build_system(case))
-    of_open, of_closed = predicted.of_open, predicted.of_closed
+    predicted = linear_responses(case, build_system(case), np.linspace(0.0, 50.0, 401))
+    of_open, of_closed = ({of: x[f"linear_{state}"] for of, x in predicted.items()} for state in ("open", "closed"))
     for found, stiffness, dashpot in ((of_open, 3947.84, 6.2832), (of_closed, 3947.84 + 2e4, 9.2832)):
         displacement, acceleration = oscillator_deviations(stiffness, dashpot)
         assert found["mass", "displacement"] == pytest.approx(displacement, rel=1e-6)
@@ -182,13 +182,13 @@ def test_linear_predictions_are_those_of_the_oscillators():
 
 def test_there_is_no_prediction_without_stops_with_cubic_springs_or_undamped():
     plain = load_scenario(OSCILLATOR)
-    assert linear_structures(plain, build_system(plain)) is None
+    assert linear_responses(plain, build_system(plain), np.arange(3.0)) == {}
     case = stopped(1e-4)
     cubic = {**case["chain"], "springs_to_ground": [{"mass": 1, "kind": "cubic", "stiffness": 1e9}]}
     undamped = {key: value for key, value in case["chain"].items() if key != "dashpots"}
     for chain in (cubic, undamped):
         scenario = load_scenario({**case, "chain": chain})
-        assert linear_structures(scenario, build_system(scenario)) is None
+        assert linear_responses(scenario, build_system(scenario), np.arange(3.0)) == {}
 
 
 def test_crossings_of_levels():

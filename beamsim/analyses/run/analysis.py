@@ -23,7 +23,7 @@ from beamsim.analyses.run.motion import (
     pull_warnings,
 )
 from beamsim.analyses.run.orbit_start import built_at_orbit
-from beamsim.analyses.run.result import RandomResponse, RunResult, ShockResponse
+from beamsim.analyses.run.result import RunResult, ShockResponse
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
@@ -110,8 +110,14 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     else:
         system = build_system(scenario, shared)
     motion = motion_of(scenario, system, progress, stop)
-    derived, histories = _Derived(stop), motion.sampled()
-    spectra = spectra_of(scenario, system, motion) if derived.goes_on("the spectra") else {}
+    histories, left_out = motion.sampled(), list[str]()
+
+    def goes_on(to: str) -> bool:  # from then on each step is left out
+        if stop():
+            left_out.append(to)
+        return not left_out
+
+    spectra = spectra_of(scenario, system, motion) if goes_on("the spectra") else {}
     probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes[DISPLACEMENT])
     snubbers = [snubber.name for snubber in system.snubbers]
     compression = by_name(snubbers, motion.extremes[PENETRATION][2]) if snubbers else {}
@@ -139,11 +145,13 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
         *coverage_notes(system, spectra, closed_form=motion.trajectory is not None),
     ]
-    if scenario.excitation.kind in ("random", "sampled") and derived.goes_on("densities and statistics"):
-        fields["random"] = _statistics(result, system)
+    if scenario.excitation.kind in ("random", "sampled") and goes_on("densities and statistics"):
+        from beamsim.analyses.run.random_response import random_response
+
+        fields["random"] = random_response(result, system)
     if motion.impacts is not None:
         fields["impacts"] = motion.impacts.statistics(stationary=scenario.excitation.kind == "random")
-    if settings.fatigue is not None and system.stress is not None and derived.goes_on("the damage of stress"):
+    if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
         fields["fatigue"] = fatigue_of(
             system, motion.parts, motion.marched.end, largest(motion.extremes[STRESS]), settings.fatigue
         )
@@ -151,45 +159,15 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     summary = summary_of_run(scenario, system, motion, spectra, stop)
     warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
-    if settings.srs is not None and derived.goes_on("shock response spectra"):
+    if settings.srs is not None and goes_on("shock response spectra"):
         fields["srs"], notes = _shock_response(system, motion, histories, settings.srs)
         warnings += notes
-    if derived.left_out and result.complete:
-        fields["outcome"] = interruption(f"before {', '.join(derived.left_out)}")
+    if left_out and result.complete:
+        fields["outcome"] = interruption(f"before {', '.join(left_out)}")
     result = replace(result, **fields, warnings=tuple(warnings))
     result = result.with_summary(**summary, **figures_of_parts(result))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
     return Solution(scenario, system, motion, result)
-
-
-class _Derived:
-    """What is derived from the motion, until it is to end.
-
-    Parameters
-    ----------
-    stop : asked before each step.
-    """
-
-    def __init__(self, stop: Stop) -> None:
-        self._stop = stop
-        self.left_out: list[str] = []
-
-    def goes_on(self, to: str) -> bool:
-        """Whether to go on; the step is noted as left out where not."""
-        if self._stop():
-            self.left_out.append(to)
-        return not self.left_out
-
-
-def _statistics(result: RunResult, system: StructuralSystem) -> RandomResponse | None:
-    """Densities, statistics and transmissibilities."""
-    from beamsim.analyses.run.linear_prediction import linear_structures
-    from beamsim.analyses.run.random_response import random_response
-
-    force = None if system.base_acceleration is not None else system.forcing.signal[0](result.time)
-    stationary = result.scenario.excitation.kind == "random"
-    predicted = linear_structures(result.scenario, system)
-    return random_response(result, force, stationary=stationary, predicted=predicted)
 
 
 def _shock_response(

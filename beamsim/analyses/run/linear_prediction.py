@@ -79,48 +79,43 @@ def linear_input(scenario: Scenario, system: StructuralSystem) -> LinearInput | 
     return LinearInput(replace(system, sine=sine), at, value)
 
 
-class LinearStructures(NamedTuple):
-    """The linear structures between which contact switches: every snubber always open, and always closed."""
+def linear_responses(
+    scenario: Scenario, system: StructuralSystem, frequency_hz: Floats
+) -> dict[tuple[str, str], dict[str, Any]]:
+    """Responses of the structures between which contact switches: every snubber always open, and always closed.
 
-    driven: LinearInput
-    open_phases: Ints
-    closed_phases: Ints
-    of_open: Deviations
-    of_closed: Deviations
+    A snubber with a table has the slope at its static penetration, or its first one.
 
-    def densities(self, frequency_hz: Floats) -> tuple[dict[tuple[str, str], Floats], dict[tuple[str, str], Floats]]:
-        """Densities of both, means about evenly spaced frequencies (F,), Hz."""
-        half = 0.5 * (frequency_hz[1] - frequency_hz[0])
-        edges = np.append(np.maximum(frequency_hz - half, 0.0), frequency_hz[-1] + half)
-        of_open = stationary_densities(self.driven, self.open_phases, edges)
-        of_closed = stationary_densities(self.driven, self.closed_phases, edges)
-        assert of_open is not None  # as neither has an undamped resonance
-        assert of_closed is not None
-        return of_open, of_closed
+    Parameters
+    ----------
+    scenario, system : of the run.
+    frequency_hz : (F,) evenly spaced, Hz.
 
-
-def linear_structures(scenario: Scenario, system: StructuralSystem) -> LinearStructures | None:
-    """The structures with their standard deviations, SI.
-
-    None where there is no `linear_input`, and where one of the two structures has an undamped resonance within the
-    input's band. A snubber with a table has the slope at its static penetration, or its first one.
+    Returns
+    -------
+    By name and quantity the fields of `SignalStatistics` about them, SI; densities are means about the frequencies.
+    Empty where there is no `linear_input`, and where one of the two has an undamped resonance within the input's band.
     """
     driven = linear_input(scenario, system)
     if driven is None:
-        return None
-    contacts = system.dynamics.contacts
+        return {}
+    half = 0.5 * (frequency_hz[1] - frequency_hz[0])
+    edges = np.append(np.maximum(frequency_hz - half, 0.0), frequency_hz[-1] + half)
     pressed = pressed_phases(system, static_penetration(system))
-    of_open = stationary_deviations(driven, contacts.start)
-    of_closed = None if of_open is None else stationary_deviations(driven, pressed)
-    if of_open is None or of_closed is None:
-        return None
-    return LinearStructures(driven, contacts.start, pressed, of_open, of_closed)
+    responses: dict[tuple[str, str], dict[str, Any]] = {of: {} for of in _names(system)}
+    for state, phases in (("open", system.dynamics.contacts.start), ("closed", pressed)):
+        deviations, powers = stationary_deviations(driven, phases), stationary_powers(driven, phases, edges)
+        if deviations is None or powers is None:
+            return {}
+        for of, fields in responses.items():
+            fields |= {f"linear_{state}": deviations[of], f"density_{state}": powers[of] / np.diff(edges)}
+    return responses
 
 
 def stationary_deviations(driven: LinearInput, phases: Ints) -> Deviations | None:
     """Standard deviations with all contacts staying in phases (m,); None with an undamped resonance in the band."""
-    panels = _panels(driven.system, phases, driven.frequency_hz)
-    return None if panels is None else _deviations(driven, phases, panels)
+    powers = stationary_powers(driven, phases)
+    return None if powers is None else {of: float(np.sqrt(power[0])) for of, power in powers.items()}
 
 
 def _panels(system: StructuralSystem, phases: Ints, at_hz: Floats) -> Floats | None:
@@ -145,15 +140,6 @@ def _panels(system: StructuralSystem, phases: Ints, at_hz: Floats) -> Floats | N
     return np.unique(np.clip(inside, low, high))
 
 
-def _deviations(driven: LinearInput, phases: Ints, panels: Floats) -> Deviations:
-    names = _names(driven.system)
-    variance = np.zeros(len(names))
-    for frequency, weight in _nodes(panels, NODES):
-        power = weight * density(frequency, driven.frequency_hz, driven.density)
-        variance += power @ _squared_responses(driven.system, phases, frequency)
-    return dict(zip(names, np.sqrt(variance).tolist(), strict=True))
-
-
 def _names(system: StructuralSystem) -> list[tuple[str, str]]:
     """Of the responses in order."""
     names = [(probe.name, quantity) for quantity in ("displacement", MAIN_QUANTITY) for probe in system.probes]
@@ -175,31 +161,34 @@ def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats
     return np.asarray(np.abs(responses) ** 2)
 
 
-def stationary_densities(driven: LinearInput, phases: Ints, edges: Floats) -> dict[tuple[str, str], Floats] | None:
-    """Spectral densities of the stationary linear motion with all contacts staying in their phases.
+def stationary_powers(
+    driven: LinearInput, phases: Ints, edges: Floats | None = None
+) -> dict[tuple[str, str], Floats] | None:
+    """Mean squares of the stationary linear motion with all contacts staying in their phases, by parts of the band.
 
     Parameters
     ----------
     driven : the structure and its input.
     phases : (m,) of the contacts.
-    edges : (B + 1,) increasing, Hz.
+    edges : (B + 1,) increasing, Hz; by default the ends of the input's band, with more points in between.
 
     Returns
     -------
-    By name and quantity (B,) means between the edges, SI, 0 outside the input's band; None with an undamped resonance
-    within the band.
+    By name and quantity (B,) between the edges, SI, 0 outside the input's band; None with an undamped resonance within
+    the band.
     """
-    panels = _panels(driven.system, phases, driven.frequency_hz)
+    panels, count = _panels(driven.system, phases, driven.frequency_hz), NODES if edges is None else NODES_OF_BINS
     if panels is None:
         return None
+    edges = panels[[0, -1]] if edges is None else edges
     inside = edges[(edges > panels[0]) & (edges < panels[-1])]
     names = _names(driven.system)
     power = np.zeros((edges.size - 1, len(names)))
-    for frequency, weight in _nodes(np.unique(np.concatenate([panels, inside])), NODES_OF_BINS):
+    for frequency, weight in _nodes(np.unique(np.concatenate([panels, inside])), count):
         within = weight * density(frequency, driven.frequency_hz, driven.density)
         bins = np.clip(np.searchsorted(edges, frequency) - 1, 0, edges.size - 2)
         np.add.at(power, bins, within[:, None] * _squared_responses(driven.system, phases, frequency))
-    return dict(zip(names, (power / np.diff(edges)[:, None]).T, strict=True))
+    return dict(zip(names, power.T, strict=True))
 
 
 def _nodes(panels: Floats, count: int) -> Iterator[tuple[Floats, Floats]]:

@@ -15,14 +15,16 @@ amplitudes of this one are random or fixed.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.run.impacts import CONFIDENCE, SKIPPED
-from beamsim.analyses.run.linear_prediction import LinearStructures
+from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.result import MAIN_QUANTITY, RandomResponse, RunResult, SignalStatistics
 from beamsim.scenario.quantities import amplitude_unit
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
 
 SEGMENTS = 16  # of the record, overlapping by half
@@ -30,98 +32,64 @@ LEAST_SAMPLES = 64
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 
 
-def random_response(
-    result: RunResult,
-    force: Floats | None = None,
-    *,
-    stationary: bool = True,
-    predicted: LinearStructures | None = None,
-) -> RandomResponse | None:
+def random_response(result: RunResult, system: StructuralSystem) -> RandomResponse | None:
     """Analyse a run with a random or sampled input.
+
+    Only figures of a random input, a process of which the run is a sample, have an interval.
 
     Parameters
     ----------
     result : of the run.
-    force : (nt,) N, the force where a force drives the structure, not the base.
-    stationary : whether the input is a process of which the run is a sample, so that its figures have an interval.
-    predicted : the linear structures with all snubbers open and with all closed.
+    system : that it moves.
 
     Returns
     -------
     RandomResponse or None
         None where the run is too short.
     """
-    times = result.time
+    times, stationary = result.time, result.scenario.excitation.kind == "random"
     first = int(SKIPPED * times.size)
     count = times.size - first
     if count < LEAST_SAMPLES:
         return None
     rate = (times.size - 1) / float(times[-1] - times[0])
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
-
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
-    linear: dict[tuple[str, str], dict[str, Any]] = {}
-    if predicted is not None:
-        linear = _linear_fields(predicted, frequency)
+    linear = linear_responses(result.scenario, system, frequency)
 
-    def density(x: Floats) -> Floats:
-        return cross_density(x, x, rate, length).real
-
-    def statistics(signal: _Observed) -> SignalStatistics:
-        x = signal.x
+    def statistics(name: str, quantity: str, unit: str, x: Floats) -> SignalStatistics:
         figures: dict[str, Any] = statistics_of(x, rate) | (rms_interval(x) if stationary else {})
         return SignalStatistics(
-            name=signal.name, quantity=signal.quantity, unit=signal.unit, density=density(x),
-            crossings_hz=crossing_rates(x, rate), **figures, **linear.get((signal.name, signal.quantity), {}),
+            name=name, quantity=quantity, unit=unit, density=cross_density(x, x, rate, length).real,
+            crossings_hz=crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
         )  # fmt: skip
 
-    takes = getattr(result.scenario.excitation, "takes", ("acceleration" if force is None else "force",))
-    given = (result.base_acceleration if force is None else force)[first:]
-    sxx = density(given)
-    felt = MAIN_QUANTITY if force is None else "displacement"
-    entered = _Observed("input", takes[0], amplitude_unit(takes[0]), given)
-    signals, transmissibility, coherence = [statistics(entered)], {}, {}
-    for number, signal in enumerate(_observed(result, first)):
-        signals.append(statistics(signal))
-        if signal.quantity == felt and number < 2 * len(result.probes):
-            cross = cross_density(given, signal.x, rate, length)
+    shaken = system.base_acceleration is not None
+    quantity = getattr(result.scenario.excitation, "takes", ("acceleration" if shaken else "force",))[0]
+    given = (result.base_acceleration if shaken else system.forcing.signal[0](times))[first:]
+    entered = statistics("input", quantity, amplitude_unit(quantity), given)
+    signals, transmissibility, coherence = [entered], {}, {}
+    for name, quantity, unit, values in _responses(result):
+        x = values[first:]
+        signals.append(statistics(name, quantity, unit, x))
+        of_probe = name in result.probes and name not in transmissibility  # an output may be called as a probe is
+        if of_probe and quantity == (MAIN_QUANTITY if shaken else "displacement"):
+            cross = cross_density(given, x, rate, length)
             with np.errstate(divide="ignore", invalid="ignore"):
-                transmissibility[signal.name] = np.asarray(cross / sxx)
-                coherence[signal.name] = np.asarray(np.abs(cross) ** 2 / (sxx * signals[-1].density))
+                transmissibility[name] = np.asarray(cross / entered.density)
+                coherence[name] = np.asarray(np.abs(cross) ** 2 / (entered.density * signals[-1].density))
     return RandomResponse(float(times[first]), frequency, tuple(signals), transmissibility, coherence, LEVELS)
 
 
-def _linear_fields(predicted: LinearStructures, frequency: Floats) -> dict[tuple[str, str], dict[str, Any]]:
-    """By name and quantity what `SignalStatistics` has of the linear structures."""
-    density_open, density_closed = predicted.densities(frequency)
-    return {
-        of: {
-            "linear_open": predicted.of_open[of],
-            "linear_closed": predicted.of_closed[of],
-            "density_open": density_open[of],
-            "density_closed": density_closed[of],
-        }
-        for of in predicted.of_open
-    }
-
-
-class _Observed(NamedTuple):
-    """A history of a result, without its first part."""
-
-    name: str
-    quantity: str
-    unit: str
-    x: Floats  # (nt,)
-
-
-def _observed(result: RunResult, first: int) -> list[_Observed]:
-    """The responses from sample ``first`` on."""
-    signals = []
+def _responses(result: RunResult) -> Iterator[tuple[str, str, str, Floats]]:
+    """Name, quantity, unit and history of each response."""
     for probe in result.probes.values():
-        signals.append(_Observed(probe.name, MAIN_QUANTITY, "m/s^2", probe.absolute_acceleration[first:]))
-        signals.append(_Observed(probe.name, "displacement", "m", probe.displacement[first:]))
-    signals += [_Observed(s.name, "force", "N", s.force[first:]) for s in result.snubbers.values()]
-    return signals + [_Observed(o.name, o.quantity, o.unit, o.value[first:]) for o in result.outputs.values()]
+        yield probe.name, MAIN_QUANTITY, "m/s^2", probe.absolute_acceleration
+        yield probe.name, "displacement", "m", probe.displacement
+    for snubber in result.snubbers.values():
+        yield snubber.name, "force", "N", snubber.force
+    for output in result.outputs.values():
+        yield output.name, output.quantity, output.unit, output.value
 
 
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
