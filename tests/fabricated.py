@@ -105,7 +105,7 @@ def fabricate(
     stations = Stations.of_recoveries([Recovery(*body, x, np.zeros((x.size, 0)))])
     modes = ModeTable(
         stations, np.array([52.7, 328.5]), np.array([196.0, 447.1]), np.vstack([curve, curve**2]),
-        np.array([0.01, np.nan]), 2, len(snubbers), 1000.0, 1e-5,
+        np.array([0.01, np.nan]), np.array([0.02, np.nan]), 2, len(snubbers), 1000.0, 1e-5, {},
     )  # fmt: skip
     summary = {
         "peak_displacement_m": dict.fromkeys(probes, 4e-4),

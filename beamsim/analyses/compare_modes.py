@@ -178,7 +178,7 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
         raise _wrong(measured.source, f"names a place that the structure does not have: {error}", "") from None
     omega = parts.omega[: parts.basis.modes]
     if closed:
-        contacts, count = build_system(scenario, assessed=False).dynamics.contacts, len(parts.snubber_sites)
+        contacts, count = build_system(scenario).dynamics.contacts, len(parts.snubber_sites)
         omega, modes = closed_modes(parts.omega, contacts.shape[:count], contacts.slow[0][:count], parts.basis.rigid)
         shapes = shapes @ modes
     frequencies = omega / (2 * np.pi)

@@ -12,7 +12,7 @@ from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import large_deflections
 from beamsim.system.force_tables import curves_of
-from beamsim.system.structural import ModeTable
+from beamsim.system.modes import ModeTable
 from beamsim.typing import Floats
 
 WORTHLESS_REDUCTION = 0.1

@@ -48,7 +48,7 @@ def draw_model(scenario: Scenario, built: StructuralSystem | None, folder: Path,
     ResultFileError
         If the picture cannot be written.
     """
-    system = built or build_system(scenario, assessed=False)
+    system = built or build_system(scenario)
     with shown_in(scenario.display_scales):
         stops = {stop.name: stop for stop in system.snubbers}
         return save_figures({"sketch": model_figure(scenario, system.stations, stops)}, folder, stem)

@@ -154,22 +154,24 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
     }
 
 
+def of_states(texts: Mapping[str, str]) -> dict[str, str]:
+    """Texts by the state of contacts, or the states that have the same; states whose text is empty are left out."""
+    told = dict.fromkeys(filter(None, texts.values()))
+    return {", ".join(state for state, text in texts.items() if text == each): each for each in told}
+
+
 def _by_state(entry: str, unit: str, factor: float = 1.0) -> Callable[[Result, Sequence[float]], dict[str, str] | str]:
-    """The view of what modes have, with contacts open, closed and as they are at rest; once where these are the same.
+    """The view of what modes have, with contacts open, closed and as they are at rest.
 
     What the static vectors add are no modes of the structure.
     """
 
     def view(result: Result, opened: Sequence[float]) -> dict[str, str] | str:
         s = result.summary
-        kept = s.get("kept_modes", len(opened))
         states = {"open": opened, "closed": s.get(f"closed_{entry}"), "at rest": s.get(f"resting_{entry}")}
-        names: dict[str, str] = {}
-        for name, of in states.items():
-            if of is not None:
-                text = told("", [factor * x for x in of[:kept]], unit)
-                names[text] = f"{names[text]}, {name}" if text in names else name
-        return {name: text for text, name in names.items()} if len(names) > 1 else next(iter(names))
+        known = {state: x[: s["kept_modes"]] for state, x in states.items() if x is not None}
+        texts = of_states({state: told("", [factor * each for each in x], unit) for state, x in known.items()})
+        return texts if len(texts) > 1 else next(iter(texts.values()))
 
     return view
 
@@ -181,8 +183,7 @@ def _reduction(result: Result, bound: float) -> str:
         return f"{kept}, error not known"
     probes = s.get("probe_bound")
     beside = "" if probes is None or math.isnan(probes) else f", {probes:.2g} between these and the probes,"
-    highest = s.get("highest_frequency_hz")  # which earlier files lack
-    up_to = "" if highest is None else f" up to {amount(highest, 'Hz')}"
+    up_to = f" up to {amount(s['highest_frequency_hz'], 'Hz')}"
     return f"{kept}, error below {bound:.2g} of the receptance at contacts and loads{beside}{up_to}"
 
 

@@ -14,7 +14,7 @@ from typing import Any
 from beamsim.analyses.result import Result
 from beamsim.analyses.values import limit_label
 from beamsim.cli.printing import aligned, percent, under_headings
-from beamsim.cli.report import ended, predicted
+from beamsim.cli.report import ended, of_states, predicted
 from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.base import counted
@@ -191,12 +191,10 @@ def modes(result: Any) -> Iterator[str]:
     for state, (frequencies, ratios) in states.items():
         elastic = [] if frequencies is None else [k for k, f in enumerate(frequencies[: table.kept_modes]) if f > 0.0]
         if elastic:
-            known = ratios is not None and is_known(ratios[elastic[0]])
-            damping = f" ({percent(ratios[elastic[0]], 2)})" if known else ""
-            text = f"{frequencies[elastic[0]]:.3g} Hz {{}}{damping}"
-            texts.setdefault(text, state)
+            damping = f" ({percent(ratios[elastic[0]], 2)})" if is_known(ratios[elastic[0]]) else ""
+            texts[state] = f"{frequencies[elastic[0]]:.3g} Hz {{}}{damping}"
     if texts:
-        yield f"first mode {', '.join(text.format(state) for text, state in texts.items())}"
+        yield f"first mode {', '.join(text.format(state) for state, text in of_states(texts).items())}"
 
 
 def contact_levels(result: Result) -> Iterator[str]:

@@ -15,7 +15,7 @@ from beamsim.plots.sketch import Sketch, scale_bar
 from beamsim.plots.style import amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
-from beamsim.system.structural import ModeTable
+from beamsim.system.modes import ModeTable
 from beamsim.typing import Floats
 
 MOST_MODES = 6

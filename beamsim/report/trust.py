@@ -51,10 +51,9 @@ def checks(result: Result) -> Iterator[Row]:
         )  # fmt: skip
     bound = summary.get("reduction_bound")
     if isinstance(bound, (int, float)) and math.isfinite(bound):
-        kept = f"{summary.get('kept_modes', '?')} modes, {summary.get('static_vectors', 0)} static vectors"
-        highest = summary.get("highest_frequency_hz")
-        up_to = f" up to {highest:.4g} Hz" if isinstance(highest, (int, float)) else ""
-        yield "reduction", f"{kept}, error below {bound:.2g}", f"of the receptance at contacts and loads{up_to}"
+        kept = f"{summary['kept_modes']} modes, {summary['static_vectors']} static vectors"
+        up_to = f"{summary['highest_frequency_hz']:.4g} Hz"
+        yield "reduction", f"{kept}, error below {bound:.2g}", f"of the receptance at contacts and loads up to {up_to}"
     model: Any = summary.get("convergence_model") or {}
     if model:
         reason = model.get("reason")

@@ -30,7 +30,7 @@ from beamsim.scenario import Scenario
 from beamsim.store.flat import Item, Items, joined, last, parent
 from beamsim.structures.places import DEFLECTION
 from beamsim.structures.stations import NODES, Stations
-from beamsim.system.structural import ModeTable
+from beamsim.system.modes import ModeTable
 from beamsim.typing import Floats, Ints
 
 Coordinates = tuple[float, float, float]  # m

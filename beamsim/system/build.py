@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,7 +27,6 @@ from beamsim.errors import NotTrustedError, Problem, ScenarioError
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import BaseMotion, Driven, base_motion, level_signal, single_frequency_hz
 from beamsim.inputs.signal import Signal
-from beamsim.outcomes import first_of
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
 from beamsim.scenario.excitation import holds_levels, sine_problems
@@ -35,13 +34,11 @@ from beamsim.scenario.quantities import INTEGRALS
 from beamsim.structures.assembly import load_site_in
 from beamsim.structures.mechanisms import check_mechanisms, held_problems, open_loops
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
-from beamsim.structures.reduction import ReceptanceBound, places_needed, receptance_bound
-from beamsim.structures.stations import Recovery, Stations
-from beamsim.structures.structure import ReducedBasis, Structure
-from beamsim.system.damped_modes import damping_remarks, dashpots, modes_of_states
+from beamsim.structures.reduction import places_needed
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.initial import initial_state
+from beamsim.system.modes import Assessment
 from beamsim.system.outputs import output_channels, output_sites
 from beamsim.system.parts import (
     Parts,
@@ -54,7 +51,7 @@ from beamsim.system.parts import (
     reduced_parts,
     start_of,
 )
-from beamsim.system.structural import ModeTable, ProbeRow, SnubberInfo, StructuralSystem
+from beamsim.system.structural import ProbeRow, SnubberInfo, StructuralSystem
 from beamsim.typing import Floats
 
 
@@ -138,17 +135,13 @@ def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, F
     return motion, Forcing(np.array(load), tuple(signal), motion.displacement if felt else None)
 
 
-def build_system(
-    scenario: Scenario, shared: SharedBuilds | None = None, *, assessed: bool = True, recovered: bool = True
-) -> StructuralSystem:
+def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, recovered: bool = True) -> StructuralSystem:
     """Assemble, reduce and resolve a scenario.
 
     Parameters
     ----------
     scenario : a validated scenario.
     shared : keeps what was built for other scenarios, where this one has the same structure, reduction or excitation.
-    assessed : whether to bound the error of the reduction, which takes longer than the rest where that is shared;
-        else it is nan.
     recovered : whether deflections and stresses along the bodies are wanted; else there are no stations.
 
     Returns
@@ -163,7 +156,7 @@ def build_system(
         the start asks for a mode that the reduction does not keep.
     """
     try:
-        return _build(reduced_parts(scenario, shared=shared), assessed, recovered)
+        return _build(reduced_parts(scenario, shared=shared), recovered)
     except ScenarioError as error:
         raise scenario.located(error) from None
     except (ArithmeticError, np.linalg.LinAlgError) as error:
@@ -227,7 +220,7 @@ def build_with_moving_point(
     return system, shape_at
 
 
-def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> StructuralSystem:
+def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     scenario, basis, damping = parts.scenario, parts.basis, parts.damping
     pushing = _pushing(parts)
     free = _checked_for_mechanisms(parts, pushing)
@@ -245,8 +238,6 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
     recoveries = parts.structure.recoveries(basis, tuple(sites), base_direction(scenario)) if recovered else ()
     dynamics = PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0))
     at_rest = None if cubic.count else equilibrium.q
-    of_states = modes_of_states(dynamics, pushing.stops, at_rest, basis.rigid)
-    modes = replace(_mode_table(parts, of_states, recoveries, assessed), dashpots=dashpots(snubbers, contacts))
     return StructuralSystem(
         dynamics=dynamics,
         forcing=forcing,
@@ -257,7 +248,7 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         base_displacement=motion.displacement if motion else None,
         snubbers=_describe_snubbers(parts, contacts, equilibrium, pushing.tables),
         bodies=recoveries,
-        modes=modes,
+        assessment=Assessment(parts, dynamics, pushing.stops, at_rest, recoveries),
         static_equilibrium=equilibrium.q,
         static_reason=equilibrium.reason,
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
@@ -265,14 +256,12 @@ def _build(parts: Parts, assessed: bool = True, recovered: bool = True) -> Struc
         springs=pushing.springs,
         outputs=output_channels(parts, recoveries, pushing.sites, contacts, forcing) if recovered else (),
         files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
-        warnings=(
+        remarks=(
             *parts.structure.remarks,
             *open_loops(scenario, parts.structure),
             *free,
             *warnings,
             *_remarks(snubbers, pushing.tables),
-            *_doubts(scenario, modes),
-            *damping_remarks(snubbers, modes),
             *(correction.warnings(held=holds_levels(scenario.excitation)) if correction else ()),
         ),
         base_correction=correction,
@@ -340,37 +329,6 @@ def _remarks(snubbers: Sequence[Located], tables: Sequence[TableOfStop | None]) 
     ]
 
 
-def _doubts(scenario: Scenario, modes: ModeTable) -> Iterator[str]:
-    """Warnings of stops without effect, of an excited structure without damping, and of an inaccurate reduced model."""
-    opened, closed, stops = modes.open_frequencies_hz, modes.closed_frequencies_hz, scenario.all_snubbers
-    stiff = [stop.name for stop in stops if stop.stiffness is not None]
-    if stops and len(stiff) == len(stops) and np.all(closed - opened <= 1e-3 * opened):
-        yield (
-            f"snubbers: with {first_of(stiff, 4)} closed no natural frequency is more than 0.1 % higher: the stiffness "
-            "has no effect; was kN/m meant?"
-        )
-    if scenario.excitation.kind != "none" and scenario.nnm is None and not _loses(scenario, modes):
-        yield (
-            "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body "
-            "damping, for example {kind: modal, ratio: 1 %}"
-        )
-    if not modes.reduction_bound > 0.01:
-        return
-    yield (
-        f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz and at the frequencies "
-        f"of the excitation the error of its receptance at contacts and loads is bounded by "
-        f"{modes.reduction_bound:.2g} of its size; {scenario.more_modes(modes.kept_modes)}"
-    )
-
-
-def _loses(scenario: Scenario, modes: ModeTable) -> bool:
-    """Whether anything takes energy out of a motion: dashpots of any kind, friction, stops that yield."""
-    rubs = any(each.item.kind == FRICTION for each in scenario.nonlinear_springs)
-    yields = any(stop.hardening is not None for stop in scenario.all_snubbers)
-    ratios = (modes.damping_ratios, modes.closed_damping_ratios)
-    return rubs or yields or any(each is not None and np.nan_to_num(each).any() for each in ratios)
-
-
 def _located_sites(parts: Parts) -> list[tuple[Located, Site]]:
     """Snubbers and nonlinear springs, and where they sit."""
     located = (*parts.scenario.located_snubbers, *parts.scenario.nonlinear_springs)
@@ -404,56 +362,6 @@ def _check_rigid_friction(parts: Parts, springs: Sequence[SpringInfo], stops: Co
             problems.append(problem((*path, "stiffness"), why, remedy))
     if problems:
         raise ScenarioError(problems)
-
-
-def _mode_table(
-    parts: Parts, of_states: Mapping[str, Any], recoveries: tuple[Recovery, ...], assessed: bool
-) -> ModeTable:
-    basis, structure = parts.basis, parts.structure
-    bound = ReceptanceBound(math.nan, None)
-    if assessed:
-        omega = [2 * np.pi * frequency for frequency in parts.scenario.excitation.frequencies_hz]
-        probes = structure.rows(parts.probe_sites)
-        bound = receptance_bound(structure, basis, parts.damping, _loads(parts), probes, omega)
-    return ModeTable(
-        open_frequencies_hz=parts.omega / (2 * np.pi),
-        shapes=np.vstack([np.zeros((0, basis.size)), *(body.deflection for body in recoveries)]).T,
-        stations=Stations.of_recoveries(recoveries),
-        kept_modes=basis.modes,
-        static_vectors=basis.static_vectors,
-        highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
-        reduction_bound=bound.loads,
-        probe_bound=bound.probes,
-        **of_states,
-        **_energy_shares(structure, basis),
-    )
-
-
-def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Any]:
-    """(r,) by body the shares of kinetic and of strain energy of the coordinates; nothing of a single body."""
-    if len(structure.members) == 1:
-        return {}
-    kinetic, strain = {}, {}
-    squared = np.where(basis.omega > 0, basis.omega, np.nan) ** 2
-    for member in structure.members:
-        fields = member.field(basis.vectors)
-        moving = np.einsum("ij,ij->j", fields, member.body.mass @ fields)
-        kinetic[member.body.name] = moving * member.mass_ratio
-        bent = np.asarray(member.body.factor @ fields)
-        strain[member.body.name] = np.sum(bent**2, axis=0) * member.stiffness_ratio / squared
-    return {"kinetic_energy_share": kinetic, "strain_energy_share": strain}
-
-
-def _loads(parts: Parts) -> Floats:
-    """(m, N) rows of contacts and forces, and inertia loads where the base moves or gravity acts."""
-    scenario, structure = parts.scenario, parts.structure
-    rows = structure.rows([*parts.snubber_sites, *parts.spring_sites, *force_sites(scenario)])
-    moving = base_direction(scenario)
-    directions = dict.fromkeys(direction for direction, _ in gravity_loads(scenario))
-    if moving is not None:
-        directions = {moving: None} | directions
-    moved = [each.pattern(structure).vector for each in parts.moved]
-    return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 
 
 def _describe_probes(parts: Parts) -> tuple[ProbeRow, ...]:

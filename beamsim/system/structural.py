@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.snubbers import SpringInfo
-from beamsim.fields import JSON, Counter, attribute, dataset, declared, group, key
+from beamsim.fields import attribute, declared, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
 from beamsim.system.equations import Channel, ChannelSet, Forcing, PiecewiseLinearSystem, Rows, SineLoads, Sizes
+from beamsim.system.modes import Assessment, ModeTable
 from beamsim.typing import Floats
 
 
@@ -58,56 +58,6 @@ class SnubberInfo(SnubberNumbers):
     table_misfit: float | None = None  # N, root mean square of what a table leaves of the measured forces
 
 
-_MODE = (Counter("mode", "mode number"),)
-
-
-@declared(along=_MODE)
-class ModeTable:
-    """Natural frequencies, damping and mode shapes of the reduced model."""
-
-    stations: Stations = group("", Stations)  # nx of them
-    # (r,), every snubber closed: piecewise-linear springs as at rest
-    open_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact open")
-    closed_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact closed")
-    shapes: Floats = dataset(  # (r, nx)
-        "kg^-0.5", "mode shapes of the open structure, unit modal mass", along=(*_MODE, "position")
-    )
-    damping_ratios: Floats = dataset("1", "modal damping ratios of the open structure")  # (r,) nan for rigid-body modes
-    kept_modes: int = attribute("1", "number of modes kept by the reduction")
-    static_vectors: int = attribute("1", "number of static vectors kept by the reduction")
-    highest_frequency_hz: float = attribute("Hz", "the highest frequency that the reduction was made for")
-    reduction_bound: float = attribute(  # see docs/theory.md
-        "1",
-        "bound of the error of the receptance at contacts and loads, up to highest_frequency_hz and at the frequencies "
-        "of the excitation, over the static compliance there, or over the receptance where that is larger; NaN where "
-        "it is not known",
-        default=float("nan"),
-    )
-    probe_bound: float | None = attribute("1", "the same of the receptance between these and the probes", default=None)
-    # by body, of several bodies only
-    kinetic_energy_share: dict[str, Floats] = dataset(
-        "1", "share of a mode's kinetic energy in this body", per="bodies", default_factory=dict
-    )
-    strain_energy_share: dict[str, Floats] = dataset(
-        "1",
-        "share of a mode's strain energy in this body, the rest being in springs of joints; NaN for rigid-body modes",
-        per="bodies",
-        default_factory=dict,
-    )
-    # None in files of earlier versions
-    closed_damping_ratios: Floats | None = dataset(
-        "1", "modal damping ratios with every contact closed, its dashpot and Maxwell branches included", default=None
-    )
-    # None where there is no equilibrium, or where contacts hold, are pressed by others, or soften beside it
-    resting_frequencies_hz: Floats | None = dataset(
-        "Hz", "natural frequencies with every contact as it is at static equilibrium, friction included", default=None
-    )
-    resting_damping_ratios: Floats | None = dataset("1", "modal damping ratios there", default=None)
-    dashpots: dict[str, dict[str, Any]] | None = attribute(
-        "", "JSON object: by snubber its dashpot, N s/m, and what that follows from", codec=JSON, default=None
-    )
-
-
 @dataclass(frozen=True)
 class StructuralSystem:
     """A scenario turned into mathematics, with what is needed to turn the solution back.
@@ -125,14 +75,14 @@ class StructuralSystem:
     base_displacement: Signal | None  # m
     snubbers: tuple[SnubberInfo, ...]
     bodies: tuple[Recovery, ...]  # what is known along each body
-    modes: ModeTable
+    assessment: Assessment
     static_equilibrium: Floats | None  # (n,) base at d = 0; None where there is none, or more than one
     static_reason: str  # why there is no static equilibrium; empty where there is one
     excitation_frequency_hz: float  # nan where there is none, or several
     cubic: CubicSprings
     springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; their laws follow the snubbers in ``dynamics.contacts``
     outputs: tuple[Channel, ...] = ()  # that the scenario asks for
-    warnings: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  # on what was built
     files: tuple[FileSummary, ...] = ()  # of the bodies that are read from files
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
     sine: SineLoads | None = None  # how the loads follow a sine; None where the excitation is none
@@ -144,14 +94,39 @@ class StructuralSystem:
         return np.array([probe.carried if moving else 0.0 for probe in self.probes])
 
     @property
+    def modes(self) -> ModeTable:
+        """Natural frequencies, damping and accuracy, for a result: they take longer than the rest of the system."""
+        return self.assessment.modes
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Remarks, and doubts that follow from `modes`."""
+        return (*self.remarks, *self.assessment.doubts)
+
+    @property
+    def kept_modes(self) -> int:
+        """Number of modes that the reduction keeps."""
+        return self.assessment.parts.basis.modes
+
+    @property
+    def open_frequencies_hz(self) -> Floats:
+        """(n,) natural frequencies with every contact open."""
+        return self.assessment.parts.omega / (2 * np.pi)
+
+    @property
+    def closed_frequencies_hz(self) -> Floats:
+        """(n,) natural frequencies with every snubber closed."""
+        return self.assessment.closed_frequencies_hz
+
+    @property
     def stations(self) -> Stations:
         """Where shapes are known."""
-        return self.modes.stations
+        return self.assessment.stations
 
     @property
     def deflection(self) -> Floats:
         """(nx, n) deflection at the stations for a unit of each coordinate, 1/sqrt(kg)."""
-        return self.modes.shapes.T
+        return self.assessment.deflection
 
     @cached_property
     def channels(self) -> ChannelSet:

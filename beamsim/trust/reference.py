@@ -65,7 +65,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     """
     if result.outcome.cut_short:
         return _without(result, f"the run is {result.status}")
-    system = build_system(result.scenario, assessed=False)
+    system = build_system(result.scenario)
     settings = result.scenario.run
     assert settings is not None
     # where the run itself is integrated, a method of another family

@@ -90,7 +90,7 @@ class Model:
     @cached_property
     def values(self) -> Values:
         """Those of the whole motion, and of the model itself; frequencies of static vectors are none of these."""
-        values, modes = figures_of_motion(self.system, self.motion), self.system.modes.kept_modes
+        values, modes = figures_of_motion(self.system, self.motion), self.system.kept_modes
         return compared({name: x[:modes] if isinstance(x, Sequence) else x for name, x in values.items()})
 
     @cached_property
@@ -186,10 +186,10 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     assert settings is not None
     first, derived = Model(settings, solution.system, solution.motion), DerivedValues.of(solution.result)
     disturbed = None if first.motion.trajectory is None else partial(_disturbed, first, stop)
-    modes = first.system.modes.kept_modes
+    modes = first.system.kept_modes
 
     def solve(case: Scenario) -> Model:
-        system = build_system(case, shared, assessed=False)
+        system = build_system(case, shared)
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact", "impacts": None})
         return Model(settings, system, motion_of(case.model_copy(update={"run": again}), system, None, stop))
@@ -253,8 +253,8 @@ def _compared_models(
     return Convergence(
         changes,
         tuple(doubtful(changes, scatter)),
-        second.system.modes.kept_modes,
-        first.system.modes.kept_modes,
+        second.system.kept_modes,
+        first.system.kept_modes,
         diverged,
         after,
         times,

@@ -204,7 +204,7 @@ def test_runs_and_references_that_end_early_are_not_compared(result, monkeypatch
 def test_every_shipped_run_agrees_with_the_reference(path):
     """As long as a thousand periods of the fastest mode."""
     scenario = shipped(path)
-    fastest = np.sqrt(build_system(scenario, assessed=False).dynamics.stiffness.max())
+    fastest = np.sqrt(build_system(scenario).dynamics.stiffness.max())
     short = scenario.run.model_copy(
         update={
             "duration": min(1000 * 2 * np.pi / fastest, scenario.run.duration), "convergence": "off",

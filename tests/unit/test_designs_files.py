@@ -141,6 +141,19 @@ def test_a_journal_gives_back_the_same_bits(tmp_path):
         assert journal.outcomes[7] == failure(7, "why")
 
 
+def test_a_limit_is_judged_with_the_change_of_its_value_also_after_a_study_was_resumed(tmp_path):
+    """29 N of 30 N, each with another change with a finer model; the range of the last one is not known."""
+    ranges = [(29.0, 29.0), (28.0, 29.9), (28.0, 31.0), (31.0, 32.0), (-np.inf, np.inf)]
+    with opened_journal(tmp_path / "x.partial", "print", resume=False) as journal:
+        for k, ends in enumerate(ranges):
+            journal.add(CaseOutcome(k, {"snubbers/tip/peak_force": 29.0}, ranges={"peak_force": ends}))
+    with opened_journal(tmp_path / "x.partial", "print", resume=True) as journal:
+        case = load_scenario(f"{BASE}{STUDIES['curve']}\n", ["limits.gap=null", "limits.bending_stress=null"])
+        result = gather(plan_designs(case), journal.outcomes)
+    assert result.passing.tolist() == [True, True, False, False, False]
+    assert result.summary["best"][0]["case"] in (0, 1)
+
+
 def test_a_journal_cut_anywhere_keeps_every_whole_line(tmp_path):
     path = tmp_path / "x.partial"
     with opened_journal(path, "print", resume=False) as journal:

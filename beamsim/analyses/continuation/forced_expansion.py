@@ -120,7 +120,7 @@ def _refuse(system: StructuralSystem) -> None:
 
 def _mode(system: StructuralSystem, loads: PeriodicForcing, low: float, high: float) -> int:
     """The mode (from 0) nearest the range; of several within, the one that would move most at its resonance."""
-    omega = np.sqrt(system.dynamics.stiffness[: system.modes.kept_modes])
+    omega = np.sqrt(system.dynamics.stiffness[: system.kept_modes])
     best, score = -1, (np.inf, 0.0)
     for j in np.flatnonzero(omega > 0):
         w = float(omega[j])

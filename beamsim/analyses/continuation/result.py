@@ -20,7 +20,7 @@ from beamsim.fields import (
     per_probe,
     stored,
 )
-from beamsim.system.structural import ModeTable
+from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Floats, Ints
 
 _POINT = (Counter("point", "number of the point"),)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from threading import Event
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import Case, DesignPlan, Study, check_cases, plan_designs
 from beamsim.analyses.designs.responses import Responses, entries_of, is_asked, responses_of_result, run_responses
-from beamsim.analyses.designs.result import RANGE, CaseOutcome, DesignsResult
+from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.parallel import cluster, default_workers, processes, threads
 from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
 from beamsim.analyses.values import Margins
@@ -115,30 +115,32 @@ class CaseSolver:
         """Solve one case, unless it is to stop; an error becomes part of the outcome, so that other cases continue."""
         begin = clock.thread_time()
         values: Responses = {}
+        ranges: Mapping[str, Sequence[float]] = {}
         try:
-            values, outcome = self._responses(self.study.scenario(case))
+            values, outcome, ranges = self._responses(self.study.scenario(case))
         except BeamsimError as error:
             outcome = Outcome.of(OutcomeKind.FAILED, "failed", "; ".join(str(error).splitlines()))
         except (ArithmeticError, ValueError, RuntimeError) as error:
             reason = f"internal error ({type(error).__name__}: {error})"
             outcome = Outcome.of(OutcomeKind.FAILED, "failed", reason)
         values = {name: value for name, value in values.items() if is_asked(name, self.study.asked)}
-        return CaseOutcome(case.number, values if outcome.complete else {}, outcome, clock.thread_time() - begin)
+        time = clock.thread_time() - begin
+        return CaseOutcome(case.number, values if outcome.complete else {}, outcome, time, ranges)
 
-    def _responses(self, scenario: Scenario) -> tuple[Responses, Outcome]:
+    def _responses(self, scenario: Scenario) -> tuple[Responses, Outcome, Mapping[str, Sequence[float]]]:
         """Of a run the values that are asked for, if they can be had alone; else those of the whole result."""
         analysis = self.study.analysis
         if analysis == "run" and gives_figures(scenario):
             asked = entries_of(self.study.asked, scenario.excitation.kind)
-            system = build_system(scenario, self.shared, assessed=False, recovered=needs_recovery(asked))
+            system = build_system(scenario, self.shared, recovered=needs_recovery(asked))
             figures, outcome = asked_figures(system, scenario, asked, self.stop)
-            return run_responses(figures), outcome
+            return run_responses(figures), outcome, {}
         kind = analysis if analysis in KINDS else "sweep"
         result: Any = named(KINDS[kind].analysis)(scenario, stop=self.stop)
         margins: Margins = result.summary.get("margins", {})
-        ends = {RANGE + name: (x["lowest"], x["highest"]) for name, x in margins.items() if x["lowest"] != x["highest"]}
+        ends = {name: (x["lowest"], x["highest"]) for name, x in margins.items() if x["lowest"] != x["highest"]}
         ranges = {name: (low, high) if low < high else (-math.inf, math.inf) for name, (low, high) in ends.items()}
-        return responses_of_result(result), result.outcome.but(numbers={**result.outcome.numbers, **ranges})
+        return responses_of_result(result), result.outcome, ranges
 
 
 _SOLVERS: dict[str, CaseSolver] = {}  # of the study that this worker process is computing

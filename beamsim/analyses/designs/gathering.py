@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from beamsim.analyses.designs.plan import DesignPlan, Realisations, varies_seed
 from beamsim.analyses.designs.responses import describe
 from beamsim.analyses.designs.result import (
-    RANGE,
     CaseFailure,
     CaseOutcome,
     DesignsResult,
@@ -239,9 +238,8 @@ def _ranges(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], limit: str, v
     """(2, cases and realisations) the values of a limit less and plus their changes, where these are known."""
     ranges = np.array([value.ravel(), value.ravel()])
     for number, outcome in outcomes.items():
-        known: Any = outcome.outcome.numbers.get(RANGE + limit)
-        if known is not None:
-            ranges[:, number] = known
+        if limit in outcome.ranges:
+            ranges[:, number] = outcome.ranges[limit]
     return ranges
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,9 +47,6 @@ def parameter_label(path: str) -> str:
     return " ".join(words)
 
 
-RANGE = "range_of_"  # of a limit, in the numbers of a case's outcome: its value less and plus the change of that
-
-
 @dataclass(frozen=True)
 class CaseOutcome:
     """One case: its responses, or the reason why there are none."""
@@ -58,6 +55,8 @@ class CaseOutcome:
     values: Mapping[str, float | list[float]]  # by name of the response; lists are per mode
     outcome: Outcome = COMPLETE  # or why it failed
     processor_time_s: float = 0.0
+    # by limit its value less and plus the change of that with a finer model, where it has been compared
+    ranges: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
 
 @declared

@@ -650,7 +650,7 @@ def table_slope(scenario: Scenario, snubber: str) -> TableSlope | None:
     curve = curves_of(scenario)[index]
     if curve is None:
         return None
-    force = build_system(scenario, assessed=False).snubbers[index].preload
+    force = build_system(scenario).snubbers[index].preload
     if not force > 0.0:
         raise ScenarioError(
             Problem(

@@ -499,7 +499,7 @@ def steady_vibration(
     UnpredictableError
         Where neither Newton's method nor a transient of 300 periods ends in such a motion.
     """
-    system = build_system(scenario, shared, assessed=False, recovered=False)
+    system = build_system(scenario, shared, recovered=False)
     if system.cubic.count:
         raise UnpredictableError("cubic springs have no exact flow")
     omega = 2 * np.pi * system.excitation_frequency_hz

@@ -283,11 +283,11 @@ def flexible_mode(system: StructuralSystem, mode: int) -> int:
     ------
     ScenarioError
     """
-    if not 1 <= mode <= system.modes.kept_modes:
+    if not 1 <= mode <= system.kept_modes:
         raise ScenarioError(
             Problem(
                 "nnm.mode",
-                f"= {mode} is not among the {system.modes.kept_modes} modes of the model",
+                f"= {mode} is not among the {system.kept_modes} modes of the model",
                 "choose a lower mode, or raise reduction.modes or beam.elements",
             )
         )

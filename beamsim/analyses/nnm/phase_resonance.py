@@ -237,7 +237,7 @@ def hold_mode(
     assert isinstance(excitation, Harmonic)
     section = settings.phase_resonance
     assert section is not None
-    damped = build_system(scenario.model_copy(update={"run": None}), assessed=False)
+    damped = build_system(scenario.model_copy(update={"run": None}))
     factor = orbits.split(points[-1].u)[2]
     loads, unit = periodic_forcing(scenario, damped), scenario.level_unit or "1"
     held = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, alike, unit)

@@ -26,7 +26,7 @@ from beamsim.fields import (
 )
 from beamsim.outcomes import Outcome
 from beamsim.structures.stations import Stations
-from beamsim.system.structural import ModeTable
+from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 SAFELY = 3.0  # factors this much below the expansion's reach count as small

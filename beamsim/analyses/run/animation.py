@@ -80,7 +80,7 @@ def model_of(scenario: Scenario) -> BuiltModel:
         If it cannot be built.
     """
     shared = SharedBuilds()
-    return BuiltModel(build_system(scenario, shared, assessed=False), shared)
+    return BuiltModel(build_system(scenario, shared), shared)
 
 
 def frames_of_run(
@@ -306,5 +306,5 @@ def _solved(result: RunResult, model: BuiltModel | None) -> tuple[Scenario, Buil
     if not isinstance(settings.start, OrbitStart):
         return scenario, model or model_of(scenario)
     shared = model.shared if model else SharedBuilds()
-    scenario, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared, assessed=False))
+    scenario, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared))
     return scenario, BuiltModel(system, shared)

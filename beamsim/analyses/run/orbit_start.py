@@ -148,15 +148,14 @@ def _started(system: StructuralSystem, orbit: StoredOrbit, factor: float = 1.0) 
     ScenarioError
         If it is another model than that of the file.
     """
-    n, modes = system.dynamics.size, system.modes
-    frequencies = modes.open_frequencies_hz
-    alike = frequencies.shape == orbit.open_frequencies_hz.shape and modes.shapes.shape == orbit.shapes.shape
+    n, frequencies, shapes = system.dynamics.size, system.open_frequencies_hz, system.deflection.T
+    alike = frequencies.shape == orbit.open_frequencies_hz.shape and shapes.shape == orbit.shapes.shape
     if alike:
-        sign = np.where(np.sum(modes.shapes * orbit.shapes, axis=1) < 0, -1.0, 1.0)
+        sign = np.where(np.sum(shapes * orbit.shapes, axis=1) < 0, -1.0, 1.0)
         largest = np.abs(orbit.shapes).max()
         alike = bool(
             np.allclose(frequencies, orbit.open_frequencies_hz, rtol=SAME_MODES, atol=0.0)
-            and np.abs(sign[:, None] * modes.shapes - orbit.shapes).max() < np.sqrt(SAME_MODES) * largest
+            and np.abs(sign[:, None] * shapes - orbit.shapes).max() < np.sqrt(SAME_MODES) * largest
         )
     if not alike:
         _reject("is a motion of another structure", "keep structure, places and reduction of the continuation")

@@ -25,7 +25,8 @@ from beamsim.fields import (
 )
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.system.structural import ModeTable, SnubberNumbers
+from beamsim.system.modes import ModeTable
+from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 ONLY_BEAM = "beam"  # what the body of a scenario that gives one beam without a name is called

@@ -68,8 +68,8 @@ def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) 
         pairs = zip(labels, samples, strict=True)
         return {of[:2]: spectrum(histories.time, x, settings, excitation_hz, *of) for of, x in pairs}
     begin = trajectory.end - _duration(settings, trajectory.end, excitation_hz)
-    kept, modes = system.modes.kept_modes, system.modes
-    residual = (*modes.open_frequencies_hz[kept:], *modes.closed_frequencies_hz[kept:])
+    kept = system.kept_modes
+    residual = (*system.open_frequencies_hz[kept:], *system.closed_frequencies_hz[kept:])
     spectra = {}
     records = records_of(scenario, system, trajectory, channels, (begin, trajectory.end))
     for of, (record, at_end) in zip(labels, records, strict=True):
@@ -95,7 +95,7 @@ def coverage_notes(
     -------
     One sentence, or none.
     """
-    highest = float(system.modes.closed_frequencies_hz[: system.modes.kept_modes].max(initial=0.0))
+    highest = float(system.closed_frequencies_hz[: system.kept_modes].max(initial=0.0))
     rate = min((s.rate_hz for s in spectra.values() if s.rate_hz is not None), default=np.inf)
     if rate >= 2.0 * highest:
         return []
@@ -156,11 +156,11 @@ def _duration(settings: SpectrumSettings, available: float, excitation_hz: float
 
 def _highest_content(scenario: Scenario, system: StructuralSystem, trajectory: Trajectory, duration: float) -> float:
     """Frequency, Hz, up to which the motion has a meaning: of the modes kept, and of the excitation."""
-    modes = system.modes
-    if modes.static_vectors == 0:
+    kept = system.kept_modes
+    if kept == system.dynamics.size:  # no static vectors
         structure = trajectory.flow.highest_frequency / (2.0 * np.pi)
     else:
-        structure = float(modes.closed_frequencies_hz[modes.kept_modes - 1]) if modes.kept_modes else 0.0
+        structure = float(system.closed_frequencies_hz[kept - 1]) if kept else 0.0
     highest = max(1.05 * structure, structure + FLOOR_LINES / duration, 2.0 * scenario.excitation.highest_frequency_hz)
     if np.isfinite(system.excitation_frequency_hz):
         highest = max(highest, HIGHEST_ORDER * system.excitation_frequency_hz)

@@ -197,7 +197,7 @@ def _without_round_off(
         settled[DISPLACEMENT] = np.where(values & still, 0.0, extremes[DISPLACEMENT])
         if ACCELERATION in extremes:
             peak, (low, _, high, _) = largest(extremes[ACCELERATION]), extremes[DISPLACEMENT]
-            first_hz = min((f for f in system.modes.open_frequencies_hz if f > 0.0), default=0.0)
+            first_hz = min((f for f in system.open_frequencies_hz if f > 0.0), default=0.0)
             rests = still & (peak <= ROUND_OFF * size * (2.0 * np.pi * first_hz) ** 2)
             base = system.base_acceleration
             if base is None or (common_record((base,)) is None and not base.coefficient.any()):
@@ -229,8 +229,8 @@ def static_figures(system: StructuralSystem) -> dict[str, Any]:
     return {
         "static_force_n": {s.name: s.preload for s in system.snubbers},
         "gap_m": {s.name: s.gap for s in system.snubbers},
-        "open_frequencies_hz": system.modes.open_frequencies_hz.tolist(),
-        "closed_frequencies_hz": system.modes.closed_frequencies_hz.tolist(),
+        "open_frequencies_hz": system.open_frequencies_hz.tolist(),
+        "closed_frequencies_hz": system.closed_frequencies_hz.tolist(),
     }
 
 

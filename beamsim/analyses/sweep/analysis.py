@@ -36,7 +36,8 @@ from beamsim.scenario.excitation import Forces, Harmonic, holds_levels
 from beamsim.scenario.reporting import BASE_FORCE, OF_OUTPUTS
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
-from beamsim.system.structural import ModeTable, StructuralSystem
+from beamsim.system.modes import ModeTable
+from beamsim.system.structural import StructuralSystem
 
 SAVED_EVERY_S = 1.0  # between two partial results
 LINEAR_POINTS = 2000  # of the curve without snubbers
@@ -204,7 +205,7 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
 def _linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> LinearCurve:
     """The steady response without snubbers between two frequencies; the resonances are among its points."""
     between = np.geomspace if logarithmic else np.linspace
-    frequency, resonances = between(low_hz, high_hz, LINEAR_POINTS), system.modes.open_frequencies_hz
+    frequency, resonances = between(low_hz, high_hz, LINEAR_POINTS), system.open_frequencies_hz
     frequency = np.unique(np.append(frequency, resonances[(resonances > low_hz) & (resonances < high_hz)]))
     q = transfer(system, frequency)
     omega2 = (2 * np.pi * frequency) ** 2

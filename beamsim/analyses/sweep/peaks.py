@@ -16,7 +16,7 @@ import numpy as np
 
 from beamsim.analyses.quality import LEAST_PROMINENCE
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
-from beamsim.system.structural import ModeTable
+from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Floats, Ints
 
 BINS = 300  # frequency bins for the envelope of a swept response
@@ -136,7 +136,6 @@ def _has_passed_a_mode(curve: SweepCurve, modes: ModeTable, cycle: int) -> bool:
         return True
     natural, ratios = modes.open_frequencies_hz, modes.damping_ratios
     if max(shares, default=0.0) >= 0.5:
-        assert modes.closed_damping_ratios is not None
         natural, ratios = modes.closed_frequencies_hz, modes.closed_damping_ratios
     width = natural * np.maximum(2.0 * np.nan_to_num(ratios), NARROWEST)
     near = slice(max(cycle - 1, 0), cycle + 2)

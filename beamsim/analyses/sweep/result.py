@@ -33,7 +33,7 @@ from beamsim.inputs.drift import CorrectionSize
 from beamsim.outcomes import Outcome
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
-from beamsim.system.structural import ModeTable
+from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _FREQUENCY = ("frequency_hz",)

@@ -1,0 +1,328 @@
+r"""Natural frequencies and damping ratios of a structure whose contacts stay in given phases, for results.
+
+The frequencies are those without damping. The ratios are those of the damped motion,
+
+.. math:: \zeta = -\mathrm{Re}\,\lambda / |\lambda|,
+
+with :math:`\lambda` the eigenvalues of the first-order equations, in which dashpots couple the undamped modes and
+Maxwell branches have states of their own. Each undamped mode has the eigenvalue whose motion is most its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import ContactLaw
+from beamsim.contacts.snubbers import FRICTION
+from beamsim.fields import JSON, Counter, attribute, dataset, declared, group
+from beamsim.outcomes import first_of
+from beamsim.scenario import Located, Scenario
+from beamsim.scenario.base import counted
+from beamsim.structures.modes import closed_modes
+from beamsim.structures.reduction import receptance_bound
+from beamsim.structures.stations import Recovery, Stations
+from beamsim.structures.structure import ReducedBasis, Structure
+from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.system.parts import Parts, base_direction, force_sites, gravity_loads
+from beamsim.typing import Floats, Ints
+
+DIFFERENT = 1.3  # factor between damping ratios that are told apart
+SLOW = 1e-6  # rad/s, at which Maxwell branches have relaxed
+
+_MODE = (Counter("mode", "mode number"),)
+
+
+@declared(along=_MODE)
+class ModeTable:
+    """Natural frequencies, damping and mode shapes of the reduced model."""
+
+    stations: Stations = group("", Stations)  # nx of them
+    # (r,), every snubber closed: piecewise-linear springs as at rest
+    open_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact open")
+    closed_frequencies_hz: Floats = dataset("Hz", "natural frequencies with every contact closed")
+    shapes: Floats = dataset(  # (r, nx)
+        "kg^-0.5", "mode shapes of the open structure, unit modal mass", along=(*_MODE, "position")
+    )
+    damping_ratios: Floats = dataset("1", "modal damping ratios of the open structure")  # (r,) nan for rigid-body modes
+    closed_damping_ratios: Floats = dataset(
+        "1", "modal damping ratios with every contact closed, its dashpot and Maxwell branches included"
+    )
+    kept_modes: int = attribute("1", "number of modes kept by the reduction")
+    static_vectors: int = attribute("1", "number of static vectors kept by the reduction")
+    highest_frequency_hz: float = attribute("Hz", "the highest frequency that the reduction was made for")
+    reduction_bound: float = attribute(  # see docs/theory.md
+        "1",
+        "bound of the error of the receptance at contacts and loads, up to highest_frequency_hz and at the frequencies "
+        "of the excitation, over the static compliance there, or over the receptance where that is larger; NaN where "
+        "it is not known",
+    )
+    dashpots: dict[str, dict[str, Any]] = attribute(
+        "", "JSON object: by snubber its dashpot, N s/m, and what that follows from", codec=JSON
+    )
+    probe_bound: float | None = attribute("1", "the same of the receptance between these and the probes", default=None)
+    # by body, of several bodies only
+    kinetic_energy_share: dict[str, Floats] = dataset(
+        "1", "share of a mode's kinetic energy in this body", per="bodies", default_factory=dict
+    )
+    strain_energy_share: dict[str, Floats] = dataset(
+        "1",
+        "share of a mode's strain energy in this body, the rest being in springs of joints; NaN for rigid-body modes",
+        per="bodies",
+        default_factory=dict,
+    )
+    # None where there is no equilibrium, or where contacts hold, are pressed by others, or soften beside it
+    resting_frequencies_hz: Floats | None = dataset(
+        "Hz", "natural frequencies with every contact as it is at static equilibrium, friction included", default=None
+    )
+    resting_damping_ratios: Floats | None = dataset("1", "modal damping ratios there", default=None)
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What a result says of its model: natural frequencies, damping and accuracy, each computed when it is asked for.
+
+    Parameters
+    ----------
+    parts : the reduced structure.
+    dynamics : the structure and all its contacts.
+    stops : those that are snubbers, which alone are open and closed.
+    equilibrium : (n,) coordinates at rest; None where that is not known, or not linear.
+    recoveries : where shapes are known.
+    """
+
+    parts: Parts
+    dynamics: PiecewiseLinearSystem
+    stops: Contacts
+    equilibrium: Floats | None
+    recoveries: tuple[Recovery, ...]
+
+    @cached_property
+    def stations(self) -> Stations:
+        """Where shapes are known."""
+        return Stations.of_recoveries(self.recoveries)
+
+    @cached_property
+    def deflection(self) -> Floats:
+        """(nx, n) deflection at the stations for a unit of each coordinate, 1/sqrt(kg)."""
+        return np.vstack([np.zeros((0, self.parts.basis.size)), *(body.deflection for body in self.recoveries)])
+
+    @cached_property
+    def closed_frequencies_hz(self) -> Floats:
+        """(n,) natural frequencies with every snubber closed."""
+        return _undamped_modes(self._stopped, self._closed, self.parts.basis.rigid)[0] / (2 * np.pi)
+
+    @cached_property
+    def _stopped(self) -> PiecewiseLinearSystem:
+        """The structure and its snubbers alone."""
+        contacts = self.dynamics.contacts  # whose arrays the motion needs, too
+        return self.dynamics if contacts.count == self.stops.count else replace(self.dynamics, contacts=self.stops)
+
+    @property
+    def _closed(self) -> Ints:
+        return np.array([law.closed_phase for law in self.stops.laws], dtype=np.int64)
+
+    @cached_property
+    def modes(self) -> ModeTable:
+        """The table of a result."""
+        parts, basis, structure = self.parts, self.parts.basis, self.parts.structure
+        omega = [2 * np.pi * frequency for frequency in parts.scenario.excitation.frequencies_hz]
+        probes = structure.rows(parts.probe_sites)
+        bound = receptance_bound(structure, basis, parts.damping, _loads(parts), probes, omega)
+        return ModeTable(
+            open_frequencies_hz=parts.omega / (2 * np.pi),
+            closed_frequencies_hz=self.closed_frequencies_hz,
+            damping_ratios=damped_modes(self._stopped, self.stops.start, basis.rigid)[1],
+            closed_damping_ratios=damped_modes(self._stopped, self._closed, basis.rigid)[1],
+            **self._at_rest(),
+            dashpots=dashpots(parts.scenario.located_snubbers, self.dynamics.contacts),
+            shapes=self.deflection.T,
+            stations=self.stations,
+            kept_modes=basis.modes,
+            static_vectors=basis.static_vectors,
+            highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
+            reduction_bound=bound.loads,
+            probe_bound=bound.probes,
+            **_energy_shares(structure, basis),
+        )
+
+    def _at_rest(self) -> dict[str, Any]:
+        """Frequencies and ratios at static equilibrium, by name of the field, where that is a linear state."""
+        contacts = self.dynamics.contacts
+        if self.equilibrium is None or contacts.jointly_acting:
+            return {}
+        resting = contacts.resting_phases(-contacts.gap - contacts.sign * (contacts.shape @ self.equilibrium))
+        if np.any(_slow_stiffness(contacts, resting) < 0.0):
+            return {}
+        omega, ratio = damped_modes(self.dynamics, resting, self.parts.basis.rigid)
+        return {"resting_frequencies_hz": omega / (2 * np.pi), "resting_damping_ratios": ratio}
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """Warnings that follow from the table."""
+        scenario = self.parts.scenario
+        return (*_doubts(scenario, self.modes), *damping_remarks(scenario.located_snubbers, self.modes))
+
+
+def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Any]:
+    """(r,) by body the shares of kinetic and of strain energy of the coordinates; nothing of a single body."""
+    if len(structure.members) == 1:
+        return {}
+    kinetic, strain = {}, {}
+    squared = np.where(basis.omega > 0, basis.omega, np.nan) ** 2
+    for member in structure.members:
+        fields = member.field(basis.vectors)
+        moving = np.einsum("ij,ij->j", fields, member.body.mass @ fields)
+        kinetic[member.body.name] = moving * member.mass_ratio
+        bent = np.asarray(member.body.factor @ fields)
+        strain[member.body.name] = np.sum(bent**2, axis=0) * member.stiffness_ratio / squared
+    return {"kinetic_energy_share": kinetic, "strain_energy_share": strain}
+
+
+def _loads(parts: Parts) -> Floats:
+    """(m, N) rows of contacts and forces, and inertia loads where the base moves or gravity acts."""
+    scenario, structure = parts.scenario, parts.structure
+    rows = structure.rows([*parts.snubber_sites, *parts.spring_sites, *force_sites(scenario)])
+    moving = base_direction(scenario)
+    directions = dict.fromkeys(direction for direction, _ in gravity_loads(scenario))
+    if moving is not None:
+        directions = {moving: None} | directions
+    moved = [each.pattern(structure).vector for each in parts.moved]
+    return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
+
+
+def _doubts(scenario: Scenario, modes: ModeTable) -> Iterator[str]:
+    """Warnings of stops without effect, of an excited structure without damping, and of an inaccurate reduced model."""
+    opened, closed, stops = modes.open_frequencies_hz, modes.closed_frequencies_hz, scenario.all_snubbers
+    stiff = [stop.name for stop in stops if stop.stiffness is not None]
+    if stops and len(stiff) == len(stops) and np.all(closed - opened <= 1e-3 * opened):
+        yield (
+            f"snubbers: with {first_of(stiff, 4)} closed no natural frequency is more than 0.1 % higher: the stiffness "
+            "has no effect; was kN/m meant?"
+        )
+    if scenario.excitation.kind != "none" and scenario.nnm is None and not _loses(scenario, modes):
+        yield (
+            "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body "
+            "damping, for example {kind: modal, ratio: 1 %}"
+        )
+    if not modes.reduction_bound > 0.01:
+        return
+    yield (
+        f"the reduced model may not be accurate: up to {modes.highest_frequency_hz:.4g} Hz and at the frequencies "
+        f"of the excitation the error of its receptance at contacts and loads is bounded by "
+        f"{modes.reduction_bound:.2g} of its size; {scenario.more_modes(modes.kept_modes)}"
+    )
+
+
+def _loses(scenario: Scenario, modes: ModeTable) -> bool:
+    """Whether anything takes energy out of a motion: dashpots of any kind, friction, stops that yield."""
+    rubs = any(each.item.kind == FRICTION for each in scenario.nonlinear_springs)
+    yields = any(stop.hardening is not None for stop in scenario.all_snubbers)
+    return (
+        rubs or yields or any(np.nan_to_num(each).any() for each in (modes.damping_ratios, modes.closed_damping_ratios))
+    )
+
+
+def dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, dict[str, Any]]:
+    """By snubber its dashpot, N s/m, and what that follows from, for people; the snubbers are the first contacts."""
+    pairs = [(at.item, law) for at, law in zip(located, contacts.laws, strict=False)]
+    return {s.name: {"dashpot_n_s_per_m": law.dashpot, "from": _dashpot_source(s, law)} for s, law in pairs}
+
+
+def _dashpot_source(snubber: Any, law: ContactLaw) -> str:
+    number = len(snubber.maxwell)
+    beside = f", beside {counted(number, 'Maxwell branch', 'Maxwell branches')}" if number else ""
+    if snubber.damping is None:
+        return f"none written{beside}"
+    if snubber.damping.kind == "viscous" or not law.dashpot:
+        return f"as written{beside}"
+    hz = snubber.damping.ratio * law.stiffness / (np.pi * law.dashpot)
+    written = f"{100 * snubber.damping.ratio:.4g} % of {hz:.4g} Hz, the first natural frequency with it alone closed"
+    return f"{written}{beside}"
+
+
+def damping_remarks(snubbers: Sequence[Located], modes: ModeTable) -> list[str]:
+    """That the first closed mode is damped otherwise than a ratio says, which is that of another mode."""
+    closed = np.flatnonzero(modes.closed_frequencies_hz > 0.0)
+    if not closed.size:
+        return []
+    hz, ratio = modes.closed_frequencies_hz[closed[0]], float(modes.closed_damping_ratios[closed[0]])
+    written = {s.name: s.damping.ratio for _, _, s, _ in snubbers if s.damping and s.damping.kind == "ratio"}
+    other = {name: x for name, x in written.items() if x > 0.0 and not 1.0 / DIFFERENT < ratio / x < DIFFERENT}
+    if not other:
+        return []
+    shares = ", ".join(dict.fromkeys(f"{100 * x:.3g}" for x in other.values()))
+    return [
+        f"snubbers: the first mode with all snubbers closed, {hz:.4g} Hz, has a damping ratio of {100 * ratio:.3g} %, "
+        f"{shares} % is written for {first_of(list(other), 4)}: the dashpot 2 ratio k / Omega damps a mode by the "
+        "snubber's share of its energy, and Omega is the first natural frequency with that snubber alone closed; give "
+        "the dashpot in N s/m where the damping of this mode is known"
+    ]
+
+
+def _undamped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats]:
+    """Natural frequencies (n,), rad/s, and modes (n, n) without damping with contacts in their phases.
+
+    Parameters
+    ----------
+    dynamics, phases, rigid : as of `damped_modes`.
+    """
+    contacts = dynamics.contacts
+    return closed_modes(np.sqrt(dynamics.stiffness), contacts.shape, _slow_stiffness(contacts, phases), rigid)
+
+
+def _slow_stiffness(contacts: Contacts, phases: Ints) -> Floats:
+    """(m,) N/m of contacts whose Maxwell branches have relaxed."""
+    return np.asarray(contacts.dynamic_stiffness(phases, np.full(1, SLOW))[0].real)
+
+
+def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats]:
+    """Natural frequencies and damping ratios with contacts in their phases.
+
+    Parameters
+    ----------
+    dynamics : the structure and its contacts, none of which holds or is pressed by another.
+    phases : (m,) of the contacts.
+    rigid : number of rigid-body coordinates.
+
+    Returns
+    -------
+    (n,), (n,)
+        rad/s, ascending, without damping; and the ratios, nan of rigid-body modes. A mode that does not oscillate has
+        that of its own coordinate alone, which is 1 or more for a single mass.
+    """
+    contacts, n = dynamics.contacts, dynamics.size
+    slow = _slow_stiffness(contacts, phases)
+    omega, shapes = _undamped_modes(dynamics, phases, rigid)
+    force, by_states = contacts.force_rows(phases)
+    depth = -contacts.sign[:, None] * (contacts.shape @ shapes)
+    damping = shapes.T @ dynamics.damping @ shapes + (depth.T * force[:, 1]) @ depth
+    ratio = np.divide(np.diag(damping), 2.0 * omega, out=np.full(n, np.nan), where=omega > 0.0)
+    if not by_states.any() and np.count_nonzero(damping) == np.count_nonzero(np.diag(damping)):
+        return omega, ratio
+
+    scale = np.maximum(omega, 1e-3 * omega.max() or 1.0)  # of displacements; a rigid mode has none
+    states, drive = contacts.internal_rates(phases)
+    beyond = (depth.T * (force[:, 0] - slow)) @ depth  # of branches that have not relaxed
+    matrix = np.block([
+        [np.zeros((n, n)), np.diag(scale), np.zeros((n, contacts.internal_states))],
+        [-(np.diag(omega**2) + beyond) / scale, -damping, -depth.T @ by_states],
+        [drive[:, :, 0] @ depth / scale, drive[:, :, 1] @ depth, states],
+    ])  # fmt: skip
+    values, vectors = np.linalg.eig(matrix)
+    values, vectors = values[values.imag > 0.0], vectors[: 2 * n, values.imag > 0.0]
+    share = np.abs(vectors[:n]) ** 2 + np.abs(vectors[n:]) ** 2
+    share /= share.sum(axis=0)
+    modes, of = share.argmax(axis=0), np.arange(share.shape[1])
+    if np.unique(modes).size < modes.size:  # of two that have most of the same mode
+        from scipy.optimize import linear_sum_assignment  # which takes as long to import as a validation
+
+        modes, of = linear_sum_assignment(share, maximize=True)
+    ratio[modes] = -values[of].real / np.abs(values[of])
+    ratio[omega == 0.0] = np.nan
+    return omega, ratio
