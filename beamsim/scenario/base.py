@@ -17,8 +17,8 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, Tag, model_validator
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
+from pydantic_core import CoreSchema, core_schema
 
 from beamsim.errors import Problem
 
@@ -65,23 +65,23 @@ def path_text(path: Path) -> str:
     return text
 
 
-def fail(message: str, remedy: str = "", at: Path = (), show_value: bool = False) -> PydanticCustomError:
-    """Build the error that a validator raises.
+class Unfit(ValueError):
+    """A value that is not taken; raised by validators, and located by whoever knows where the value stands.
 
     Parameters
     ----------
     message : what is wrong; follows the path of the value (``beam.length`` + ``must be ...``).
     remedy : what to do about it.
     at : path below the value that is validated.
-    show_value : whether the value as it was written comes between path and message (``= -5 mm``).
-
-    Returns
-    -------
-    PydanticCustomError
-        To be raised by the caller.
     """
-    context = {"message": message, "remedy": remedy, "at": at, "show_value": show_value}
-    return PydanticCustomError("beamsim", "{message}", context)
+
+    def __init__(self, message: str, remedy: str = "", at: Path = ()) -> None:
+        super().__init__(message)
+        self.message, self.remedy, self.at = message, remedy, at
+
+    def problem(self, path: Path) -> Problem:
+        """It as a problem of the value at a path."""
+        return problem((*path, *self.at), self.message, self.remedy)
 
 
 def problem(path: Path, message: str, remedy: str = "") -> Problem:
@@ -90,7 +90,7 @@ def problem(path: Path, message: str, remedy: str = "") -> Problem:
     Parameters
     ----------
     path : of the value.
-    message : what is wrong; follows the path, as that of `fail` does.
+    message : what is wrong; follows the path, as that of `Unfit` does.
     remedy : what to do about it.
 
     Returns
@@ -98,12 +98,6 @@ def problem(path: Path, message: str, remedy: str = "") -> Problem:
     Problem
     """
     return Problem(path_text(path), message, remedy)
-
-
-def refused(error: PydanticCustomError, path: Path) -> Problem:
-    """What `fail` built, as a problem of the value at a path."""
-    context = error.context or {}
-    return problem((*path, *context.get("at", ())), context["message"], context["remedy"])
 
 
 def demand_rising(
@@ -123,12 +117,12 @@ def demand_rising(
 
     Raises
     ------
-    PydanticCustomError
-        As `fail` builds it, at the first number that does not lie above the one before.
+    Unfit
+        at the first number that does not lie above the one before.
     """
     for index, (one, two) in enumerate(pairwise(values), start=1):
         if not two > one:
-            raise fail(f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, at(index))
+            raise Unfit(f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, at(index))
 
 
 class Schema(BaseModel):
@@ -156,13 +150,13 @@ class Schema(BaseModel):
         return any(value.get(key) is not None for key in cls.known_by)
 
     def check(self) -> None:
-        """Compare fields with each other; raises what `fail` builds."""
+        """Compare fields with each other; raises `Unfit`."""
 
     def exclude(self, key: str, *others: str, remedy: str = "keep one of the two") -> None:
         """Refuse a key beside one of others."""
         given = [each for each in (*others, key) if getattr(self, type(self).keys()[each]) not in (None, ())]
         if key in given and given[0] != key:
-            raise fail(f"and {given[0]} exclude each other", remedy, (key,))
+            raise Unfit(f"and {given[0]} exclude each other", remedy, (key,))
 
     @classmethod
     @cache
@@ -351,9 +345,9 @@ class Variants:
         return core_schema.tagged_union_schema(
             choices,
             choose,
-            custom_error_type="beamsim",
+            custom_error_type="variants",
             custom_error_message=self.message,
-            custom_error_context={"message": self.message, "remedy": self.remedy, "show_value": 1},
+            custom_error_context={"remedy": self.remedy},
         )
 
     def _by_form(self, members: tuple[Any, ...], value: Any) -> str | None:
@@ -385,6 +379,25 @@ class Variants:
 
 
 BY_FORM = Variants()
+
+
+@dataclass(frozen=True)
+class ShortFor:
+    """Marks mappings for which a text alone is short: it stands under a key, where it is one of the words if any."""
+
+    key: str
+    words: tuple[str, ...] = ()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self._long, handler(source))
+
+    def _long(self, value: Any) -> Any:
+        meant = isinstance(value, str) and value in (self.words or (value,))
+        return {self.key: value} if meant else value
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        alone = {"enum": list(self.words)} if self.words else {"minLength": 1}
+        return {"anyOf": [{"type": "string"} | alone, handler(schema)]}
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:

@@ -12,8 +12,8 @@ from pydantic import Field, Tag
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Path, Schema, fail, kind_of, path_text, problem
-from beamsim.scenario.body import AtPlace, BeamDamping, Body, ModalDamping, WrittenPosition
+from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, kind_of, path_text, problem
+from beamsim.scenario.body import AtPlace, BeamDamping, Body, ModalDamping, WrittenPosition, coarse_mesh
 
 
 class CrossSection(NamedTuple):
@@ -93,7 +93,7 @@ class TubeSection(Schema):
     def check(self) -> None:
         """Reject a wall thicker than the tube."""
         if self.wall_thickness > self.outer_diameter / 2.0:
-            raise fail(
+            raise Unfit(
                 f"= {self.wall_thickness:g} m is more than half of outer_diameter = {self.outer_diameter:g} m",
                 "half the diameter is a solid rod",
                 ("wall_thickness",),
@@ -126,7 +126,7 @@ class ISection(Schema):
             ("flange_thickness", self.height / 2.0, "half of height"),
         ):
             if getattr(self, key) > largest:
-                raise fail(
+                raise Unfit(
                     f"= {getattr(self, key):g} m is more than {what} = {largest:g} m", "check the two sizes", (key,)
                 )
 
@@ -237,12 +237,12 @@ class SolidBending(Bent):
         super().check()
         flat = [name for name in ("width", "thickness") if getattr(self, name) is not None]
         if self.section is not None and flat:
-            raise fail(
+            raise Unfit(
                 f"is given together with {flat[0]}", "keep section, or width and thickness, not both", ("section",)
             )
         if self.section is None and len(flat) < 2:
             missing = "thickness" if flat == ["width"] else "width"
-            raise fail(
+            raise Unfit(
                 "is missing" if flat else "has no cross-section",
                 "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section",
                 (missing,) if flat else (),
@@ -429,7 +429,7 @@ class ElasticSupport(Schema):
         ):
             for key in keys:
                 if self.kind in holding and getattr(self, key) > 0.0:
-                    raise fail(
+                    raise Unfit(
                         f"has no effect: a {self.kind} end cannot {what}", "leave it out, or change kind", (key,)
                     )
 
@@ -527,20 +527,9 @@ class BeamBody(Body):
         return math.pi / 2.0 * math.sqrt(self.bending.bending_stiffness / self.bending.mass_per_length) / self.length**2
 
     @property
-    def largest_depth(self) -> float:
+    def depth(self) -> float:
         """Twice the largest distance of the outermost fibre, m; 0 where none is known."""
         return max((stretch.bending.depth or 0.0 for stretch in self.stretches), default=0.0)
-
-    @property
-    def largest_deflection(self) -> float:
-        """A fifth of the length."""
-        return self.length / 5.0
-
-    @property
-    def largest_gap(self) -> float:
-        """A fifth of the length, or ten times the depth if that is less."""
-        depth = self.largest_depth
-        return min(self.largest_deflection, 10.0 * depth if depth > 0.0 else math.inf)
 
     @property
     def marks(self) -> tuple[tuple[float, str], ...]:
@@ -585,60 +574,13 @@ class BeamBody(Body):
         for index, x in enumerate(self.nodes):
             yield from self.position_problems(where, (*where, "nodes", index), x, "")
 
-    def held_end(self, position: float | q.Share) -> tuple[str, str] | None:
-        """(end, support) if no deflection is possible at the position."""
-        at = self.metres(position)
+    def held(self, position: WrittenPosition) -> str:
+        """The end at a position, where its deflection is held."""
+        at = self.point(position)
         for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
             if at == x and support in _HOLDS_DEFLECTION:
-                return end, support
-        return None
-
-    def holds(self, position: WrittenPosition) -> bool:
-        """Whether a support is at a position."""
-        return not isinstance(position, tuple) and self.held_end(position) is not None
-
-    def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
-        """What is wrong with a position on the beam.
-
-        Parameters
-        ----------
-        where, at, position, what : see `beamsim.scenario.body.Body.position_problems`.
-
-        Yields
-        ------
-        Problem
-        """
-        if isinstance(position, tuple):
-            remedy = "give the distance from its left end, position: 270 mm"
-            yield problem(at, f"is a point [x, y] of a plate, but {path_text(where)} is a beam", remedy)
-            return
-        yield from self.beyond(where, at, position)
-        if what and (held := self.held_end(position)) is not None:
-            yield problem(
-                at,
-                f"= {self.metres(position):g} m is the {held[1]} {held[0]} end, which cannot deflect: {what} has no "
-                "effect there",
-                f"move it along the beam, or change {path_text((*where, 'supports', held[0]))}",
-            )
-
-    def movable_problems(self, where: Path, at: Path, position: float | q.Share) -> Iterator[Problem]:
-        """Why no snubber can move to a position of the beam.
-
-        Parameters
-        ----------
-        where, at, position : see `beamsim.scenario.body.Body.movable_problems`.
-
-        Yields
-        ------
-        Problem
-        """
-        yield from self.beyond(where, at, position)
-        if (held := self.held_end(position)) is not None:
-            yield problem(
-                at,
-                f"= {self.metres(position):g} m is the {held[1]} {held[0]} end, which cannot deflect",
-                "begin or end a little beside it",
-            )
+                return f"the {support} {end} end"
+        return ""
 
     def start_problems(self, at: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
         """A polynomial with a deflection or slope that the supports prevent.
@@ -674,21 +616,14 @@ class BeamBody(Body):
         """Numbers of no solid, depth, too few elements."""
         for stretch in self.stretches:
             yield from stretch.section.material_doubts((*where, *stretch.path))
-        depth = self.largest_depth
+        depth = self.depth
         if depth > self.length / 10.0:
             yield (
                 f"{path_text(where)} is {depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) "
                 "is doubtful when the depth is more than a tenth of the length"
             )
-        if highest_hz > 0.0:
-            omega = 2.0 * math.pi * highest_hz
-            ratio = min(stretch.bending_stiffness / stretch.mass_per_length for stretch in self.stretches)
-            per_wave = 2.0 * math.pi * (ratio / omega**2) ** 0.25 / (self.length / self.elements)
-            if per_wave < 6.0:
-                yield (
-                    f"{path_text((*where, 'elements'))} = {self.elements} gives {per_wave:.1f} elements a bending "
-                    f"wavelength at {highest_hz:g} Hz: use 6 or more"
-                )
+        ratio = min(stretch.bending_stiffness / stretch.mass_per_length for stretch in self.stretches)
+        yield from coarse_mesh((*where, "elements"), self.elements, self.length / self.elements, ratio, highest_hz)
 
 
 class UniformBeam(Bent, BeamBody):

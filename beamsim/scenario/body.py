@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple,
 from pydantic import BeforeValidator, Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import BY_FORM, Path, Schema, counted, distinct, fail, path_text, problem
+from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, counted, distinct, path_text, problem
 from beamsim.scenario.quantities import (
     Force,
     Frequency,
@@ -70,12 +70,12 @@ class PointOfBody(Schema):
 
     def _demand_a_point(self) -> None:
         if self.position is None and self.mass is None and self.node is None:
-            raise fail("names no place", _REMEDY)
+            raise Unfit("names no place", _REMEDY)
         remedy = "position belongs to a beam, mass to a chain, node to imported matrices"
         self.exclude("mass", "position", remedy=remedy)
         self.exclude("node", "position", "mass", remedy=remedy)
         if self.direction is not None and self.node is None:
-            raise fail("belongs to a node", "leave it out, or give node: 24", ("direction",))
+            raise Unfit("belongs to a node", "leave it out, or give node: 24", ("direction",))
 
 
 class AtPlace(PointOfBody):
@@ -143,7 +143,7 @@ def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
     turns = [(place.direction or "z").startswith("r") for place in places]
     if any(turns) and not all(turns):
         directions = " and ".join(place.direction or "z" for place in places)
-        raise fail(
+        raise Unfit(
             f"acts between {directions}, a displacement and a rotation",
             "name displacements (x, y, z) or rotations (rx, ry, rz) at both places", ("between",),
         )  # fmt: skip
@@ -178,9 +178,9 @@ class BetweenPlaces(Schema):
         key, ends = self.ends
         if len(ends) != 2:
             remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
-            raise fail(f"names {counted(len(ends), 'place')}", f"{remedy}, or [1, 2] on a chain", (key,))
+            raise Unfit(f"names {counted(len(ends), 'place')}", f"{remedy}, or [1, 2] on a chain", (key,))
         if ends[0] == ends[1]:
-            raise fail("joins a place to itself", "name two different places", (key,))
+            raise Unfit("joins a place to itself", "name two different places", (key,))
         refuse_unlike_directions(self.places)
 
     @property
@@ -280,9 +280,9 @@ class MovedSupport(Schema):
     def check(self) -> None:
         """Demand a support or a joint."""
         if (self.support is None) == (self.joint is None):
-            raise fail("names neither a support nor a joint, or both", "give one of them: {support: left}")
+            raise Unfit("names neither a support nor a joint, or both", "give one of them: {support: left}")
         if self.joint is not None and self.body is not None:
-            raise fail("belongs to a support", "leave it out: a joint has a name of its own", ("body",))
+            raise Unfit("belongs to a support", "leave it out: a joint has a name of its own", ("body",))
 
     @property
     def rotates(self) -> bool:
@@ -341,16 +341,16 @@ class RayleighDamping(Schema):
         if not self.ratios:
             return
         if self.mass or self.stiffness:
-            raise fail("are given together with factors", "keep ratios, or mass and stiffness, not both", ("ratios",))
+            raise Unfit("are given together with factors", "keep ratios, or mass and stiffness, not both", ("ratios",))
         if len(self.ratios) != 2:
-            raise fail(f"has {counted(len(self.ratios), 'entry', 'entries')}, where two are needed",
+            raise Unfit(f"has {counted(len(self.ratios), 'entry', 'entries')}, where two are needed",
                        "give the ratios at two frequencies: two factors follow from them", ("ratios",))  # fmt: skip
         low, high = sorted(self.ratios, key=lambda at: at.frequency)
         if low.frequency == high.frequency:
-            raise fail("has the same frequency twice", "give two different frequencies", ("ratios",))
+            raise Unfit("has the same frequency twice", "give two different frequencies", ("ratios",))
         slope = high.frequency / low.frequency
         if not low.ratio / slope <= high.ratio <= low.ratio * slope:
-            raise fail(
+            raise Unfit(
                 f"= {high.ratio:g} at {high.frequency:g} Hz beside {low.ratio:g} at {low.frequency:g} Hz needs a "
                 "negative factor, and so motions that grow",
                 f"give it {low.ratio / slope:.4g} to {low.ratio * slope:.4g} there, or use kind: modal",
@@ -397,6 +397,29 @@ class Located(NamedTuple):
     def label(self) -> str:
         """Its path with its name, as messages give it: snubbers.tip, chain.snubbers.tip."""
         return path_text((*self.path[:-1], self.item.name))
+
+
+def coarse_mesh(where: Path, elements: int, size: float, ratio: float, highest_hz: float) -> Iterator[str]:
+    """A doubt about a mesh that has less than six elements in a bending wavelength.
+
+    Parameters
+    ----------
+    where : path of the number of elements.
+    elements : their number.
+    size : of one, m.
+    ratio : bending stiffness over mass, m^4/s^2.
+    highest_hz : frequency of the excitation; 0 for none.
+
+    Yields
+    ------
+    str
+    """
+    per_wave = math.inf if highest_hz <= 0.0 else math.sqrt(2.0 * math.pi / highest_hz) * ratio**0.25 / size
+    if per_wave < 6.0:
+        yield (
+            f"{path_text(where)} = {elements} gives {per_wave:.1f} elements a bending wavelength at {highest_hz:g} Hz: "
+            "use 6 or more"
+        )
 
 
 class Body(Schema):
@@ -470,14 +493,19 @@ class Body(Schema):
         return ()
 
     @property
+    def depth(self) -> float:
+        """Largest thickness in the direction of the motion, m; 0 where none is known."""
+        return 0.0
+
+    @property
     def largest_deflection(self) -> float:
-        """Deflection above which theory for small ones no longer holds, m."""
-        return math.inf
+        """Deflection above which theory for small ones no longer holds, m: a fifth of the longest side."""
+        return max(self.sides, default=math.inf) / 5.0
 
     @property
     def largest_gap(self) -> float:
         """Gap, or prestress, of a snubber above which a factor is likely to be wrong, m."""
-        return math.inf
+        return min(self.largest_deflection, 10.0 * self.depth or math.inf)
 
     @property
     def own_lists(self) -> dict[str, tuple[Any, ...]]:
@@ -536,9 +564,9 @@ class Body(Schema):
         assert number is not None
         return float(number)
 
-    def holds(self, position: WrittenPosition) -> bool:
-        """Whether nothing can deflect at a position."""
-        return False
+    def held(self, position: WrittenPosition) -> str:
+        """What keeps a point of the body from deflecting, such as "the clamped left end"; empty where nothing does."""
+        return ""
 
     def problems(self, where: Path) -> Iterator[Problem]:
         """What is wrong with the body by itself."""
@@ -558,7 +586,21 @@ class Body(Schema):
         ------
         Problem
         """
-        yield self._misplaced(where, at, "a beam")
+        if not self.sides:
+            yield self._misplaced(where, at, "a beam")
+            return
+        along = position if isinstance(position, tuple) else (position,)
+        if len(along) != len(self.sides):
+            given = "is a point [x, y]" if len(along) > 1 else f"= {position} is one number"
+            yield problem(at, f"{given}, but {path_text(where)} is {self.called}", self.how_to_place)
+            return
+        for axis, x in enumerate(along):
+            yield from self.beyond(where, (*at, axis) if len(along) > 1 else at, x, axis)
+        if what and (held := self.held(position)):
+            point = self.point(position)
+            shown = f"[{point[0]:g}, {point[1]:g}]" if isinstance(point, tuple) else f"{point:g}"
+            message = f"= {shown} m is {held}, which cannot deflect: {what} has no effect there"
+            yield problem(at, message, f"move it, or change {path_text((*where, 'supports'))}")
 
     def beyond(self, where: Path, at: Path, position: float | Share, axis: int = 0) -> Iterator[Problem]:
         """A position beyond the end of a side.
@@ -625,22 +667,6 @@ class Body(Schema):
     def in_folder(self, folder_of: Callable[..., FilePath]) -> Self:
         """The body with the files that it names where they are; ``folder_of`` tells the folder of a key's file."""
         return self
-
-    def movable_problems(self, where: Path, at: Path, position: float | Share) -> Iterator[Problem]:
-        """Why no snubber can move to a position of the body; by default that it is no beam.
-
-        Parameters
-        ----------
-        where : path of the body.
-        at : path at which the position is written.
-        position : as it is written.
-
-        Yields
-        ------
-        Problem
-        """
-        message = f"= position moves along a beam, but the structure is {self.called}"
-        yield problem((*at[:-1], "kind"), message, "follow gap or stiffness, or vary the place in a study")
 
     def power_of_start(self, index: int) -> int:
         """Power of x whose coefficient is the number of a displacement or velocity to start from."""

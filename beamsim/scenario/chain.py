@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, counted, fail, path_text, problem
+from beamsim.scenario.base import Path, Unfit, counted, path_text, problem
 from beamsim.scenario.body import AtPlace, Body, ChainDamping, numbered
 from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring, PiecewiseLinearSpring
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness, Share
@@ -44,13 +44,13 @@ class Chain(Body):
         """Check the lengths of the lists."""
         masses, springs, dashpots = len(self.masses), len(self.springs), len(self.dashpots_)
         if springs not in (masses, masses + 1):
-            raise fail(
+            raise Unfit(
                 f"has {counted(springs, 'value')} for {counted(masses, 'mass', 'masses')}",
                 f"give {masses + 1} (wall to 1, 1 to 2, ... {masses} to wall), or {masses} if the last mass is free",
                 ("springs",),
             )
         if dashpots not in (0, springs):
-            raise fail(
+            raise Unfit(
                 f"has {counted(dashpots, 'value')} for {counted(springs, 'spring')}",
                 f"give {springs}, one beside each spring, or leave it out",
                 ("dashpots",),

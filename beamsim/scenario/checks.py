@@ -6,11 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from pydantic_core import PydanticCustomError
-
 from beamsim.errors import Problem
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Schema, fail, path_parts, path_text, problem, refused, unknown, walk
+from beamsim.scenario.base import Path, Schema, Unfit, path_parts, path_text, problem, unknown, walk
 from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedSupport, Sited
 from beamsim.scenario.connections import SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
@@ -749,8 +747,8 @@ def _range_problems(scenario: ScenarioParts, sweep: Continuation) -> Problems:
         if second is not None:
             at, second = ("sweep", "follow_folds_in"), in_metres(scenario, second)
             second.check()
-    except PydanticCustomError as error:
-        yield refused(error, at)
+    except Unfit as error:
+        yield error.problem(at)
         return
     if second is None:
         return
@@ -827,11 +825,12 @@ def _position_problems(scenario: ScenarioParts, at: str, path: PositionPath, loc
     body = scenario.all_bodies.get(name)
     if body is None:
         return
+    if len(body.sides) != 1:
+        message = f"= position moves along a beam, but the structure is {body.called}"
+        yield Problem(f"{at}.kind", message, "follow gap or stiffness, or vary the place in a study")
+        return
     for key, value in (("from", path.from_), ("to", path.to)):
-        problems = list(body.movable_problems(scenario.body_path(name), (*path_parts(at), key), value))
-        yield from problems
-        if problems and problems[0].path.endswith(".kind"):
-            return
+        yield from body.position_problems(scenario.body_path(name), (*path_parts(at), key), value, "a snubber")
 
 
 # --- identification ---
@@ -851,8 +850,8 @@ def _identification(scenario: ScenarioParts) -> Problems:
     for index, known in enumerate(section.parameter_uncertainty):
         try:
             _known(scenario, known.parameter)
-        except PydanticCustomError as error:
-            yield refused(error, (_TOP, "parameter_uncertainty", index))
+        except Unfit as error:
+            yield error.problem((_TOP, "parameter_uncertainty", index))
     yield from _all_sought(scenario, section.update, (_TOP, "update"), words=True)
     if section.nonlinear is None:
         return
@@ -890,7 +889,7 @@ def _known(scenario: ScenarioParts, path: str) -> None:
     """Demand numbers at a path."""
     for place in find_parameters(scenario, path, (), ("parameter",)):
         if choices_at(scenario, place) or isinstance(value_at(scenario, place), str):
-            raise fail(f"= {path} is not a number", "name a number", ("parameter",))
+            raise Unfit(f"= {path} is not a number", "name a number", ("parameter",))
 
 
 def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> None:
@@ -901,20 +900,20 @@ def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> N
     if choices and words and "supports" in places[0]:
         if item.bounds or item.prior is not None:
             among = f"= {path} is a choice between {', '.join(choices)}: it has no bounds and no prior"
-            raise fail(among, "leave them out; every choice is tried", at)
+            raise Unfit(among, "leave them out; every choice is tried", at)
         return
     _known(scenario, path)
     values = [value_at(scenario, place) for place in places]
     if words and not all(value > 0 for value in values):
         zero = f"= {path} is zero in this scenario, and is varied by a factor"
-        raise fail(zero, "give it a rough value to start from, or leave it out", at)
+        raise Unfit(zero, "give it a rough value to start from, or leave it out", at)
     if not item.bounds:
         return
     low, high = bounds_of(scenario, item)
     if not low < high:
-        raise fail(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
+        raise Unfit(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
     if not low <= values[0] <= high:
-        raise fail(
+        raise Unfit(
             f"= [{low:g}, {high:g}] does not hold the scenario's value {values[0]:g}, where the search starts",
             "widen the bounds, change the value, or write the unit", ("bounds",),
         )  # fmt: skip
@@ -927,8 +926,8 @@ def _all_sought(scenario: ScenarioParts, items: Sequence[SoughtParameter], at: P
         try:
             _sought(scenario, item, words=words)
             first = min(seen.setdefault(place, index) for place in find_parameters(scenario, item.parameter))
-        except PydanticCustomError as error:
-            yield refused(error, (*at, index))
+        except Unfit as error:
+            yield error.problem((*at, index))
             continue
         if first != index:
             message = f"= {item.parameter} is listed twice, also by {path_text((*at, first))}"
@@ -1033,8 +1032,8 @@ def _parameter_problems(scenario: ScenarioParts, parameters: Sequence[Any], sect
         at = (*section, index)
         try:
             varied = resolve_parameter(scenario, parameter)
-        except PydanticCustomError as error:
-            yield refused(error, at)
+        except Unfit as error:
+            yield error.problem(at)
             continue
         for place in varied.places:
             if taken.setdefault(place, index) != index:
@@ -1058,7 +1057,7 @@ def _tolerances(scenario: ScenarioParts) -> Problems:
     yield from problems
     try:
         varied = varied_parameters(scenario)
-    except PydanticCustomError:
+    except Unfit:
         return  # reported where it is varied
     if problems:
         return

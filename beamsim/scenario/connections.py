@@ -13,7 +13,7 @@ from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, counted, demand_rising, fail
+from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, counted, demand_rising
 from beamsim.scenario.body import (
     AtPlace,
     BaseOrPlace,
@@ -104,7 +104,7 @@ class PiecewiseLinearSpring(Schema):
 
     kind: Literal["piecewise_linear"] = "piecewise_linear"
     """Piecewise-linear force, continuous, zero at zero stretch."""
-    breakpoints: Annotated[tuple[Stretch, ...], Field(json_schema_extra={"minItems": 1})]
+    breakpoints: Annotated[tuple[Stretch, ...], Field(min_length=1)]
     """Stretches at which the slope changes, increasing."""
     stiffnesses: tuple[NonNegativeStiffness, ...]
     """Slopes below the first breakpoint, between the first two, ... above the last: one more than breakpoints."""
@@ -114,10 +114,8 @@ class PiecewiseLinearSpring(Schema):
     def check(self) -> None:
         """Check the lengths and the order."""
         bends, slopes = len(self.breakpoints), len(self.stiffnesses)
-        if not bends:
-            raise fail("is an empty list", "give at least one value, or use kind: linear", ("breakpoints",))
         if slopes != bends + 1:
-            raise fail(
+            raise Unfit(
                 f"has {counted(slopes, 'value')} for {counted(bends, 'breakpoint')}",
                 f"give {bends + 1} slopes: below the first breakpoint, between neighbours, above the last",
                 ("stiffnesses",),
@@ -185,9 +183,9 @@ class Joint(Named):
         """Demand two different ends, at least one of them on a body."""
         if len(self.between) != 2:
             remedy = "name the two that it joins: [{body: yoke, position: 300 mm}, {body: panel, position: 0 mm}]"
-            raise fail(f"names {counted(len(self.between), 'end')}", remedy, ("between",))
+            raise Unfit(f"names {counted(len(self.between), 'end')}", remedy, ("between",))
         if self.between[0] == self.between[1]:
-            raise fail("joins a point to itself", "name two different points", ("between",))
+            raise Unfit("joins a point to itself", "name two different points", ("between",))
         refuse_unlike_directions(self.places)
 
     @property
@@ -248,7 +246,7 @@ class SpringJoint(_Turning):
         """Demand something that acts."""
         super().check()
         if not (self.stiffness or self.dashpot or self.turns_against or self.maxwell):
-            raise fail("has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out")
+            raise Unfit("has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out")
 
 
 AnyJoint = Annotated[RigidJoint | HingeJoint | SpringJoint, BY_FORM]
@@ -353,21 +351,21 @@ class MeasuredForces(Schema):
     def check(self) -> None:
         """Demand a file or points, and of points that are not fitted that they are a curve."""
         if (self.file is None) == (self.points is None):
-            raise fail("needs file or points, one of them", "give file: pad.csv, or points: [[0 mm, 0 N], [1 mm, 9 N]]")
+            raise Unfit("needs file or points", "give file: pad.csv, or points: [[0 mm, 0 N], [1 mm, 9 N]]")
         if self.points is not None and self.fit is None:
             check_points(self.points, ("points",))
         elif self.points is not None and len(self.points) < 2:
-            raise fail("has too few points to fit", "measure more points", ("points",))
+            raise Unfit("has too few points to fit", "measure more points", ("points",))
 
 
 def check_points(points: ForcePoints, at: Path = ()) -> None:
     """Reject points that are no rising curve from zero."""
     if len(points) < 2:
-        raise fail(
+        raise Unfit(
             f"has {counted(len(points), 'point')}", "give zero and at least one more: [[0 mm, 0 N], [1 mm, 9 N]]", at
         )
     if points[0] != (0.0, 0.0):
-        raise fail(f"starts at {points[0][0]:g} m, {points[0][1]:g} N instead of zero", _START, (*at, 0))
+        raise Unfit(f"starts at {points[0][0]:g} m, {points[0][1]:g} N instead of zero", _START, (*at, 0))
     demand_rising(
         (x for x, _ in points), "m", lambda k: (*at, k, 0),
         "list the points by increasing deflection, each once; give measured loops with fit: {segments: 5}",
@@ -375,9 +373,9 @@ def check_points(points: ForcePoints, at: Path = ()) -> None:
     for index, ((_, force), (_, following)) in enumerate(pairwise(points), start=1):
         if following < force:
             remedy = "a stop whose force falls is not modelled; where it is noise, add fit: {segments: 5}"
-            raise fail(f"= {following:g} N falls below the one before, {force:g} N", remedy, (*at, index, 1))
+            raise Unfit(f"= {following:g} N falls below the one before, {force:g} N", remedy, (*at, index, 1))
     if points[-1][1] == 0.0:
-        raise fail("has no force at all", "give the force at the largest deflection", (*at, len(points) - 1, 1))
+        raise Unfit("has no force at all", "give the force at the largest deflection", (*at, len(points) - 1, 1))
 
 
 ForceDeflection = Annotated[
@@ -450,13 +448,13 @@ class SnubberBase(Named):
         self._check_hardening()
         if self.maxwell and self.law != "no_tension":
             remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
-            raise fail(f"= {self.law} does not go with maxwell", remedy, ("law",))
+            raise Unfit(f"= {self.law} does not go with maxwell", remedy, ("law",))
         self.exclude("preload", "gap", remedy="keep one of the two; the gap follows from the preload")
 
     def _check_force(self) -> None:
         if self.force_deflection is None:
             if self.stiffness is None:
-                raise fail("is missing", "give for example stiffness: 151.1 kN/m, or force_deflection", ("stiffness",))
+                raise Unfit("is missing", "give for example stiffness: 151.1 kN/m, or force_deflection", ("stiffness",))
             return
         self.exclude("force_deflection", "stiffness")
         if isinstance(self.force_deflection, tuple):
@@ -468,13 +466,13 @@ class SnubberBase(Named):
         remedy = "leave one of the two out: a stop that yields has one stiffness before and one after"
         self.exclude("hardening", "force_deflection", "maxwell", remedy=remedy)
         if self.stiffness is not None and self.hardening.stiffness >= self.stiffness:
-            raise fail(
+            raise Unfit(
                 f"= {self.hardening.stiffness:g} N/m is not below the snubber's stiffness, {self.stiffness:g} N/m",
                 "give the smaller stiffness beyond the yield force, for example a tenth", ("hardening", "stiffness"),
             )  # fmt: skip
         if self.damping is not None and self.law == "no_tension":
             remedy = "leave damping out, which makes no difference to never pulling, or write law: kelvin_voigt"
-            raise fail("does not go with law: no_tension and hardening", remedy, ("damping",))
+            raise Unfit("does not go with law: no_tension and hardening", remedy, ("damping",))
 
     @property
     def gap(self) -> float | None:
@@ -545,7 +543,7 @@ class FrictionCoefficients(Schema):
     def check(self) -> None:
         """Demand an order."""
         if self.sliding > self.static:
-            raise fail(
+            raise Unfit(
                 f"= {self.sliding:g} is above static = {self.static:g}", "exchange them, or give one coefficient",
                 ("sliding",),
             )  # fmt: skip
@@ -618,13 +616,13 @@ class FrictionBase(Named):
         super().check()
         if self.pressed_by is not None:
             if self.start != "unstressed":
-                raise fail(
+                raise Unfit(
                     "does not go with the normal force of a snubber, which may be open at the start",
                     "leave start out", ("start",),
                 )  # fmt: skip
         elif abs(self.start_force) >= self.static_force:
             limit = "coefficient times normal_force"
-            raise fail(
+            raise Unfit(
                 f"= {self.start_force:g} N is not held: the contact sticks below {limit} = {self.static_force:g} N",
                 "give a smaller force, or unstressed", ("start",),
             )  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_FORM, Schema, Variants, fail
+from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants
 from beamsim.scenario.body import AtPlace, Body, ConstantForce, WrittenPosition
 from beamsim.scenario.quantities import Coefficient, Count, ForcePerLength, Name, PositionOrShare, Pressure
 
@@ -64,7 +64,7 @@ class LinearShape(Shape):
         """Demand two values in each direction."""
         rows = _rows(self.values)
         if any(len(row) != 2 for row in rows) or (_is_grid(self.values) and len(rows) != 2):
-            raise fail("must be two numbers, or two lists of two", "write [0, 1] or [[0, 0], [1, 1]]", ("values",))
+            raise Unfit("must be two numbers, or two lists of two", "write [0, 1] or [[0, 0], [1, 1]]", ("values",))
 
 
 class PolynomialShape(Shape):
@@ -121,12 +121,12 @@ class TableShape(Shape):
     def check(self) -> None:
         """Demand a value at each position."""
         if _is_grid(self.values) is (self.y is None):
-            raise fail("do not fit the positions", "give y and a list for each x on a plate, x alone along a beam",
+            raise Unfit("do not fit the positions", "give y and a list for each x on a plate, x alone along a beam",
                        ("values",))  # fmt: skip
         rows = _rows(self.values)
         expected = len(self.x) if self.y is None else len(self.y)
         if any(len(row) != expected for row in rows) or (self.y is not None and len(rows) != len(self.x)):
-            raise fail("are not as many as the positions", "give a value at each position", ("values",))
+            raise Unfit("are not as many as the positions", "give a value at each position", ("values",))
 
     def on_the_body(self, body: Body) -> Self:
         """The same with positions in m."""
@@ -168,7 +168,7 @@ class DistributedLoad(Schema):
         """Demand a shape of as many directions as the body has."""
         two = self.shape.two_dimensional
         if two is not None and two is not (self.acts_on == "plate"):
-            raise fail(
+            raise Unfit(
                 f"is one for a {'plate' if two else 'beam'}",
                 "along a beam give one list or number, on a plate one for each direction",
                 ("shape",),

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, Ty
 from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario import quantities
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, demand_rising, fail
+from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
 from beamsim.scenario.quantities import Coordinate, Frequency, Level, meant
@@ -84,7 +83,7 @@ def check_quantity(
 
     Parameters
     ----------
-    levels : with their paths, for what `fail` builds.
+    levels : with their paths, for what is raised.
     stated : the quantity beside them.
     takes : what can act at the place.
     quantity : what the levels are taken for.
@@ -93,7 +92,7 @@ def check_quantity(
     for path, level in levels:
         of = meant(level)
         if of is not None and said is not None and of != said:
-            raise fail(
+            raise Unfit(
                 f"is given in a unit of {spoken(of)}, where {_with_article(said)} is meant",
                 "give the level in another unit, or set quantity",
                 path,
@@ -101,7 +100,7 @@ def check_quantity(
         said = said or of
     if quantity not in takes:
         why, remedy = not_taken(quantity, takes)
-        raise fail(f"is {why}", remedy, ("quantity",) if stated is not None or not levels else levels[0][0])
+        raise Unfit(f"is {why}", remedy, ("quantity",) if stated is not None or not levels else levels[0][0])
 
 
 class Driven(Schema):
@@ -144,12 +143,12 @@ class Driven(Schema):
         super().check()
         check_quantity(self.levels(), self.quantity_, self.takes, self.quantity)
         if self.direction is not None and not self.on_base:
-            raise fail("is the direction in which a base moves", "leave it out, or write applied_to: base",
+            raise Unfit("is the direction in which a base moves", "leave it out, or write applied_to: base",
                        ("direction",))  # fmt: skip
         if self.about is not None and not self.rotates:
-            raise fail("belongs to a rotation of the base", "give direction: ry, or leave it out", ("about",))
+            raise Unfit("belongs to a rotation of the base", "give direction: ry, or leave it out", ("about",))
         if isinstance(self.about, tuple) and not 1 <= len(self.about) <= 3:
-            raise fail("is no point", "give a position, [x, y] or [x, y, z]", ("about",))
+            raise Unfit("is no point", "give a position, [x, y] or [x, y, z]", ("about",))
 
     @property
     def rotates(self) -> bool:
@@ -197,25 +196,33 @@ class Span(Schema, Generic[Number]):
     to: Number
     """Last value."""
 
+    @property
+    def ends(self) -> tuple[Any, Any]:
+        """First and last value."""
+        return self.from_, self.to
+
     def demand_inside(self, values: Sequence[float], at: Path) -> None:
         """Refuse values of a list at a path that lie outside the range."""
-        ends: Any = (self.from_, self.to)
-        low, high = sorted(map(float, ends))
+        low, high = sorted(map(float, self.ends))
         for k, value in enumerate(values):
             if not low <= value <= high:
-                raise fail(f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (*at, k))
+                raise Unfit(f"= {value:g} lies outside the range", f"give a value from {low:g} to {high:g}", (*at, k))
 
     changing: ClassVar[str] = "continuation"
     suitable: ClassVar[str] = "give a range"
+    where_it_falls: ClassVar[str] = ""
+    """Remedy where the last value lies below the first; empty where it may."""
 
     def check(self) -> None:
-        """Reject an empty range."""
+        """Reject an empty range, and one that falls where it must not."""
         super().check()
+        types = type(self).model_fields["to"].metadata
+        unit = next((item.dimension.unit for item in types if isinstance(item, q.Quantity)), "")
+        first, last = (str(end) if isinstance(end, q.Share) else f"{end:g} {unit}".rstrip() for end in self.ends)
         if self.from_ == self.to:
-            types = type(self).model_fields["to"].metadata
-            unit = next((item.dimension.unit for item in types if isinstance(item, quantities.Quantity)), "")
-            shown = str(self.to) if isinstance(self.to, quantities.Share) else f"{self.to:g} {unit}".rstrip()
-            raise fail(f"= {shown} equals the start of the {self.changing}", self.suitable, ("to",))
+            raise Unfit(f"= {last} equals the start of the {self.changing}", self.suitable, ("to",))
+        if self.where_it_falls and self.ends[1] < self.ends[0]:
+            raise Unfit(f"= {last} lies below from = {first}", self.where_it_falls, ("to",))
 
 
 class FrequencyRange(Span[Frequency]):
@@ -245,10 +252,11 @@ class _LevelAt(Schema):
 
     def check(self) -> None:
         """Refuse a negative level, and one in a unit of another quantity."""
+        super().check()
         if self.level < 0:
-            raise fail("must not be negative", "use a phase of 180 deg to reverse the sign of a sine", ("level",))
+            raise Unfit("must not be negative", "use a phase of 180 deg to reverse the sign of a sine", ("level",))
         if self.quantity_ not in (None, meant(self.level) or self.quantity_):
-            raise fail(
+            raise Unfit(
                 f"is given in a unit of {meant(self.level)}, where {self.quantity_} is meant", "leave out quantity",
                 ("level",),
             )  # fmt: skip
@@ -261,29 +269,21 @@ class ProfilePoint(_LevelAt):
     """Frequency of the point."""
 
 
-class Notch(_LevelAt):
+class Notch(_LevelAt, FrequencyRange):
     """A range of frequencies in which the level is not exceeded."""
 
-    from_: Frequency = Field(alias="from")
-    """Lower frequency."""
-    to: Frequency
-    """Upper frequency."""
-
-    def check(self) -> None:
-        """Reject an empty range."""
-        super().check()
-        if self.to <= self.from_:
-            raise fail(f"= {self.to:g} Hz does not lie above from = {self.from_:g} Hz", "give a range", ("to",))
+    changing: ClassVar[str] = "notch"
+    where_it_falls: ClassVar[str] = "exchange the two"
 
 
 def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
-    """Reject a table that does not increase in frequency; raises what `fail` builds."""
+    """Reject a table that does not increase in frequency; raises `Unfit`."""
     if between != "held" and not points:
-        raise fail(f"= {between} lies between the points of a profile, and there is none", "leave it out", ("between",))
+        raise Unfit(f"= {between} lies between points of a profile, and there is none", "leave it out", ("between",))
     demand_rising((point.frequency for point in points), "Hz", lambda k: ("profile", k, "frequency"))
     for index, point in enumerate(points):
         if between == "log_log" and point.level == 0:
-            raise fail(
+            raise Unfit(
                 "= 0 has no logarithm",
                 "give a small level, or between: held",
                 ("profile", index, "level"),
@@ -389,7 +389,7 @@ class Shock(Driven):
             smooth = (
                 " or velocity (level: 0.5 m/s)" if self.most_integrals else ", or use a half_sine pulse of velocity"
             )
-            raise fail(
+            raise Unfit(
                 f"is a {called} of the base's {spoken(self.quantity)}, which needs an infinite acceleration",
                 f"give it as acceleration (level: 20 g){smooth}",
                 ("level",),
@@ -444,7 +444,7 @@ class Trapezoid(Shock):
         """Reject rise and fall longer than the pulse."""
         super().check()
         if self.rise + self.fall > self.duration * (1 + 1e-12):
-            raise fail(
+            raise Unfit(
                 f"= {self.rise:g} s and fall = {self.fall:g} s are longer than the pulse of {self.duration:g} s",
                 "shorten them, or give a longer duration",
                 ("rise",),
@@ -476,7 +476,7 @@ class Forces(Schema):
         """Reject what moves the base."""
         for index, force in enumerate(self.forces):
             if force.on_base:
-                raise fail(
+                raise Unfit(
                     "is the base, where forces are listed",
                     "apply it to {position: 270 mm}, {mass: 2}, {line: whole} or {area: whole}; base motion is an "
                     "excitation by itself",
@@ -543,13 +543,13 @@ class SweptSineInput(Driven, FrequencyRange):
     def check(self) -> None:
         """Refuse an empty range, no level or two, and levels that cannot act there."""
         if (self.level is None) == (not self.profile):
-            raise fail("needs either level or profile", "give one of the two")
+            raise Unfit("needs either level or profile", "give one of the two")
         super().check()
         check_profile(self.profile, self.between)
         for index, point in enumerate(self.profile):
             if point.quantity is not None and point.quantity not in self.takes:
                 why, remedy = not_taken(point.quantity, self.takes)
-                raise fail(f"is {why}", remedy, ("profile", index, "level"))
+                raise Unfit(f"is {why}", remedy, ("profile", index, "level"))
 
     @property
     def highest_frequency_hz(self) -> float:
@@ -596,12 +596,12 @@ class SampledInput(Driven):
         try:
             said = self._said_by_unit
         except UnitError as error:
-            raise fail(error.message, error.remedy, ("unit",)) from None
+            raise Unfit(error.message, error.remedy, ("unit",)) from None
         if said is not None and self.quantity_ not in (None, said):
-            raise fail(f"is a unit of {said}, where {self.quantity_} is meant", "change one of them", ("unit",))
+            raise Unfit(f"is a unit of {said}, where {self.quantity_} is meant", "change one of them", ("unit",))
         super().check()
         if self.quantity in q.INTEGRALS and self.interpolation == "linear":
-            raise fail(
+            raise Unfit(
                 f"= linear of the base's {spoken(self.quantity)} has corners, where the acceleration is infinite",
                 "use interpolation: cubic, or give the acceleration",
                 ("interpolation",),
@@ -642,13 +642,13 @@ class RandomInput(Driven):
         demand_rising((point.frequency for point in self.psd), "Hz", lambda k: ("psd", k, "frequency"))
         highest = self.psd[-1].frequency
         if self.sample_rate is not None and self.sample_rate < 4 * highest:
-            raise fail(
+            raise Unfit(
                 f"= {self.sample_rate:g} Hz is too low for noise up to {highest:g} Hz",
                 f"use {20 * highest:g} Hz, or leave it out",
                 ("sample_rate",),
             )
         if self.quantity != self.takes[0]:
-            raise fail(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
+            raise Unfit(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
 
     @property
     def highest_frequency_hz(self) -> float:

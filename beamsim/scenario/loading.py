@@ -28,7 +28,7 @@ from beamsim.scenario.tree import (
     read_file,
     resolve_extends,
 )
-from beamsim.scenario.units import units_written
+from beamsim.scenario.units import UnitError, units_written
 
 USED: dict[str, frozenset[str]] = {
     "run": frozenset({"run", "limits"}),
@@ -189,9 +189,12 @@ def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
     schema, field = _field(root, location)
     shown = f"= {single_line(value)} "
     match error["type"]:
-        case "beamsim":
-            lead = shown if context.get("show_value") else ""
-            return (*path, *context.get("at", ())), lead + context["message"], context["remedy"]
+        case "value_error":
+            unfit = context["error"]
+            lead = shown if isinstance(unfit, UnitError) else ""
+            return (*path, *unfit.at), lead + unfit.message, unfit.remedy
+        case "variants":
+            return path, shown + error["msg"], context["remedy"]
         case "missing":
             return path, "is missing", _how_to_give(str(path[-1]), schema, field)
         case "extra_forbidden":
@@ -207,7 +210,8 @@ def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
         case "tuple_type" | "list_type":
             return path, shown + "must be a list", "write [ ... ], also for a single value"
         case "too_short":
-            return path, "is an empty list", "give at least one value"
+            needed = field is None or field.is_required()
+            return path, "is an empty list", "give at least one value" + ("" if needed else ", or leave it out")
     return path, shown + "is not accepted: " + error["msg"][:1].lower() + error["msg"][1:], ""
 
 

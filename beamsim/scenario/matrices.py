@@ -10,7 +10,7 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Schema, Variants, fail
+from beamsim.scenario.base import Path, Schema, Unfit, Variants
 from beamsim.scenario.body import Body, ChainDamping, NodeDirection, NodeNumber
 from beamsim.scenario.quantities import FileName, Frequency, Name, Text, UnitType
 
@@ -102,7 +102,7 @@ class RecoverySource(MatrixSource):
         """Names are unique."""
         for k, name in enumerate(self.rows):
             if name in self.rows[:k]:
-                raise fail(f"names {name} twice", "give each row a name of its own", ("rows", k))
+                raise Unfit(f"names {name} twice", "give each row a name of its own", ("rows", k))
 
 
 class StructuralDamping(Schema):

@@ -12,19 +12,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
-from pydantic_core import PydanticCustomError
-
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import (
     Path,
     Schema,
+    Unfit,
     counted,
-    fail,
     path_parts,
     path_text,
     plain,
-    refused,
     single_line,
     suggestion,
     words_of,
@@ -61,7 +58,7 @@ def find_parameters(
     scenario : what has them.
     path : as a user writes it.
     more : types of other values that it may name.
-    at : where the path stands, for what `fail` builds.
+    at : where the path stands, for what is raised.
 
     Returns
     -------
@@ -70,19 +67,19 @@ def find_parameters(
 
     Raises
     ------
-    PydanticCustomError
-        As `fail` builds it, where the path does not exist; to be located by the caller.
+    Unfit
+        where the path does not exist; to be located by the caller.
     """
     parts = path_parts(path)
     if not parts:
-        raise fail(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness", at)
+        raise Unfit(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness", at)
     try:
         paths = _walk(scenario, parts, (), path, (int, float, str, Share, *more))
-    except PydanticCustomError as error:
-        found = refused(error, ())
-        raise fail(found.message, in_a_body(from_python(plain(scenario)), parts) or found.remedy, at) from None
+    except Unfit as error:
+        found = error.problem(())
+        raise Unfit(found.message, in_a_body(from_python(plain(scenario)), parts) or found.remedy, at) from None
     if not paths:
-        raise fail(f"= {path} matches nothing: the list is empty", "add an item, or omit the path", at)
+        raise Unfit(f"= {path} matches nothing: the list is empty", "add an item, or omit the path", at)
     return paths
 
 
@@ -178,8 +175,8 @@ def _as_read(scenario: ScenarioParts, place: Path, value: object) -> object:
         return value
     try:
         read = read_as(scenario, place, value)
-    except PydanticCustomError as error:
-        raise ScenarioError(refused(error, place)) from None
+    except Unfit as error:
+        raise ScenarioError(error.problem(place)) from None
     return LevelValue(read, meant(read) or meant(value_at(scenario, place))) if isinstance(read, LevelValue) else read
 
 
@@ -191,7 +188,7 @@ def read_as(scenario: ScenarioParts, place: Path, value: object, at: Path = ()) 
     scenario : what has the field.
     place : of the field.
     value : a number, perhaps with a unit, or a word.
-    at : where the value stands, for what `fail` builds.
+    at : where the value stands, for what is raised.
 
     Returns
     -------
@@ -199,24 +196,24 @@ def read_as(scenario: ScenarioParts, place: Path, value: object, at: Path = ()) 
 
     Raises
     ------
-    PydanticCustomError
+    Unfit
         Where the field would refuse it.
     """
     shown = f"= {single_line(value)}"
     if choices := choices_at(scenario, place):
         if value not in choices:
-            raise fail(f"{shown} is not one of {', '.join(choices)}", "choose one of these", at)
+            raise Unfit(f"{shown} is not one of {', '.join(choices)}", "choose one of these", at)
         return value
     field = field_type_at(scenario, place)
     if field is None:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise fail(f"{shown} must be a number", f"write the SI value for {path_text(place)}", at)
+            raise Unfit(f"{shown} must be a number", f"write the SI value for {path_text(place)}", at)
         return float(value)
     try:
         return field.read(value)
     except UnitError as error:
         as_place = f" (as {path_text(place)})" if at not in ((), place) else ""
-        raise fail(f"{shown} {error.message}{as_place}", error.remedy, at) from None
+        raise Unfit(f"{shown} {error.message}{as_place}", error.remedy, at) from None
 
 
 def bounds_of(scenario: ScenarioParts, sought: SoughtParameter) -> tuple[float, float]:
@@ -224,7 +221,7 @@ def bounds_of(scenario: ScenarioParts, sought: SoughtParameter) -> tuple[float, 
 
     Raises
     ------
-    PydanticCustomError
+    Unfit
         Where the field would refuse one of them, or it lies beyond the body that the number is a position on.
     """
     if not sought.bounds:
@@ -235,7 +232,7 @@ def bounds_of(scenario: ScenarioParts, sought: SoughtParameter) -> tuple[float, 
         for bound in (low, high):
             beyond = scenario.all_bodies[side.body].beyond(scenario.body_path(side.body), ("bounds",), bound, side.axis)
             for found in beyond:
-                raise fail(found.message, found.remedy, ("bounds",))
+                raise Unfit(found.message, found.remedy, ("bounds",))
     return low, high
 
 
@@ -275,7 +272,7 @@ def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[
 def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: tuple[type, ...]) -> list[Path]:
     if not parts:
         if walked != ("run", "sample_rate") and (isinstance(value, bool) or not isinstance(value, leaves)):
-            raise fail(f"= {path} is not a number", _keys_below(value))
+            raise Unfit(f"= {path} is not a number", _keys_below(value))
         return [walked]
     part, rest = parts[0], parts[1:]
     if isinstance(value, tuple):
@@ -284,27 +281,27 @@ def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: t
         if isinstance(part, int):
             if part >= len(value):
                 count = counted(len(value), "item")
-                raise fail(f"= {path} does not exist: {path_text(walked)} has {count}", "items are numbered from 0")
+                raise Unfit(f"= {path} does not exist: {path_text(walked)} has {count}", "items are numbered from 0")
             return _walk(value[part], rest, (*walked, part), path, leaves)
         names = [getattr(item, "name", None) for item in value]
         if part in names:
             return _walk(value[names.index(part)], rest, (*walked, names.index(part)), path, leaves)
         known = [name for name in names if name]
         remedy = f"the names are {', '.join(known)}" if known else "give an index, or [*] for all of them"
-        raise fail(f"= {path} does not exist: {path_text(walked)} has no {part}", remedy)
+        raise Unfit(f"= {path} does not exist: {path_text(walked)} has no {part}", remedy)
     if isinstance(value, dict):
         if part in value:
             return _walk(value[part], rest, (*walked, part), path, leaves)
-        raise fail(f"= {path} does not exist: {path_text(walked)} has no {part}", f"the names are {', '.join(value)}")
+        raise Unfit(f"= {path} does not exist: {path_text(walked)} has no {part}", f"the names are {', '.join(value)}")
     if not isinstance(value, Schema) or not isinstance(part, str) or part == "*":
-        raise fail(f"= {path} does not exist: {path_text(walked)} is not a list", "omit the rest of the path")
+        raise Unfit(f"= {path} does not exist: {path_text(walked)} is not a list", "omit the rest of the path")
     keys = type(value).attributes()
     if part not in keys:
         where = path_text(walked) or "the scenario"
-        raise fail(f"= {path} does not exist: {where} has no {part}", suggestion(part, keys, "its keys are"))
+        raise Unfit(f"= {path} does not exist: {where} has no {part}", suggestion(part, keys, "its keys are"))
     inner = getattr(value, keys[part])
     if inner is None and (*walked, part) != ("run", "sample_rate"):
-        raise fail(
+        raise Unfit(
             f"= {path} has no value in this scenario", f"give {path_text((*walked, part))} a value to start from"
         )
     return _walk(inner, rest, (*walked, part), path, leaves)
@@ -377,8 +374,8 @@ def drawn_parameters(scenario: ScenarioParts, draws: Mapping[str, list[Any]]) ->
             continue
         try:
             parameters.append(_drawn_parameter(scenario, path, values))
-        except PydanticCustomError as error:
-            problems.append(replace(refused(error, ()), path=f"draws[{path!r}]"))
+        except Unfit as error:
+            problems.append(replace(error.problem(()), path=f"draws[{path!r}]"))
             continue
         others = (taken.setdefault(place, path) for place in parameters[-1].places)
         if other := next((name for name in others if name != path), None):
@@ -433,7 +430,7 @@ def value_count(parameter: Any) -> int:
 
 
 def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParameter:
-    """Resolve a parameter; raises what `fail` builds, ``at`` being relative to the parameter."""
+    """Resolve a parameter; raises `Unfit`, ``at`` being relative to the parameter."""
     places = _places(scenario, parameter.path, ("path",))
     for k, path in enumerate(parameter.also):
         places += _places(scenario, path, ("also", k))
@@ -446,7 +443,7 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
     def read_end(value: Value, at: Path) -> float:
         end = read(value, at)
         if isinstance(end, str):
-            raise fail(f"= {value} is a share, and a range has lengths", "write a length, or values: [40 %, 60 %]", at)
+            raise Unfit(f"= {value} is a share, and a range has lengths", "write a length, or values: [40 %, 60 %]", at)
         return float(end)
 
     if isinstance(parameter, ListedParameter):
@@ -455,26 +452,26 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
             for place in places[1:]:
                 read(value, ("values", k), place)
         if len(set(values)) < len(values):
-            raise fail("lists a value twice", "list every value once", ("values",))
+            raise Unfit("lists a value twice", "list every value once", ("values",))
         return replace(number, values=values)
     if choices_at(scenario, first) or isinstance(nominal, str):
-        raise fail(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
+        raise Unfit(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
     points = getattr(parameter, "points", 0)
     if isinstance(parameter, (RangedParameter, SampledRange)):
         low, high = (read_end(v, (key,)) for v, key in ((parameter.from_, "from"), (parameter.to, "to")))
         if low == high:
-            raise fail(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
+            raise Unfit(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
         if isinstance(parameter, SampledRange) and low > high:
-            raise fail(f"= {high:g} lies below from = {low:g}", "write the lower value as from", ("to",))
+            raise Unfit(f"= {high:g} lies below from = {low:g}", "write the lower value as from", ("to",))
         if parameter.spacing == "logarithmic" and not (low > 0.0 and high > 0.0):
             key = "from" if low <= 0.0 else "to"
-            raise fail(
+            raise Unfit(
                 "must be positive where the spacing is logarithmic", "give a positive value, or spacing: linear", (key,)
             )
         spacing = parameter.spacing
     else:
         if any(value_at(scenario, place) != nominal for place in places):
-            raise fail(
+            raise Unfit(
                 "needs one nominal value, but these paths have different ones",
                 "vary them separately",
                 ("path",),
@@ -485,7 +482,7 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
         for place in places:
             read(end, ("tolerance" if hasattr(parameter, "tolerance") else "from",), place)
     if number.whole and points and abs(high - low) + 1 < points:
-        raise fail(
+        raise Unfit(
             f"= {points} is more than the whole numbers from {low:g} to {high:g}", "take fewer points", ("points",)
         )
     distribution = getattr(parameter, "distribution", "uniform")
@@ -496,11 +493,11 @@ def _places(scenario: ScenarioParts, path: str, at: Path) -> list[Path]:
     places = find_parameters(scenario, path, (q.Rate,), at)
     for place in places:
         if place[0] in _SECTIONS:
-            raise fail(f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at)
+            raise Unfit(f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at)
         free_text = isinstance(value_at(scenario, place), str) and len(choices_at(scenario, place)) < 2
         takes_words = isinstance(field_type_at(scenario, place), q.Whole)  # reduction.modes: all
         if place[-1] == "kind" or (free_text and not takes_words):
-            raise fail(f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", at)
+            raise Unfit(f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", at)
     return places
 
 
@@ -510,7 +507,7 @@ def _read(scenario: ScenarioParts, place: Path, value: Value, at: Path) -> Value
     if isinstance(read, q.LevelValue):
         quantity = _quantity(scenario, place)
         if read.quantity not in (None, quantity):
-            raise fail(
+            raise Unfit(
                 f"= {value} is given in a unit of {read.quantity}, and the level there is of {quantity}",
                 f"give it in a unit of {quantity}" if quantity != q.FACTOR else "give a plain number: 0.5",
                 at,
@@ -535,10 +532,10 @@ def _deviation(scenario: ScenarioParts, place: Path, tolerance: Value, nominal: 
         else:
             deviation = read_quantity(tolerance, RATIO)
     except UnitError as error:
-        raise fail(f"= {tolerance} {error.message}", "write for example 2 %, or 0.05 mm for a length", at) from None
+        raise Unfit(f"= {tolerance} {error.message}", "write for example 2 %, or 0.05 mm for a length", at) from None
     if not deviation > 0.0:
         remedy = "give it in the quantity's own unit" if nominal == 0.0 else "write for example 2 %"
-        raise fail(f"= {tolerance} of {nominal:g} leaves nothing to vary", remedy, at)
+        raise Unfit(f"= {tolerance} of {nominal:g} leaves nothing to vary", remedy, at)
     return deviation
 
 

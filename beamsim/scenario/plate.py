@@ -10,7 +10,7 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import Path, Schema, fail, path_text, problem
+from beamsim.scenario.base import Path, Schema, Unfit, path_text, problem
 from beamsim.scenario.body import (
     AtPlace,
     Body,
@@ -18,6 +18,7 @@ from beamsim.scenario.body import (
     ModalDamping,
     PlatePoint,
     WrittenPosition,
+    coarse_mesh,
     same_position,
 )
 
@@ -93,7 +94,7 @@ class Rigidity(Schema):
     def check(self) -> None:
         """Reject stiffnesses without a positive energy."""
         if self.nu**2 * self.dy >= self.dx:
-            raise fail(
+            raise Unfit(
                 f"= {self.nu:g} is too large: nu^2 dy must be less than dx for a positive strain energy",
                 f"give at most {math.sqrt(self.dx / self.dy):.4g}; nu_xy belongs to a stretch along x",
                 ("nu",),
@@ -190,14 +191,9 @@ class PlateBody(Body):
         return math.pi / 2.0 * math.sqrt(stiffness / self.bending.mass_per_area) / max(self.length, self.width) ** 2
 
     @property
-    def largest_deflection(self) -> float:
-        """A fifth of the longer side."""
-        return max(self.length, self.width) / 5.0
-
-    @property
-    def largest_gap(self) -> float:
-        """A fifth of the longer side, or ten times the thickness if that is less."""
-        return min(self.largest_deflection, math.inf if self.bending.depth is None else 10.0 * self.bending.depth)
+    def depth(self) -> float:
+        """Its thickness, m; 0 where it is not known."""
+        return self.bending.depth or 0.0
 
     def refined(self) -> Self:
         """The plate with twice the elements in both directions."""
@@ -231,13 +227,9 @@ class PlateBody(Body):
         for edge, on_it in at.items():
             support = getattr(self.supports, edge)
             if on_it and support != "free":
-                return f"{support} {edge} edge"
+                return f"on the {support} {edge} edge"
         on_point = any(same_position(x, a) and same_position(y, b) for a, b in self.supported_points)
-        return "point support" if on_point else ""
-
-    def holds(self, position: WrittenPosition) -> bool:
-        """Whether a support is at a point."""
-        return bool(self.held(position))
+        return "on the point support" if on_point else ""
 
     def problems(self, where: Path) -> Iterator[Problem]:
         """Elements too small for the digits there are, points outside the plate, stiffeners without a length."""
@@ -263,34 +255,6 @@ class PlateBody(Body):
             if len(set(self.line_of(stiffener))) == 1:
                 yield problem((*where, "stiffeners", index), "begins and ends at the same point", "give it a length")
 
-    def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
-        """What is wrong with a point of the plate.
-
-        Parameters
-        ----------
-        where, at, position, what : see `beamsim.scenario.body.Body.position_problems`.
-
-        Yields
-        ------
-        Problem
-        """
-        if not isinstance(position, tuple):
-            yield problem(
-                at,
-                f"= {position:g} is one number, but {path_text(where)} is a plate",
-                "give x and y from its left and bottom edge: position: [270 mm, 100 mm]",
-            )
-            return
-        for axis, along in enumerate(position):
-            yield from self.beyond(where, (*at, axis), along, axis)
-        point = self.point(position)
-        if what and (held := self.held(position)):
-            yield problem(
-                at,
-                f"= [{point[0]:g}, {point[1]:g}] m is on the {held}, which cannot deflect: {what} has no effect there",
-                f"move it into the plate, or change {path_text((*where, 'supports'))}",
-            )
-
     def shape_problems(self, where: Path, at: Path, position: float | q.Share) -> Iterator[Problem]:
         """Measured mode shapes have one coordinate.
 
@@ -306,7 +270,7 @@ class PlateBody(Body):
 
     def point_force_doubts(self, where: Path, position: WrittenPosition) -> Iterator[str]:
         """Stress has no limit under a point force, other than at a free corner."""
-        if not self.gives_stress or not isinstance(position, tuple) or self.holds(position):
+        if not self.gives_stress or not isinstance(position, tuple) or self.held(position):
             return
         x, y = self.point(position)
         if x in (0.0, self.length) and y in (0.0, self.width):
@@ -318,26 +282,16 @@ class PlateBody(Body):
 
     def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
         """Too few elements for the excitation, and a plate that is not thin."""
-        depth, side = self.bending.depth, min(self.length, self.width)
-        if depth is not None and depth > side / 10.0:
+        depth, side = self.depth, min(self.sides)
+        if depth > side / 10.0:
             yield (
                 f"{path_text(where)} is {depth:g} m thick and {side:g} m wide: thin-plate theory (no shear) "
                 "is doubtful when the thickness is more than a tenth of the shorter side"
             )
-        if highest_hz <= 0.0:
-            return
-        omega = 2.0 * math.pi * highest_hz
-        for name, size, elements, stiffness in (
-            ("x", self.length, self.elements[0], self.bending.rigidity.dx),
-            ("y", self.width, self.elements[1], self.bending.rigidity.dy),
-        ):
-            wavelength = 2.0 * math.pi * (stiffness / self.bending.mass_per_area / omega**2) ** 0.25
-            per_wave = wavelength / (size / elements)
-            if per_wave < 6.0:
-                yield (
-                    f"{path_text((*where, 'elements'))}[{'xy'.index(name)}] = {elements} gives {per_wave:.1f} elements "
-                    f"a bending wavelength along {name} at {highest_hz:g} Hz: use 6 or more"
-                )
+        stiffness = self.bending.rigidity
+        for axis, d in enumerate((stiffness.dx, stiffness.dy)):
+            at, elements, ratio = (*where, "elements", axis), self.elements[axis], d / self.bending.mass_per_area
+            yield from coarse_mesh(at, elements, self.sides[axis] / elements, ratio, highest_hz)
 
 
 class Plate(PlateBody):
@@ -356,7 +310,7 @@ class Plate(PlateBody):
         """Reject a material without resistance to pressure."""
         super().check()
         if self.poissons_ratio > _INCOMPRESSIBLE:
-            raise fail(
+            raise Unfit(
                 f"= {self.poissons_ratio:g} is above {_INCOMPRESSIBLE:g}, that of an incompressible material",
                 "write for example 0.33; of a sandwich or laminate give bending_stiffness: {dx, dy, nu, dxy}",
                 ("poissons_ratio",),

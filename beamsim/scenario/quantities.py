@@ -13,7 +13,6 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from beamsim.scenario import units
-from beamsim.scenario.base import fail
 from beamsim.scenario.units import Dimension, UnitError
 
 LARGEST_COUNT = 10**15
@@ -40,13 +39,7 @@ class FieldType:
         raise NotImplementedError
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        def validate(value: Any) -> Any:
-            try:
-                return self.read(value)
-            except UnitError as error:
-                raise fail(error.message, error.remedy, show_value=True) from None
-
-        return core_schema.no_info_plain_validator_function(validate)
+        return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         return self.json_schema()

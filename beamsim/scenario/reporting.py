@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 from beamsim.scenario import units
-from beamsim.scenario.base import Schema, Variants, fail
+from beamsim.scenario.base import Schema, Unfit, Variants
 from beamsim.scenario.body import Body, Sited
 from beamsim.scenario.excitation import About, point_of
 from beamsim.scenario.quantities import Length, LevelType, Name, PositiveForce, Quantity, Text, UnitType
@@ -43,7 +43,7 @@ class BendingOutput(Output, Sited):
         """A moment has no surface."""
         super().check()
         if self.kind == "bending_moment" and self.surface is not None:
-            raise fail("belongs to a stress or strain", "leave it out", ("surface",))
+            raise Unfit("belongs to a stress or strain", "leave it out", ("surface",))
 
 
 class ReactionOutput(Output):
@@ -167,7 +167,7 @@ class Limits(Schema):
     def check(self) -> None:
         """Reject a section that limits nothing."""
         if not self.given:
-            raise fail("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
+            raise Unfit("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
 
     @property
     def given(self) -> dict[str, float]:

@@ -14,10 +14,8 @@ from functools import cache, lru_cache
 from pathlib import Path as FilePath
 from typing import Any, Self
 
-from pydantic_core import PydanticCustomError
-
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import Path, Schema, path_text, plain, problem, refused, walk, within
+from beamsim.scenario.base import Path, Schema, Unfit, path_text, plain, problem, walk, within
 from beamsim.scenario.body import ModalDamping, Sited
 from beamsim.scenario.checks import problems
 from beamsim.scenario.connections import SnubberRatioDamping, placed
@@ -209,7 +207,7 @@ def _idle_forces(scenario: ScenarioParts) -> Iterator[str]:
             if isinstance(item, DistributedLoad):
                 continue
             body = scenario.all_bodies.get(item.place.body or scenario.default_body)
-            if body is not None and item.place.position is not None and body.holds(item.place.position):
+            if body is not None and item.place.position is not None and body.held(item.place.position):
                 yield f"{name}[{index}] sits on a support, which cannot deflect"
 
 
@@ -268,8 +266,8 @@ class Scenario(ScenarioParts):
         for path, part in walk(self):
             try:
                 part.check()
-            except PydanticCustomError as error:
-                raise ScenarioError(refused(error, path)) from None
+            except Unfit as error:
+                raise ScenarioError(error.problem(path)) from None
         return self
 
     @property

@@ -6,13 +6,11 @@ import math
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, GetJsonSchemaHandler, model_validator
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
+from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Schema, Variants, counted, demand_rising, fail
+from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, counted, demand_rising
 from beamsim.scenario.body import Ratios
 from beamsim.scenario.quantities import NotNegativeWhole, NumberOrText, Quantile, SteppedCount, Text
 
@@ -113,7 +111,7 @@ class _Study(Schema):
     def check(self) -> None:
         """Refuse two objectives."""
         if self.minimise and self.maximise:
-            raise fail("stands beside minimise", "name one objective, minimise or maximise", ("maximise",))
+            raise Unfit("stands beside minimise", "name one objective, minimise or maximise", ("maximise",))
 
 
 class Tolerances(Schema):
@@ -133,7 +131,7 @@ class Tolerances(Schema):
         """Refuse a quantile beyond what the realisations, the nominal one among them, can tell from the worst."""
         if self.quantile < 1.0 and math.ceil(self.quantile * self.samples) >= self.samples:
             enough = math.ceil(round(1.0 / (1.0 - self.quantile), 6))
-            raise fail(
+            raise Unfit(
                 f"= {100 * self.quantile:.10g} % of {self.samples + 1} realisations is the worst of them",
                 f"give samples: {enough} or more, or leave quantile out", ("quantile",),
             )  # fmt: skip
@@ -225,9 +223,9 @@ class PadData(Schema):
         given = [key for key in ("dynamic", "relaxation", "file") if getattr(self, key) is not None]
         if len(given) != 1:
             message = f"has {' and '.join(given)}" if given else "needs one of dynamic, relaxation and file"
-            raise fail(message, "give for example dynamic: [[10 Hz, 120 kN/m, 0.08], [100 Hz, 150 kN/m, 0.11]]")
+            raise Unfit(message, "give for example dynamic: [[10 Hz, 120 kN/m, 0.08], [100 Hz, 150 kN/m, 0.11]]")
         if self.ramp is not None and self.dynamic is not None:
-            raise fail("goes with a relaxation test", "leave ramp out", ("ramp",))
+            raise Unfit("goes with a relaxation test", "leave ramp out", ("ramp",))
         if given != ["file"]:
             check_data(getattr(self, given[0]), given[0], self.branches)
 
@@ -243,17 +241,17 @@ def check_data(points: Any, kind: str, branches: int | None) -> None:
 
     Raises
     ------
-    PydanticCustomError
-        As `fail` builds it, where they are too few for so many branches, are not in order, or have no loss at all.
+    Unfit
+        where they are too few for so many branches, are not in order, or have no loss at all.
     """
     least = 2 if branches is None else branches + 1
     if len(points) < least:
         what = counted(len(points), "measurement")
-        raise fail(f"has {what}", f"measure at {least} or more", (kind,))
+        raise Unfit(f"has {what}", f"measure at {least} or more", (kind,))
     unit = "Hz" if kind == "dynamic" else "s"
     demand_rising((point[0] for point in points), unit, lambda k: (kind, k, 0), "list the measurements in their order")
     if kind == "dynamic" and all(point[2] == 0.0 for point in points):
-        raise fail("has no loss at all", "a pad without loss needs a stiffness alone", (kind,))
+        raise Unfit("has no loss at all", "a pad without loss needs a stiffness alone", (kind,))
 
 
 class Pad(Schema):
@@ -270,9 +268,9 @@ class Pad(Schema):
         """Demand the size, measurements, or both."""
         if (self.height is None) != (self.area is None):
             key = "height" if self.height is None else "area"
-            raise fail("is missing", "give both height and area", (key,))
+            raise Unfit("is missing", "give both height and area", (key,))
         if self.height is None and self.data is None:
-            raise fail("is missing", "give height and area of the pad, or what was measured on it in data", ("height",))
+            raise Unfit("is missing", "give height and area of the pad, or measurements on it in data", ("height",))
 
 
 class MonteCarlo(Schema):
@@ -306,26 +304,14 @@ class SoughtParameter(Schema):
     def check(self) -> None:
         """Reject one bound, or three."""
         if self.bounds and len(self.bounds) != 2:
-            raise fail(
+            raise Unfit(
                 f"has {counted(len(self.bounds), 'value')}",
                 "give the lowest and the highest, [60 GPa, 75 GPa]",
                 ("bounds",),
             )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _path_alone(cls, data: Any) -> Any:
-        return {"parameter": data} if isinstance(data, str) else data
 
-
-class _OrItsPath:
-    """For editors: the path alone is enough."""
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return {"anyOf": [{"type": "string", "minLength": 1}, handler(schema)]}
-
-
-Sought = Annotated[SoughtParameter, _OrItsPath()]
+Sought = Annotated[SoughtParameter, ShortFor("parameter")]
 
 
 class MeasuredShapes(Schema):
@@ -341,13 +327,13 @@ class MeasuredShapes(Schema):
         """Reject shapes of another length, or zero."""
         for index, shape in enumerate(self.shapes):
             if len(shape) != len(self.positions):
-                raise fail(
+                raise Unfit(
                     f"has {len(shape)} values for {len(self.positions)} positions",
                     "give one deflection per position",
                     ("shapes", index),
                 )
             if not any(shape):
-                raise fail("is zero everywhere", "leave out modes that were not measured", ("shapes", index))
+                raise Unfit("is zero everywhere", "leave out modes that were not measured", ("shapes", index))
 
 
 class MeasuredTest(Schema):
@@ -443,7 +429,7 @@ class IdentifyStiffness(Schema):
         of_pad = self.pad is not None and self.pad.data is not None
         of_structure = self.update and self.measured_without
         if not self.measured_with and self.nonlinear is None and not of_structure and not of_pad:
-            raise fail(
+            raise Unfit(
                 "is missing, and there are no nonlinear tests",
                 "give the frequencies with permanent contact, measured_with: [196.5 Hz], or nonlinear tests",
                 ("measured_with",),
@@ -452,14 +438,14 @@ class IdentifyStiffness(Schema):
         self._uncertainties()
         free = [item for item in self.update if item.prior is None]
         if len(free) < len(self.update) and self.uncertainty == 0.0:
-            raise fail(
+            raise Unfit(
                 "is missing, and a prior of update is to be weighed against the measured frequencies",
                 "write for example uncertainty: 0.3 %",
                 ("uncertainty",),
             )
         if self.update and len(free) > len(self.measured_without):
             given = counted(len(self.measured_without), "measured frequency", "measured frequencies")
-            raise fail(
+            raise Unfit(
                 f"asks for {len(free)} unknowns without prior from {given}",
                 "measure more modes in measured_without, seek fewer parameters, or give them a prior: 5 %",
                 ("update",),
@@ -477,15 +463,15 @@ class IdentifyStiffness(Schema):
         count = len(self.measured_with)
         for index, mode in enumerate(self.fit_to):
             if mode > count:
-                raise fail(
+                raise Unfit(
                     f"= {mode}, but measured_with has {counted(count, 'frequency', 'frequencies')}",
                     "list only modes that were measured",
                     ("fit_to", index),
                 )
             if mode in self.fit_to[:index]:
-                raise fail(f"= {mode} is listed twice", "list every mode once", ("fit_to", index))
+                raise Unfit(f"= {mode} is listed twice", "list every mode once", ("fit_to", index))
         if self.method == "thesis" and len(self.fit_to) > 1:
-            raise fail(
+            raise Unfit(
                 "= thesis fits one mode, but fit_to has several",
                 "keep one mode in fit_to, or use method: secular",
                 ("method",),
@@ -494,14 +480,14 @@ class IdentifyStiffness(Schema):
     def _uncertainties(self) -> None:
         given = self.uncertainty if isinstance(self.uncertainty, tuple) else (self.uncertainty,)
         if min(given) == 0.0 < max(given):
-            raise fail(
+            raise Unfit(
                 "= 0 for one mode and not for another would give that mode all the weight",
                 "give every mode its uncertainty, or none",
                 ("uncertainty", given.index(0.0)),
             )
         for index, value in enumerate(given):
             if value > 0.2:
-                raise fail(
+                raise Unfit(
                     f"= {value:g} means {100 * value:g} % of a frequency",
                     f"write {value:g} % if that was meant",
                     ("uncertainty", index) if isinstance(self.uncertainty, tuple) else ("uncertainty",),

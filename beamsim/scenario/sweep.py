@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from math import log2
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Schema, Variants, fail
+from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, kind_of
 from beamsim.scenario.body import Body
 from beamsim.scenario.excitation import Between, FrequencyRange, Notch, Number, ProfilePoint, Span, check_profile
 from beamsim.scenario.quantities import meant
@@ -100,8 +100,9 @@ class HarmonicBalance(Schema):
 
 
 Method = Annotated[
-    Literal["shooting", "harmonic_balance"] | Shooting | HarmonicBalance,
+    Shooting | HarmonicBalance,
     Variants("is not a known method", "write shooting, or {kind: harmonic_balance, harmonics: 21}"),
+    ShortFor("kind", ("shooting", "harmonic_balance")),
 ]
 
 
@@ -125,9 +126,9 @@ class Continuation(Schema):
     """Last frequency."""
     continue_in: ResponseParameter | None = None
     """The parameter that changes, instead of from and to: frequency, level, gap, stiffness or position."""
-    levels: tuple[q.Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
+    levels: Annotated[tuple[q.Level, ...], Field(min_length=1)] = ()
     """Levels, with one curve each; by default the level of the excitation."""
-    method_: Method = Field(default="shooting", alias="method")
+    method: Method = Shooting.model_construct()
     """Shooting (exact), or harmonic balance."""
     follow_folds_in: SecondParameter | None = None
     """Follow the folds of a frequency response in a second parameter: level, gap, stiffness or position."""
@@ -160,38 +161,37 @@ class Continuation(Schema):
 
     def check(self) -> None:
         """Demand one range, and refuse what does not go together."""
-        refuse_empty_levels(self)
         self._demand_one_range()
         parameter = self.parameter
         if parameter.kind == "level" and self.levels:
-            raise fail("cannot be given if the level is the parameter", "leave levels out", ("levels",))
+            raise Unfit("cannot be given if the level is the parameter", "leave levels out", ("levels",))
         by_balance = isinstance(self.method, HarmonicBalance)
         if by_balance and parameter.kind not in ("frequency", "level"):
-            raise fail(
+            raise Unfit(
                 f"= harmonic_balance follows the frequency or the level, not the {parameter.kind}",
                 "use method: shooting",
                 ("method",),
             )
         for name in ("follow_folds_in", "overlay"):
             if getattr(self, name) is not None and parameter.kind != "frequency":
-                raise fail(
+                raise Unfit(
                     f"applies to a curve in frequency, but this one is in {parameter.kind}",
                     "leave it out, or give from and to as frequencies",
                     (name,),
                 )
         if self.follow_folds_in is not None and by_balance:
-            raise fail("follows folds by shooting", "use method: shooting", ("follow_folds_in",))
+            raise Unfit("follows folds by shooting", "use method: shooting", ("follow_folds_in",))
         if isinstance(self.follow_folds_in, LevelPath) and len(self.levels) > 1:
-            raise fail("has several values, and the folds' level changes", "give one level", ("levels",))
+            raise Unfit("has several values, and the folds' level changes", "give one level", ("levels",))
         if self.follow_folds_in is not None and self.follow_folds_in.points_at:
-            raise fail("belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at"))
+            raise Unfit("belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at"))
 
     def _demand_one_range(self) -> None:
         if self.continue_in is not None:
             if self.points_at:
-                raise fail("belong in continue_in", "give points_at there", ("points_at",))
+                raise Unfit("belong in continue_in", "give points_at there", ("points_at",))
             if self.from_ is not None or self.to is not None:
-                raise fail(
+                raise Unfit(
                     "and from, to exclude each other",
                     "give the range inside continue_in, or only from and to",
                     ("continue_in",),
@@ -199,19 +199,12 @@ class Continuation(Schema):
             return
         for name, value in (("from", self.from_), ("to", self.to)):
             if value is None:
-                raise fail(
+                raise Unfit(
                     "is missing",
                     "give from and to as frequencies, or continue_in: {kind: level, from: 0.5 g, to: 5 g}",
                     (name,),
                 )
         self.parameter.check()
-
-    @property
-    def method(self) -> Shooting | HarmonicBalance:
-        """The method with its settings; a word selects the defaults."""
-        if isinstance(self.method_, str):
-            return HarmonicBalance() if self.method_ == "harmonic_balance" else Shooting()
-        return self.method_
 
     @property
     def parameter(self) -> FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath:
@@ -221,14 +214,6 @@ class Continuation(Schema):
         return FrequencyPath.model_construct(from_=self.from_, to=self.to, points_at=self.points_at)
 
 
-def refuse_empty_levels(sweep: Any) -> None:
-    """Reject a list of levels that is given and has none."""
-    if "levels" in sweep.model_fields_set and not sweep.levels:
-        raise fail(
-            "is an empty list", "give at least one level, or leave it out (null drops an inherited list)", ("levels",)
-        )
-
-
 HIGHEST_ORDER = 64
 _NOTCHES: dict[str, Any] = {"examples": [{"probes.tip.acceleration": "20 g", "base.force": "2 kN"}]}
 
@@ -236,7 +221,9 @@ _NOTCHES: dict[str, Any] = {"examples": [{"probes.tip.acceleration": "20 g", "ba
 class _UpAndDown(FrequencyRange):
     """Common part of sweeps with a direction."""
 
-    levels: tuple[q.Level, ...] = Field(default=(), json_schema_extra={"minItems": 1})
+    where_it_falls: ClassVar[str] = "write the lower frequency as from, and direction: down"
+
+    levels: Annotated[tuple[q.Level, ...], Field(min_length=1)] = ()
     """Levels, with one sweep for each; by default the level of the excitation."""
 
     direction: Literal["up", "down", "both"] = "up"
@@ -253,17 +240,10 @@ class _UpAndDown(FrequencyRange):
 
     def check(self) -> None:
         """Reject a range that contradicts the direction, and orders that cannot be tracked."""
-        refuse_empty_levels(self)
         super().check()
-        if self.from_ > self.to:
-            raise fail(
-                f"= {self.to:g} Hz lies below sweep.from = {self.from_:g} Hz",
-                "write the lower frequency as from, and direction: down",
-                ("to",),
-            )
         for index, order in enumerate(self.orders):
             if order > HIGHEST_ORDER or abs(Fraction(order).limit_denominator(12) - Fraction(order)) > 1e-3:
-                raise fail(
+                raise Unfit(
                     f"= {order:g} is not an order that repeats within 12 cycles",
                     f"give whole numbers or simple fractions up to {HIGHEST_ORDER}: 0.5, 1, 1.5, 2",
                     ("orders", index),
@@ -311,12 +291,12 @@ class SweptSine(_UpAndDown):
         if self.profile_file is None:
             check_profile(self.profile, self.between)
         if self.profile and self.profile_file is not None:
-            raise fail("is given beside profile", "leave one of them out", ("profile_file",))
+            raise Unfit("is given beside profile", "leave one of them out", ("profile_file",))
         if self.notch_to is not None:
             self._check_notches(self.notch_to)
         for index, level in enumerate(self.levels if self.profile or self.profile_file is not None else ()):
             if (said := meant(level)) is not None:
-                raise fail(
+                raise Unfit(
                     f"is given in a unit of {said}, but multiplies the levels of the profile",
                     "give plain numbers: levels: [0.5, 1, 2]",
                     ("levels", index),
@@ -325,22 +305,22 @@ class SweptSine(_UpAndDown):
     def _check_notches(self, limits: Mapping[str, float]) -> None:
         """Automatic notches need one direction and positive levels, and accelerations where these are limited."""
         if not limits:
-            raise fail("limits nothing", "give for example notch_to: {probes.tip.acceleration: 20 g}", ("notch_to",))
+            raise Unfit("limits nothing", "give for example notch_to: {probes.tip.acceleration: 20 g}", ("notch_to",))
         if self.direction == "both":
-            raise fail(
+            raise Unfit(
                 "needs one direction: the level that keeps the limits is another one on the way down",
                 "make two sweeps, direction: up and direction: down",
                 ("notch_to",),
             )
         if not self.accelerations and any(name.endswith(".acceleration") for name in limits):
-            raise fail("limits an acceleration, and accelerations = false", "leave that out", ("notch_to",))
+            raise Unfit("limits an acceleration, and accelerations = false", "leave that out", ("notch_to",))
         for at, points in (("profile", self.profile), ("notches", self.notches)):
             for index, point in enumerate(points):
                 if point.level == 0:
-                    raise fail("= 0 leaves nothing to lower", "give a small level", (at, index, "level"))
+                    raise Unfit("= 0 leaves nothing to lower", "give a small level", (at, index, "level"))
         for index, level in enumerate(self.levels):
             if level <= 0:
-                raise fail(f"= {level:g} cannot be lowered to limits", "give a positive level", ("levels", index))
+                raise Unfit(f"= {level:g} cannot be lowered to limits", "give a positive level", ("levels", index))
 
 
 class SteppedSine(_UpAndDown):
@@ -408,34 +388,25 @@ class RelaxedMinimisationMethod(Schema):
     """Largest number of iterations of the optimiser in each step."""
 
 
-Solver = ShootingMethod | FullPeriodMethod | ExpansionMethod | RelaxedMinimisationMethod
-
-_SOLVERS: dict[str, type[Solver]] = {
-    "shooting": ShootingMethod,
-    "full_period": FullPeriodMethod,
-    "multiple_scales": ExpansionMethod,
-    "relaxed_minimisation": RelaxedMinimisationMethod,
-}
-
-
 OLD_NAMES = {"thesis": "relaxed_minimisation"}
 """Names that are still accepted."""
 
 
 def _renamed(value: Any) -> Any:
     """A method under its present name."""
-    if isinstance(value, dict) and isinstance(value.get("kind"), str):
-        return {**value, "kind": OLD_NAMES.get(value["kind"], value["kind"])}
+    if kind_of(value) in OLD_NAMES:
+        return {**value, "kind": OLD_NAMES[value["kind"]]}
     return OLD_NAMES.get(value, value) if isinstance(value, str) else value
 
 
 ModeMethod = Annotated[
-    Literal["shooting", "full_period", "multiple_scales", "relaxed_minimisation"] | Solver,
+    ShootingMethod | FullPeriodMethod | ExpansionMethod | RelaxedMinimisationMethod,
     Variants(
         "is not a known method",
         "write shooting, full_period, multiple_scales or relaxed_minimisation, or a mapping such as "
         "{kind: relaxed_minimisation, steps: 75, tolerance: 1e-5}",
     ),
+    ShortFor("kind", ("shooting", "full_period", "multiple_scales", "relaxed_minimisation")),
     BeforeValidator(_renamed),
 ]
 
@@ -491,7 +462,7 @@ class NonlinearMode(Schema):
     """Energy of the motion if the stiffness factor is the parameter."""
     continue_in: ContinueIn = StiffnessFactorContinuation.model_construct()
     """The parameter that changes: stiffness_factor, energy or frequency."""
-    method_: ModeMethod = Field(default="shooting", alias="method")
+    method: ModeMethod = ShootingMethod.model_construct()
     """shooting (over half a period, exact), full_period (exact, also non-brake orbits), multiple_scales (the
     expansion for weak springs) or relaxed_minimisation (Hazim 2010, for comparison)."""
     energies: tuple[q.Energy, ...] = ()
@@ -507,33 +478,28 @@ class NonlinearMode(Schema):
         """Refuse an energy where it is what changes, and methods that follow the factor only."""
         going, kind = self.continue_in, self.method.kind
         if kind in _IN_FACTOR and not isinstance(going, StiffnessFactorContinuation):
-            raise fail(
+            raise Unfit(
                 f"= {kind} {_IN_FACTOR[kind]} the stiffness factor, not in the {going.kind}",
                 "use continue_in: {kind: stiffness_factor}, or method: shooting",
                 ("method",),
             )
         if kind == "full_period" and isinstance(going, FrequencyContinuation):
-            raise fail(
+            raise Unfit(
                 "= full_period continues in the stiffness factor or the energy, not in the frequency",
                 "use continue_in: {kind: energy, ...}, or method: shooting",
                 ("method",),
             )
         if self.energies and isinstance(going, StiffnessFactorContinuation):
-            raise fail(
+            raise Unfit(
                 "differ from the energy that the path in the stiffness factor holds constant",
                 "use continue_in: {kind: energy, ...}, or leave them out",
                 ("energies",),
             )
         if (self.energies or self.frequencies) and kind in _IN_FACTOR:
-            raise fail(f"= {kind} computes no points on request", "use method: shooting", ("method",))
+            raise Unfit(f"= {kind} computes no points on request", "use method: shooting", ("method",))
         if isinstance(going, EnergyContinuation):
             going.demand_inside(self.energies, ("energies",))
         if isinstance(going, FrequencyContinuation):
             going.demand_inside(self.frequencies, ("frequencies",))
         if self.energy is not None and not isinstance(going, StiffnessFactorContinuation):
-            raise fail(f"cannot be held constant if the parameter is the {going.kind}", "leave energy out", ("energy",))
-
-    @property
-    def method(self) -> Solver:
-        """The method with its settings; a word selects the defaults."""
-        return _SOLVERS[self.method_]() if isinstance(self.method_, str) else self.method_
+            raise Unfit(f"cannot be held constant if the parameter is the {going.kind}", "leave it out", ("energy",))

@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
+from beamsim.scenario.base import Unfit
+
 
 @dataclass(frozen=True)
 class Dimension:
@@ -100,13 +102,8 @@ _RATE = re.compile(r"(oct|octave|octaves|dec|decade|decades)\s*/\s*(s|sec|second
 _SECONDS = {"s": 1, "sec": 1, "second": 1, "min": 60, "minute": 60, "h": 3600, "hour": 3600}
 
 
-class UnitError(ValueError):
-    """A value cannot be read as the quantity that is wanted."""
-
-    def __init__(self, message: str, remedy: str) -> None:
-        super().__init__(message)
-        self.message = message
-        self.remedy = remedy
+class UnitError(Unfit):
+    """A value cannot be read as what is wanted; a message shows it as it was written."""
 
 
 _written: ContextVar[Counter[tuple[Dimension, str]] | None] = ContextVar("_written", default=None)

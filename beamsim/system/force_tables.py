@@ -8,14 +8,13 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from pydantic_core import PydanticCustomError
 
 from beamsim.contacts.pads import ForceCurve, fit_branch, fit_curve, loop_width
 from beamsim.errors import ScenarioError
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension, is_time
 from beamsim.scenario import Scenario, units
-from beamsim.scenario.base import counted, problem
+from beamsim.scenario.base import Unfit, counted, problem
 from beamsim.scenario.connections import MeasuredForces, check_points
 from beamsim.typing import Floats
 
@@ -71,11 +70,9 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
         try:
             as_given = table.model_copy(update={"scale": 1.0, "segment_factors": ()})
             measured = _table(as_given, file, changed)  # is fitted once for all factors
-        except PydanticCustomError as error:
-            context = error.context or {}
-            where = at if file is not None else (*at, *context["at"])
-            message = _of_file(file, context["at"]) + context["message"]
-            raise ScenarioError(problem(where, message, context["remedy"])) from None
+        except Unfit as error:
+            where = at if file is not None else (*at, *error.at)
+            raise ScenarioError(problem(where, _of_file(file, error.at) + error.message, error.remedy)) from None
         except MeasurementError as fault:
             raise ScenarioError(problem(at, _of_file(file, ()) + fault.message, fault.remedy)) from None
         except ValueError as error:  # no curve fits the points

@@ -3,11 +3,10 @@
 from pathlib import Path
 
 import pytest
-from pydantic_core import PydanticCustomError
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import NoExcitation, PolynomialStart, RayleighDamping, SnubberViscousDamping, Step, load_scenario
-from beamsim.scenario.base import refused
+from beamsim.scenario.base import Unfit
 from beamsim.scenario.parameters import find_parameters
 
 pytestmark = pytest.mark.quick
@@ -217,9 +216,9 @@ def test_paths_to_what_a_body_lists_are_named_whole(short, whole, several):
     assert f"{short} does not exist: there is no {short.split('.')[0]}; did you mean {whole}?" in problems(
         load_scenario, text, [f"{short}=2"]
     )
-    with pytest.raises(PydanticCustomError) as caught:
+    with pytest.raises(Unfit) as caught:
         find_parameters(load_scenario(text), short)
-    assert refused(caught.value, ()).remedy == f"did you mean {whole}?"
+    assert caught.value.problem(()).remedy == f"did you mean {whole}?"
     # with another of the kind beside the body, and the twin that nothing is called so
     other = "\nsnubbers: [{name: a, at: {mass: 2}, side: above, stiffness: 9, gap: 1}]\n"
     if short.startswith("snubbers"):

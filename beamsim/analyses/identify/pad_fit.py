@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydantic_core import PydanticCustomError
 
 from beamsim.analyses.identify.result import PadFit
 from beamsim.contacts.pads import MaxwellBranch
@@ -15,7 +14,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension
 from beamsim.scenario import Scenario, units
-from beamsim.scenario.base import path_text
+from beamsim.scenario.base import Unfit, path_text
 from beamsim.scenario.studies import Pad, PadData, check_data
 from beamsim.typing import Complexes, Floats
 
@@ -104,12 +103,9 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
     try:
         kind, rows = _read(file, per_modulus)
         check_data(rows.tolist(), kind, data.branches)
-    except PydanticCustomError as error:
-        context = error.context or {}
-        row = next((f", row {part + 1} of the numbers" for part in context["at"] if isinstance(part, int)), "")
-        raise ScenarioError(
-            Problem(path_text(at), f"= {file.name}{row} {context['message']}", context["remedy"])
-        ) from None
+    except Unfit as error:
+        row = next((f", row {part + 1} of the numbers" for part in error.at if isinstance(part, int)), "")
+        raise ScenarioError(Problem(path_text(at), f"= {file.name}{row} {error.message}", error.remedy)) from None
     except MeasurementError as fault:
         raise ScenarioError(Problem(path_text(at), f"= {data.file} {fault.message}", fault.remedy)) from None
     return kind, rows
