@@ -75,6 +75,9 @@ def scenario_of(seed, folder):
         source, tree = f"system {first + seed}", random_case(first + seed, folder)[0]
     else:
         source, tree = "plate", plate(rng)
+    for path, side, _ in positions(tree):
+        if isinstance(place := get(tree, path), str):
+            put(tree, path, side * float(place.removesuffix("%")) / 100)
     tree["run"] = {"start": tree.get("run", {}).get("start", "static_equilibrium")}
     few = any("length" in body for _, body in bodies_of(tree).values()) and rng.random() < 0.3
     tree["reduction"] = {"modes": 4 if few else "all"}
@@ -199,11 +202,11 @@ def leaves(value, path=()):
 
 
 def positions(tree):
-    """Path, size of the side in m and its number for every number that is a place, found by the keys of this list."""
+    """Path, size of the side in m and its number for every number or share that is a place, found by these keys."""
     bodies = bodies_of(tree)
     only = next(iter(bodies)) if len(bodies) == 1 else None
     for path, value in leaves(tree):
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
+        if isinstance(value, bool) or not (isinstance(value, (int, float)) or str(value).endswith("%")):
             continue
         words = [part for part in path if isinstance(part, str)]
         segment = "segments" in words or "stiffeners" in words
@@ -376,7 +379,7 @@ def mirrored(tree, rng):
         raise Unfit("a support that moves")
     for path, side, axis in list(positions(tree)):
         if axis == 0:
-            put(tree, path, side - get(tree, path))
+            put(tree, path, max(side - get(tree, path), 0.0))  # round-off may put an end beyond the end
     for name, (at, body) in bodies_of(tree).items():
         if "masses" in body:
             mirror_chain(tree, name, at, body)

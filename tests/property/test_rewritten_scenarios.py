@@ -5,7 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rewritten import SAME, difference, histories, in_unit, positions, put, reflected, rewrite, scenario_of, told
+from rewritten import (
+    SAME,
+    difference,
+    get,
+    histories,
+    in_unit,
+    mirrored,
+    positions,
+    put,
+    reflected,
+    rewrite,
+    scenario_of,
+    told,
+)
 
 import beamsim
 from beamsim.scenario.units import LENGTH, STIFFNESS, read_quantity
@@ -83,3 +96,18 @@ def test_what_the_words_are_made_with():
         texts = {in_unit(0.3048, unit, rng) for _ in range(40)}
         assert len({text.split(" ")[1] for text in texts}) > 3
         assert all(read_quantity(text, dimension) == pytest.approx(0.3048, rel=1e-15) for text in texts)
+
+
+SHARES_OF_AN_AREA = 3000101
+
+
+def test_a_mirror_of_places_at_an_end_and_of_shares(tmp_path):
+    """0.1 + 0.2 m is the end of 0.3 m, whose mirror is 0 m; an area in shares is drawn as one in metres."""
+    beam = {"length": 0.3, "snubbers": [{"name": "tip", "position": 0.1 + 0.2, "side": "below"}]}
+    assert mirrored({"beam": beam, "run": {}}, None)["beam"]["snubbers"][0]["position"] == 0.0
+    source, tree = scenario_of(SHARES_OF_AN_AREA, tmp_path)
+    places = [get(tree, path) for path, _, _ in positions(tree)]
+    assert source == "pressure_on_plate"
+    assert all(isinstance(place, float) for place in places)
+    (finding,) = rewrite(SHARES_OF_AN_AREA, tmp_path, ["mirrored"])
+    assert (finding.outcome, finding.differences) == ("agrees", [])
