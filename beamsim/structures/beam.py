@@ -193,10 +193,18 @@ def _static_correction(
     missing = exact - moment @ coordinates
     resolved = basis.size if whole.most_modes is None else whole.most_modes
     high = slice(min(resolved, basis.size - 1), None)
-    # The part of a motion along the static deflections, by projection in the energy norm.
-    static = basis.omega[high, None] * coordinates[high]
+    # The part of a motion along the static deflections, by projection in the energy norm. Of more loads than such modes
+    # it is a fit, in which each weighs the same, whatever its level and however often it is listed.
+    strain = basis.omega[:, None] * coordinates
+    size = np.linalg.norm(strain, axis=0)
+    of_loads = np.linalg.norm([basis.vectors.T @ pattern.vector for pattern in basis.patterns], axis=1)
+    bending = np.flatnonzero(size > 1e-9 * of_loads / basis.omega[basis.rigid])  # others move it as a whole
+    unit = strain[:, bending] / size[bending]
+    alike = np.tril(np.abs(unit.T @ unit) > 1 - 1e-12, -1).any(axis=1)
+    distinct = bending[~alike]
     correction = np.zeros_like(moment)
-    correction[:, high] = (missing @ np.linalg.pinv(static, rcond=1e-9)) * basis.omega[high]
+    fit = np.linalg.pinv(unit[high, ~alike], rcond=1e-9)
+    correction[:, high] = (missing[:, distinct] / size[distinct] @ fit) * basis.omega[high]
     return correction
 
 
