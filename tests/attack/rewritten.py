@@ -13,6 +13,8 @@ it is, and again
 - `varied`: as a case of an ensemble in which a number of it is another one; the run is that of the edited scenario,
 - `stored`: written, read, and run again from the file.
 
+Of one in four a short sweep near the lowest modes is compared as well, where sweeps follow its excitation.
+
 What is sensitive to the last digits is not compared: the same run with numbers that differ by 1e-14 tells.
 """
 
@@ -41,7 +43,10 @@ AGREED = 1e-9  # of the largest value of a history
 SENSITIVE = 1e-11  # change of a history with the last digits of the numbers, above which it is not compared
 PERIODS = 4.0  # of the lowest mode
 MOST_EVENTS = 400
+SWEPT = 4  # seeds to one sweep
+CYCLES = 15  # of a sweep, at one frequency where it is stepped
 DIGITS = 1e-14
+EPSILON = float(np.finfo(float).eps)
 
 
 @dataclass
@@ -91,8 +96,23 @@ def scenario_of(seed, folder):
         timing = {"duration": duration, "sample_rate": 150 / duration, "spectrum": {"to": 20 / duration}}
         tree["run"] |= timing | {"max_events": MOST_EVENTS}  # nothing of a spectrum is compared
         with contextlib.suppress(ScenarioError):
-            return source, plain(beamsim.load_scenario(tree))
+            tree = plain(beamsim.load_scenario(tree))
+            return source, with_sweep(tree, PERIODS / longest, rng) if seed % SWEPT == SWEPT - 1 else tree
     raise Unfit("a record of no length")
+
+
+def with_sweep(tree, lowest, rng):
+    """The same with a short sweep near the lowest modes, where sweeps follow its excitation."""
+    begin = lowest * float(rng.uniform(0.8, 3.0))
+    ends = {"from": begin, "to": 1.1 * begin, "convergence": "off", "impacts": True, "orders": [0.5, 1.0, 3.0]}
+    kinds = {
+        "swept_sine": {"rate": f"{0.1 * begin * begin / CYCLES!r} Hz/s"},
+        "stepped": {"points": 2, "most_cycles": CYCLES, "measured_cycles": 2, "longest_period": 2},
+    }
+    kind = str(rng.choice([*kinds]))
+    with contextlib.suppress(ScenarioError):
+        return plain(beamsim.load_scenario(tree | {"sweep": ends | {"kind": kind} | kinds[kind]}))
+    return tree
 
 
 def config(path):
@@ -593,9 +613,28 @@ SAME = (*WORDS, "varied", "stored")
 
 
 def told(tree):
-    """Histories and counts of a run by name; they are compared without their signs."""
-    result = beamsim.run(beamsim.load_scenario(copy.deepcopy(tree)))
-    return histories(result) if result.complete else None
+    """Histories and contacts of a run by name, and of a sweep; they are compared without their signs."""
+    scenario = beamsim.load_scenario(copy.deepcopy(tree))
+    result = beamsim.run(scenario)
+    return histories(result) | curves(scenario) if result.complete else None
+
+
+def curves(scenario):
+    """What a sweep gives cycle by cycle, by name; nothing where there is none."""
+    return {} if scenario.sweep is None else of_curves(beamsim.sweep(scenario))
+
+
+def of_curves(result):
+    found = {}
+    for label, curve in result.curves.items():
+        of_outputs = [("output", output) for output in curve.outputs.values()]
+        for kind, values in [*((each.quantity, each) for each in (*curve.probes, *curve.snubbers)), *of_outputs]:
+            for name in ("peak", "rms", "mean", "harmonics"):
+                found[f"{label} {name} of {kind} of {values.name}"] = np.abs(getattr(values, name))
+        for name, impacts in curve.impacts.items():
+            for key in ("per_cycle", "impulse", "energy_lost"):
+                found[f"{label} {key} of force of {name}"] = np.asarray(getattr(impacts, key), dtype=float)
+    return found
 
 
 def histories(result):
@@ -612,7 +651,26 @@ def histories(result):
     for name, contact in result.friction.items():
         found[f"friction {name}"] = np.abs(contact.force)
     found["energy"] = np.asarray(result.energy.stored)
+    found["contacts"] = result.events.time
     return found
+
+
+def noisy(tree, first, rng):
+    """Histories with other last digits in the numbers; without those that say nothing of other words.
+
+    A peak depends on all contacts before, and those differ. The force of a stop is that of its deflection, of which one
+    digit is much where the stop is stiff and lies far in.
+    """
+    scenario = beamsim.load_scenario(perturbed(tree, rng))
+    result = beamsim.run(scenario)
+    found = histories(result) | curves(scenario) if result.complete else {}
+    moved = bool(found) and found["contacts"].size != first["contacts"].size
+    left_out = {name for name in found if moved and name.startswith("peak")}
+    for name, stop in result.snubbers.items():
+        digit = EPSILON * stop.stiffness * (abs(stop.gap) + np.max(np.abs(stop.displacement), initial=0.0))
+        if digit > SENSITIVE * np.max(stop.force, initial=0.0):
+            left_out |= {each for each in found if each.endswith(f"force of {name}")}
+    return {name: values for name, values in found.items() if name not in left_out}
 
 
 def side_names(found):
@@ -644,7 +702,7 @@ def rewrite(seed, folder, words=SAME):
         rates = {"sample_rate": 10 * run["sample_rate"], "spectrum": {"to": 10 * run["spectrum"]["to"]}}
         run |= {"duration": 0.1 * run["duration"], **rates}
         first = told(tree)
-    noise = () if first is None else tuple(told(perturbed(tree, rng)) for _ in range(2))
+    noise = () if first is None else tuple(noisy(tree, first, rng) for _ in range(2))
     findings = []
     for name in words:
         finding = Rewriting(seed, source, name, "agrees" if first is not None else "more contacts than are compared")
@@ -682,28 +740,35 @@ def _compare(finding, first, other, noise):
 
 def difference(name, one, other, noise):
     """What differs, '' where nothing does; None where the last digits of the numbers show."""
-    if one.shape != other.shape:
-        return f"{name}: {one.shape} and {other.shape}"
     size = float(np.max(one, initial=0.0))
     for each in noise:
-        if each is None or name not in each or not np.max(np.abs(each[name] - one), initial=0.0) <= SENSITIVE * size:
+        if name not in each or each[name].shape != one.shape:
             return None
+        if not np.max(np.abs(each[name] - one), initial=0.0) <= SENSITIVE * size:
+            return None
+    if one.shape != other.shape:
+        return f"{name}: {one.shape} and {other.shape}"
     apart = float(np.max(np.abs(one - other), initial=0.0))
     return "" if apart <= AGREED * size else f"{name}: {apart / size:.1e} of it"
 
 
 def stored(tree, folder):
-    """Histories of a run from a stored result, which holds what was computed."""
-    result = beamsim.run(beamsim.load_scenario(copy.deepcopy(tree)))
-    file = beamsim.write_result(result, folder / "stored.h5")
-    opened = beamsim.open_result(file)
-    for name, values in histories(result).items():
-        np.testing.assert_array_equal(histories(opened)[name], values)
-    return histories(beamsim.run(opened.scenario))
+    """Histories of runs from stored results, which hold what was computed."""
+    scenario = beamsim.load_scenario(copy.deepcopy(tree))
+    again = {}
+    for compute, read in ((beamsim.run, histories), (beamsim.sweep, of_curves)):
+        if compute is beamsim.run or scenario.sweep is not None:
+            result = compute(scenario)
+            opened = beamsim.open_result(beamsim.write_result(result, folder / "stored.h5"))
+            for name, values in read(result).items():
+                np.testing.assert_array_equal(read(opened)[name], values)
+            again |= read(compute(opened.scenario))
+    return again
 
 
 def varied(tree, rng):
     """Responses of a run of the edited scenario, and of the same numbers as the second case of an ensemble."""
+    tree = {key: part for key, part in tree.items() if key != "sweep"}  # of which a study would be
     known = CHANGED | {"length", "mass", "density"}
     numbers = [path for path, value in leaves(tree) if isinstance(value, float) and value > 0]
     candidates = [path for path in numbers if path[0] != "run" and path[-1] in known and "segments" not in path]

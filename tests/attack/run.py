@@ -119,7 +119,9 @@ def rewritten(first, count, say):
             for finding in rewrite(seed, folder):
                 outcomes[finding.words, finding.outcome] += 1
                 values += finding.compared
-                found += [f"scenario {seed} ({finding.source}), {finding.words}: {d}" for d in finding.differences]
+                for difference in finding.differences:
+                    found.append(f"scenario {seed} ({finding.source}), {finding.words}: {difference}")
+                    print(found[-1], file=sys.stderr, flush=True)
         say("scenarios in other words", seed - first + 1, count)
     lines = [f"scenarios in other words: {count}; {values} histories and values compared"]
     return lines + [f"  {' '.join(key):<60} {number:>6}" for key, number in sorted(outcomes.items())], found
