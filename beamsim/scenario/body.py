@@ -11,20 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple,
 from pydantic import BeforeValidator, Field
 
 from beamsim.errors import Problem
+from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, counted, distinct, path_text, problem
-from beamsim.scenario.quantities import (
-    Force,
-    Frequency,
-    MassNumber,
-    Name,
-    PerTime,
-    PositionOrShare,
-    Ratio,
-    Share,
-    Time,
-    ViscousPerLength,
-    Whole,
-)
 
 _REMEDY = (
     "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, mass: 2 on a chain, "
@@ -34,10 +22,10 @@ _REMEDY = (
 
 Point = float | tuple[float, float]
 """Metres along a beam, [x, y] on a plate, or the number of a mass or node."""
-WrittenPosition = float | Share | tuple[float | Share, float | Share]
+WrittenPosition = float | q.Share | tuple[float | q.Share, float | q.Share]
 """A position as it is written, shares of lengths among it; `beamsim.scenario.body.Body.point` gives it in metres."""
 
-PlatePoint = tuple[PositionOrShare, PositionOrShare]
+PlatePoint = tuple[q.PositionOrShare, q.PositionOrShare]
 """x and y on a plate."""
 
 
@@ -46,8 +34,8 @@ def same_position(a: float, b: float) -> bool:
     return math.isclose(a, b, rel_tol=1e-12)
 
 
-PointPosition = Annotated[PositionOrShare | PlatePoint, BY_FORM]
-NodeNumber = Annotated[int, Whole(1)]
+PointPosition = Annotated[q.PositionOrShare | PlatePoint, BY_FORM]
+NodeNumber = Annotated[int, q.Whole(1)]
 NodeDirection = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 
@@ -56,7 +44,7 @@ class PointOfBody(Schema):
 
     position: PointPosition | None = None
     """Distance from the left end of a beam, or the share of its length: 60 %; [x, y] on a plate."""
-    mass: MassNumber | None = None
+    mass: q.MassNumber | None = None
     """Number of the mass of the chain, from 1."""
     node: NodeNumber | None = None
     """Number of a node of imported matrices."""
@@ -84,7 +72,7 @@ class AtPlace(PointOfBody):
     known_by: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "direction", "body")
     takes: ClassVar[tuple[Literal["force"]]] = ("force",)
 
-    body: Name | None = None
+    body: q.Name | None = None
     """Name of the body; may be left out where there is only one."""
 
     @property
@@ -150,7 +138,7 @@ def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
 
 
 TwoPlaces = Annotated[
-    tuple[Annotated[AtPlace | MassNumber, BY_FORM], ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})
+    tuple[Annotated[AtPlace | q.MassNumber, BY_FORM], ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})
 ]
 """Two places; a number is that of a mass of the chain."""
 
@@ -204,7 +192,7 @@ class BetweenPlaces(Schema):
 class Named(Schema):
     """Something with a name."""
 
-    name: Name = ""
+    name: q.Name = ""
     """Name, unique; by default made of what it is and its number, such as snubber_1, ground_spring_1 or joint_1."""
 
 
@@ -238,14 +226,14 @@ def _named(item: Any, name: str) -> Any:
 class Probe(Sited):
     """A point whose motion is recorded."""
 
-    name: Name
+    name: q.Name
     """Name, unique; it names the datasets of the result file."""
 
 
 class PlacedForce(Sited):
     """A force at a point, upwards."""
 
-    force: Force
+    force: q.Force
     """The force, positive upwards (towards positive displacement)."""
 
 
@@ -267,12 +255,12 @@ class MovedSupport(Schema):
 
     known_by: ClassVar[tuple[str, ...]] = ("support", "joint")
 
-    support: Name | None = None
+    support: q.Name | None = None
     """The support: left or right end of a beam or wall of a chain; left, right, bottom, top or point 1 of a plate;
     node 15 of imported matrices."""
-    joint: Name | None = None
+    joint: q.Name | None = None
     """Instead of a support a joint, or a linear spring between points: its second point moves against the first."""
-    body: Name | None = None
+    body: q.Name | None = None
     """The body that the support holds; may be left out where there is only one."""
     direction: Literal["x", "y", "z", "rx", "ry", "rz", "slope"] | None = None
     """z, the deflection, by default; slope is a rotation dw/dx; at a node of imported matrices any of x to rz."""
@@ -301,7 +289,7 @@ class MovedSupport(Schema):
 
 
 Ratios = Annotated[
-    Ratio | Annotated[tuple[Ratio, ...], Field(min_length=1)],
+    q.Ratio | Annotated[tuple[q.Ratio, ...], Field(min_length=1)],
     BY_FORM,
 ]
 
@@ -318,9 +306,9 @@ class ModalDamping(Schema):
 class RatioAtFrequency(Schema):
     """A damping ratio, and the natural frequency that has it."""
 
-    frequency: Frequency
+    frequency: q.Frequency
     """Natural frequency."""
-    ratio: Ratio
+    ratio: q.Ratio
     """Damping ratio there."""
 
 
@@ -329,9 +317,9 @@ class RayleighDamping(Schema):
 
     kind: Literal["rayleigh"] = "rayleigh"
     """Proportional (Rayleigh) damping."""
-    mass: PerTime = 0.0
+    mass: q.PerTime = 0.0
     """Factor of the mass matrix."""
-    stiffness: Time = 0.0
+    stiffness: q.Time = 0.0
     """Factor of the stiffness matrix."""
     ratios: tuple[RatioAtFrequency, ...] = ()
     """Damping ratios at two frequencies, instead of the factors: [{frequency: 20 Hz, ratio: 1 %}, {...}]."""
@@ -372,7 +360,7 @@ class ViscousDamping(Schema):
 
     kind: Literal["viscous"] = "viscous"
     """Uniform viscous damping."""
-    coefficient: ViscousPerLength
+    coefficient: q.ViscousPerLength
     """Force per unit length and velocity."""
 
 
@@ -536,18 +524,18 @@ class Body(Schema):
         """Lengths, m, along which positions on the body are measured."""
         return ()
 
-    def metres(self, position: float | Share, axis: int = 0) -> float:
+    def metres(self, position: float | q.Share, axis: int = 0) -> float:
         """A position along a side in m; its end where only round-off is between them (3 ft and 36 in differ)."""
         if axis >= len(self.sides):
-            return math.nan if isinstance(position, Share) else position
+            return math.nan if isinstance(position, q.Share) else position
         side = self.sides[axis]
-        x = side * position.value if isinstance(position, Share) else position
+        x = side * position.value if isinstance(position, q.Share) else position
         return side if same_position(x, side) else x
 
     @overload
-    def point(self, position: float | Share) -> float: ...
+    def point(self, position: float | q.Share) -> float: ...
     @overload
-    def point(self, position: tuple[float | Share, float | Share]) -> tuple[float, float]: ...
+    def point(self, position: tuple[float | q.Share, float | q.Share]) -> tuple[float, float]: ...
     @overload
     def point(self, position: WrittenPosition) -> Point: ...
     def point(self, position: WrittenPosition) -> Point:
@@ -602,7 +590,7 @@ class Body(Schema):
             message = f"= {shown} m is {held}, which cannot deflect: {what} has no effect there"
             yield problem(at, message, f"move it, or change {path_text((*where, 'supports'))}")
 
-    def beyond(self, where: Path, at: Path, position: float | Share, axis: int = 0) -> Iterator[Problem]:
+    def beyond(self, where: Path, at: Path, position: float | q.Share, axis: int = 0) -> Iterator[Problem]:
         """A position beyond the end of a side.
 
         Parameters
@@ -649,7 +637,7 @@ class Body(Schema):
         this = "the structure" if len(where) == 1 else path_text(where)
         return problem(at, f"applies to {of}, but {this} is {self.called}", self.how_to_place)
 
-    def shape_problems(self, where: Path, at: Path, position: float | Share) -> Iterator[Problem]:
+    def shape_problems(self, where: Path, at: Path, position: float | q.Share) -> Iterator[Problem]:
         """What is wrong with a position at which a mode shape was measured.
 
         Parameters

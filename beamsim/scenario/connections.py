@@ -24,28 +24,16 @@ from beamsim.scenario.body import (
     TwoPlaces,
     refuse_unlike_directions,
 )
-from beamsim.scenario.quantities import (
-    CubicStiffness,
-    Duration,
-    Force,
-    MassNumber,
-    NonNegativeStiffness,
-    PositiveForce,
-    PositiveNumber,
-    Quantity,
-    Ratio,
-    Stiffness,
-)
 
-Stretch = Annotated[float, Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
+Stretch = Annotated[float, q.Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
 
 
 class Maxwell(Schema):
     """A spring in series with a dashpot, beside what it is given for."""
 
-    stiffness: NonNegativeStiffness
+    stiffness: q.NonNegativeStiffness
     """Stiffness of its spring: what a sudden deflection adds."""
-    relaxation_time: Duration
+    relaxation_time: q.Duration
     """Time in which its force falls by the factor e at a constant deflection: dashpot over stiffness."""
 
 
@@ -58,7 +46,7 @@ class SpringBetween(BetweenPlaces, Named):
 
     between: TwoPlaces = ()
     """The two places; the stretch is positive when the second moves up from the first."""
-    masses: tuple[MassNumber, ...] = ()
+    masses: tuple[q.MassNumber, ...] = ()
     """Instead of between the numbers of two masses of a chain; the stretch is positive when they separate."""
 
     @property
@@ -84,7 +72,7 @@ class LinearSpring(Schema):
 
     kind: Literal["linear"] = "linear"
     """Force = stiffness times stretch."""
-    stiffness: NonNegativeStiffness
+    stiffness: q.NonNegativeStiffness
     """Stiffness."""
     maxwell: tuple[Maxwell, ...] = ()
     """Maxwell branches parallel to it, any number of them."""
@@ -95,7 +83,7 @@ class CubicSpring(Schema):
 
     kind: Literal["cubic"] = "cubic"
     """Force = stiffness times stretch cubed."""
-    stiffness: CubicStiffness
+    stiffness: q.CubicStiffness
     """Stiffness; negative softens."""
 
 
@@ -106,7 +94,7 @@ class PiecewiseLinearSpring(Schema):
     """Piecewise-linear force, continuous, zero at zero stretch."""
     breakpoints: Annotated[tuple[Stretch, ...], Field(min_length=1)]
     """Stretches at which the slope changes, increasing."""
-    stiffnesses: tuple[NonNegativeStiffness, ...]
+    stiffnesses: tuple[q.NonNegativeStiffness, ...]
     """Slopes below the first breakpoint, between the first two, ... above the last: one more than breakpoints."""
     maxwell: tuple[Maxwell, ...] = ()
     """Maxwell branches parallel to it, any number of them."""
@@ -529,15 +517,15 @@ class LinkSnubber(BetweenPlaces, SnubberBase):
 AnySnubber = Annotated[Snubber | LinkSnubber, BY_FORM]
 
 
-WearRate = Annotated[float, Quantity(units.WEAR_RATE, above=0.0)]
+WearRate = Annotated[float, q.Quantity(units.WEAR_RATE, above=0.0)]
 
 
 class FrictionCoefficients(Schema):
     """Friction force over normal force."""
 
-    static: PositiveNumber
+    static: q.PositiveNumber
     """Coefficient up to which the contact sticks."""
-    sliding: Ratio
+    sliding: q.Ratio
     """Coefficient while it slides; not above the static one."""
 
     def check(self) -> None:
@@ -561,16 +549,16 @@ class FrictionBase(Named):
 
     kind: ClassVar[str] = "friction"
 
-    normal_force: Annotated[PositiveForce | SnubberForce, BY_FORM]
+    normal_force: Annotated[q.PositiveForce | SnubberForce, BY_FORM]
     """Force that presses the faces together: a constant one, or {snubber: NAME}, that of a snubber."""
     coefficient: Annotated[
-        PositiveNumber | FrictionCoefficients,
+        q.PositiveNumber | FrictionCoefficients,
         BY_FORM,
     ]
     """Friction force over normal force: one number, or {static: 0.3, sliding: 0.2}."""
-    stiffness: Stiffness | None = None
+    stiffness: q.Stiffness | None = None
     """Tangential stiffness of the contact while it sticks; by default it does not move at all."""
-    start: Annotated[Literal["unstressed"] | Force, BY_FORM] = "unstressed"
+    start: Annotated[Literal["unstressed"] | q.Force, BY_FORM] = "unstressed"
     """Friction force at the start of a motion, which the past decides: unstressed, or a force that resists a positive
     displacement. Static equilibrium is that under this force."""
     wear_rate: WearRate | None = None

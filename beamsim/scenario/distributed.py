@@ -6,11 +6,11 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, Tag
 
+from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants
 from beamsim.scenario.body import AtPlace, Body, ConstantForce, WrittenPosition
-from beamsim.scenario.quantities import Coefficient, Count, ForcePerLength, Name, PositionOrShare, Pressure
 
-Row = Annotated[tuple[Coefficient, ...], Field(min_length=1)]
+Row = Annotated[tuple[q.Coefficient, ...], Field(min_length=1)]
 Grid = Annotated[tuple[Row, ...], Field(min_length=1)]
 
 
@@ -77,7 +77,7 @@ class PolynomialShape(Shape):
     where t is the y share."""
 
 
-HalfWaves = Annotated[tuple[Count, ...], Field(min_length=1, max_length=2)]
+HalfWaves = Annotated[tuple[q.Count, ...], Field(min_length=1, max_length=2)]
 
 
 class SineShape(Shape):
@@ -99,11 +99,11 @@ class ModeShape(Shape):
 
     kind: Literal["mode"] = "mode"
     """A natural mode of the body."""
-    mode: Count
+    mode: q.Count
     """Number of the mode, from 1, rigid-body modes included."""
 
 
-Positions = Annotated[tuple[PositionOrShare, ...], Field(min_length=2)]
+Positions = Annotated[tuple[q.PositionOrShare, ...], Field(min_length=2)]
 
 
 class TableShape(Shape):
@@ -140,14 +140,14 @@ AnyShape = Annotated[
     UniformShape | LinearShape | PolynomialShape | SineShape | ModeShape | TableShape, BY_FORM
 ]  # fmt: skip
 
-_Span = tuple[PositionOrShare, PositionOrShare]
-_Corner = tuple[PositionOrShare, PositionOrShare]
+_Span = tuple[q.PositionOrShare, q.PositionOrShare]
+_Corner = tuple[q.PositionOrShare, q.PositionOrShare]
 
 
 class DistributedLoad(Schema):
     """Common part of loads spread over a part of a body."""
 
-    body: Name | None = None
+    body: q.Name | None = None
     """Name of the body; may be left out where there is only one."""
     shape: AnyShape = UniformShape.model_construct()
     """Factor of the level over the loaded part: uniform (the default), linear, polynomial, sine, mode or table."""
@@ -214,7 +214,7 @@ class AreaLoad(DistributedLoad):
 class DeadLineLoad(LineLoad):
     """A dead load along a beam."""
 
-    force_per_length: ForcePerLength
+    force_per_length: q.ForcePerLength
     """Force per length, positive upwards; with a shape its factor."""
 
     @property
@@ -226,7 +226,7 @@ class DeadLineLoad(LineLoad):
 class DeadPressure(AreaLoad):
     """A dead load on a plate."""
 
-    pressure: Pressure
+    pressure: q.Pressure
     """Pressure, positive upwards; with a shape its factor."""
 
     @property

@@ -12,7 +12,6 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
-from beamsim.scenario.quantities import Coordinate, Frequency, Level, meant
 from beamsim.scenario.units import UnitError
 
 Quantity = Literal[
@@ -20,7 +19,7 @@ Quantity = Literal[
     "angular_acceleration", "angular_velocity", "rotation",
 ]  # fmt: skip
 
-About = Annotated[Coordinate | tuple[Coordinate, ...], BY_FORM]
+About = Annotated[q.Coordinate | tuple[q.Coordinate, ...], BY_FORM]
 
 
 def point_of(about: float | tuple[float, ...] | None) -> tuple[float, float, float]:
@@ -76,35 +75,25 @@ def not_taken(quantity: str, takes: Sequence[str]) -> tuple[str, str]:
     return f"{_with_article(quantity)}, {_TAKEN[takes[0]]}{no_force}", _REMEDY[takes[0]]
 
 
-def check_quantity(
-    levels: Sequence[tuple[Path, float]], stated: str | None, takes: Sequence[Quantity], quantity: Quantity
-) -> None:
-    """Refuse units, a stated quantity and a place that contradict each other.
+class Input(Schema):
+    """What every excitation answers; here for free motion."""
 
-    Parameters
-    ----------
-    levels : with their paths, for what is raised.
-    stated : the quantity beside them.
-    takes : what can act at the place.
-    quantity : what the levels are taken for.
-    """
-    said = stated
-    for path, level in levels:
-        of = meant(level)
-        if of is not None and said is not None and of != said:
-            raise Unfit(
-                f"is given in a unit of {spoken(of)}, where {_with_article(said)} is meant",
-                "give the level in another unit, or set quantity",
-                path,
-            )
-        said = said or of
-    if quantity not in takes:
-        why, remedy = not_taken(quantity, takes)
-        raise Unfit(f"is {why}", remedy, ("quantity",) if stated is not None or not levels else levels[0][0])
+    shock: ClassVar[bool] = False
+    """Whether it begins at a time and leaves a free motion: the beginning counts, and there are no statistics."""
+
+    @property
+    def frequencies_hz(self) -> tuple[float, ...]:
+        """Frequencies of the tones, Hz, each once."""
+        return ()
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """Highest frequency of the excitation, Hz; a pulse of duration T counts as 1/(2 T)."""
+        return max(self.frequencies_hz, default=0.0)
 
 
-class Driven(Schema):
-    """Common part of all excitations."""
+class Driven(Input):
+    """Common part of what moves the base or acts as a force."""
 
     applied_to: AppliedTo
     """Base, or a place: {position: 270 mm} of a beam, {mass: 2} of a chain, with the body where there are several; or
@@ -120,9 +109,6 @@ class Driven(Schema):
     """A point on the axis of a rotation, m: a position along a beam, [x, y] of a plate, [x, y, z] of imported matrices;
     by default their origin, the left end or lower left corner."""
 
-    shock: ClassVar[bool] = False
-    """Whether it begins at a time and leaves a free motion: the beginning counts, and there are no statistics."""
-
     def levels(self) -> list[tuple[Path, float]]:
         """Return the levels with their paths; none where a file or a table holds them."""
         level: float | None = getattr(self, "level", None)
@@ -131,7 +117,7 @@ class Driven(Schema):
     @property
     def quantity(self) -> Quantity:
         """What the levels are: as stated, otherwise as their units say, otherwise the default of the place."""
-        said: Any = (self.quantity_, *(meant(level) for _, level in self.levels()))
+        said: Any = (self.quantity_, *(q.meant(level) for _, level in self.levels()))
         return next((of for of in said if of is not None), self.takes[0])
 
     def named_in_addition(self) -> dict[str, object]:
@@ -141,7 +127,7 @@ class Driven(Schema):
     def check(self) -> None:
         """Refuse a level that cannot act there, a direction of anything but the base, and a point of no axis."""
         super().check()
-        check_quantity(self.levels(), self.quantity_, self.takes, self.quantity)
+        self._check_quantity()
         if self.direction is not None and not self.on_base:
             raise Unfit("is the direction in which a base moves", "leave it out, or write applied_to: base",
                        ("direction",))  # fmt: skip
@@ -149,6 +135,20 @@ class Driven(Schema):
             raise Unfit("belongs to a rotation of the base", "give direction: ry, or leave it out", ("about",))
         if isinstance(self.about, tuple) and not 1 <= len(self.about) <= 3:
             raise Unfit("is no point", "give a position, [x, y] or [x, y, z]", ("about",))
+
+    def _check_quantity(self) -> None:
+        """Refuse units, a stated quantity and a place that contradict each other."""
+        said: str | None = self.quantity_
+        for path, level in self.levels():
+            of = q.meant(level)
+            if of is not None and said is not None and of != said:
+                message = f"is given in a unit of {spoken(of)}, where {_with_article(said)} is meant"
+                raise Unfit(message, "give the level in another unit, or set quantity", path)
+            said = said or of
+        if self.quantity not in self.takes:
+            why, remedy = not_taken(self.quantity, self.takes)
+            stated = self.quantity_ is not None or not self.levels()
+            raise Unfit(f"is {why}", remedy, ("quantity",) if stated else self.levels()[0][0])
 
     @property
     def rotates(self) -> bool:
@@ -173,16 +173,6 @@ class Driven(Schema):
         if self.applied_to != "base":
             return self.applied_to.takes
         return ROTATION_TAKES if self.rotates else TRANSLATION_TAKES
-
-    @property
-    def frequencies_hz(self) -> tuple[float, ...]:
-        """Frequencies of the tones, Hz."""
-        return ()
-
-    @property
-    def highest_frequency_hz(self) -> float:
-        """Highest frequency of the excitation, Hz; a pulse of duration T counts as 1/(2 T)."""
-        return max(self.frequencies_hz, default=0.0)
 
 
 Number = TypeVar("Number")
@@ -225,7 +215,7 @@ class Span(Schema, Generic[Number]):
             raise Unfit(f"= {last} lies below from = {first}", self.where_it_falls, ("to",))
 
 
-class FrequencyRange(Span[Frequency]):
+class FrequencyRange(Span[q.Frequency]):
     """A frequency that is swept."""
 
     changing: ClassVar[str] = "sweep"
@@ -236,7 +226,7 @@ Between = Literal["held", "log_log"]
 
 
 class _LevelAt(Schema):
-    level: Level
+    level: q.Level
     """Amplitude, zero to peak."""
     quantity_: Quantity | None = Field(default=None, alias="quantity")
     """Acceleration, velocity, displacement or force; as the unit of the level says."""
@@ -244,7 +234,7 @@ class _LevelAt(Schema):
     @property
     def quantity(self) -> str | None:
         """What the level is; None where nothing says it."""
-        return self.quantity_ or meant(self.level)
+        return self.quantity_ or q.meant(self.level)
 
     def named_in_addition(self) -> dict[str, object]:
         """The quantity."""
@@ -255,9 +245,9 @@ class _LevelAt(Schema):
         super().check()
         if self.level < 0:
             raise Unfit("must not be negative", "use a phase of 180 deg to reverse the sign of a sine", ("level",))
-        if self.quantity_ not in (None, meant(self.level) or self.quantity_):
+        if self.quantity_ not in (None, q.meant(self.level) or self.quantity_):
             raise Unfit(
-                f"is given in a unit of {meant(self.level)}, where {self.quantity_} is meant", "leave out quantity",
+                f"is given in a unit of {q.meant(self.level)}, where {self.quantity_} is meant", "leave out quantity",
                 ("level",),
             )  # fmt: skip
 
@@ -265,7 +255,7 @@ class _LevelAt(Schema):
 class ProfilePoint(_LevelAt):
     """A level that applies from a frequency on."""
 
-    frequency: Frequency
+    frequency: q.Frequency
     """Frequency of the point."""
 
 
@@ -295,23 +285,11 @@ def holds_levels(section: Any) -> bool:
     return bool(getattr(section, "profile", ())) and section.between == "held"
 
 
-class NoExcitation(Schema):
+class NoExcitation(Input):
     """Free motion."""
-
-    shock: ClassVar[bool] = False
 
     kind: Literal["none"] = "none"
     """No excitation."""
-
-    @property
-    def frequencies_hz(self) -> tuple[float, ...]:
-        """Frequencies of the tones: none."""
-        return ()
-
-    @property
-    def highest_frequency_hz(self) -> float:
-        """Highest frequency of the excitation: 0."""
-        return 0.0
 
 
 class Tone(Schema):
@@ -588,7 +566,7 @@ class SampledInput(Driven):
 
     @property
     def _said_by_unit(self) -> Quantity | None:
-        of: Any = None if self.unit is None else meant(q.LevelType().read(f"1 {self.unit}"))
+        of: Any = None if self.unit is None else q.meant(q.LevelType().read(f"1 {self.unit}"))
         return of  # type: ignore[no-any-return]
 
     def check(self) -> None:

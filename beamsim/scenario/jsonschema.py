@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
+
 from beamsim.scenario.base import Schema, descriptions
-from beamsim.scenario.loading import members
+from beamsim.scenario.chain import Chain
 from beamsim.scenario.quantities import NUMBER_WITH_UNIT, example_of
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.tree import REPLACED_WHOLE
@@ -22,9 +24,7 @@ def json_schema() -> dict[str, Any]:
     another need not be complete: what is merged with that file is described once with nothing required, and what a
     complete file has to say in addition stands in definitions of its own.
     """
-    whole = Scenario.model_json_schema(by_alias=True)
-    _describe(whole)
-    _require_kinds(whole)
+    whole = Scenario.model_json_schema(by_alias=True, schema_generator=_Describing)
     parts: dict[str, Any] = {"Scenario": whole} | whole.pop("$defs")
     merged = set[str]()
     _find_merged("Scenario", parts, merged)
@@ -141,33 +141,24 @@ def _fit_examples(schema: Any, key: str) -> None:
         schema["examples"] = [example]
 
 
-def _require_kinds(schema: dict[str, Any]) -> None:
-    """Require the key that distinguishes variants (in Python it has a default); not of bodies, which ``beam`` names."""
-    for name, part in schema["$defs"].items():
-        if "const" in part["properties"].get("kind", {}) and "length" not in part["properties"] and name != "Chain":
-            part["required"] = sorted({"kind", *part.get("required", ())})
+class _Describing(GenerateJsonSchema):
+    """Adds the descriptions of all keys, ended by their SI units, and examples that suit them."""
 
-
-def _describe(schema: dict[str, Any]) -> None:
-    """Add the descriptions of all keys, ended by their SI units, and examples that suit them."""
-    classes = {Scenario.__name__: Scenario} | {part.__name__: part for part in _parts(Scenario)}
-    for name, properties in [(Scenario.__name__, schema), *schema["$defs"].items()]:
-        properties.pop("title", None)
-        described = descriptions(classes[name])
-        for key, attribute in classes[name].keys().items():
-            item = properties["properties"][key]
+    def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
+        """The schema of a section; of bodies, which ``beam`` and ``chain`` name, the kind need not be given."""
+        described = super().model_schema(schema)
+        section: type[Schema] = schema["cls"]
+        texts, items = descriptions(section), described["properties"]
+        described.pop("title", None)
+        for key, attribute in section.keys().items():
+            item = items[key]
             item.pop("title", None)
             unit = _unit(item)
-            item["description"] = f"{described[attribute]} [{unit}]" if unit else described[attribute]
+            item["description"] = f"{texts[attribute]} [{unit}]" if unit else texts[attribute]
             _fit_examples(item, key)
-
-
-def _parts(schema: type[Schema]) -> Iterator[type[Schema]]:
-    """Yield all classes a schema is made of."""
-    for field in schema.model_fields.values():
-        for part in members(field.annotation).values():
-            yield part
-            yield from _parts(part)
+        if "const" in items.get("kind", {}) and "length" not in items and section is not Chain:
+            described["required"] = sorted({"kind", *described.get("required", ())})
+        return described
 
 
 def _unit(schema: dict[str, Any]) -> str | None:

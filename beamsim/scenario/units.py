@@ -303,12 +303,7 @@ def read_quantity(value: object, dimension: Dimension) -> float:
     >>> read_quantity("5 mm", LENGTH), read_quantity(0.005, LENGTH), read_quantity("60 rpm", FREQUENCY)
     (0.005, 0.005, 1.0)
     """
-    number, unit = _split(value, f"write for example {dimension.example}")
-    remedy = f"write for example {dimension.example}"
-    size = _size(unit, dimension) if unit else Unit()
-    if unit:
-        _note(dimension, unit)
-    return _physical(_scaled(number, size, remedy), dimension, remedy)
+    return read_level(value, (dimension,))[0]
 
 
 def size_of(unit: str, dimension: Dimension) -> float:
@@ -321,30 +316,18 @@ def size_of(unit: str, dimension: Dimension) -> float:
     """
     if not unit.strip():
         raise UnitError("it is empty", "")
-    return _scaled(1.0, _size(unit.strip(), dimension), "")
+    return _scaled(1.0, _size(unit.strip(), dimension)[0], "")
 
 
 def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dimension | None]:
     """Return the SI value and which of the dimensions its unit has (``None`` for a bare number)."""
-    remedy = "write for example " + " or ".join(dimension.example for dimension in dimensions)
+    remedy = _example_of(dimensions)
     number, unit = _split(value, remedy)
     if not unit:
         return _physical(_finite(number, remedy), dimensions[0], remedy), None
-    for dimension in dimensions:
-        try:
-            size = _size(unit, dimension)
-        except UnitError:
-            continue
-        _note(dimension, unit)
-        return _physical(_scaled(number, size, remedy), dimension, remedy), dimension
-    names = [dimension.with_article for dimension in dimensions]
-    expected = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
-    try:
-        given = _given(_unit(unit, False), unit)
-    except UnitError as error:
-        raise UnitError(error.message, _respelled(unit, dimensions) or remedy) from None
-    remedy = _respelled(unit, dimensions) or remedy
-    raise UnitError(f"must be {expected}, not {given}", remedy)
+    size, dimension = _size(unit, *dimensions)
+    _note(dimension, unit)
+    return _physical(_scaled(number, size, remedy), dimension, remedy), dimension
 
 
 def is_in_gravities(unit: str) -> bool:
@@ -366,10 +349,7 @@ def read_sweep_rate(value: object) -> tuple[float, str]:
         octaves = math.log2(10) if match[1].startswith("dec") else 1.0
         per_second = _scaled(number, Unit(Fraction(1, _SECONDS[match[2]])), remedy)
         return _physical(octaves * per_second, FREQUENCY, remedy), "oct/s"
-    try:
-        size = _size(unit, Dimension("sweep rate", "Hz/s", "5 Hz/s"))
-    except UnitError as error:
-        raise UnitError(error.message, remedy) from None
+    size, _ = _size(unit, Dimension("sweep rate", "Hz/s", "2 oct/min or 5 Hz/s"))
     return _physical(_scaled(number, size, remedy), FREQUENCY, remedy), "Hz/s"
 
 
@@ -436,21 +416,30 @@ def _fits(text: str, dimension: Dimension) -> bool:
         return False
 
 
+def _example_of(dimensions: tuple[Dimension, ...]) -> str:
+    """The remedy for what has none of the dimensions."""
+    return "write for example " + " or ".join(dimension.example for dimension in dimensions)
+
+
 @lru_cache(maxsize=1024)
-def _size(text: str, dimension: Dimension) -> Unit:
-    """How many SI units of a dimension one of a unit is."""
-    remedy = f"write for example {dimension.example}"
+def _size(text: str, *dimensions: Dimension) -> tuple[Unit, Dimension]:
+    """How many SI units one of a unit is, and of which one of the dimensions."""
+    message = ""
     try:
-        unit = _unit(text, dimension.gravity)
+        for dimension in dimensions:
+            size = _measured(_unit(text, dimension.gravity), dimension)
+            if size is not None:
+                return size, dimension
+        names = [dimension.with_article for dimension in dimensions]
+        expected = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
+        given = _given(_unit(text, all(dimension.gravity for dimension in dimensions)), text)
+        message = f"must be {expected}, not {given}"
     except UnitError as error:
-        raise UnitError(error.message, _respelled(text, (dimension,)) or remedy) from None
-    if dimension is LENGTH and re.fullmatch(r"mils?", text):
+        message = error.message
+    remedy = _respelled(text, dimensions) or _example_of(dimensions)
+    if dimensions == (LENGTH,) and re.fullmatch(r"mils?", text):
         remedy = "mil is an angle here; give thousandths of an inch as 200 thou or 0.2 in"
-    size = _measured(unit, dimension)
-    if size is None:
-        remedy = _respelled(text, (dimension,)) or remedy
-        raise UnitError(f"must be {dimension.with_article}, not {_given(unit, text)}", remedy)
-    return size
+    raise UnitError(message, remedy)
 
 
 def _measured(unit: Unit, dimension: Dimension) -> Unit | None:
