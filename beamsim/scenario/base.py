@@ -154,7 +154,9 @@ class Schema(BaseModel):
 
     def exclude(self, key: str, *others: str, remedy: str = "keep one of the two") -> None:
         """Refuse a key beside one of others."""
-        given = [each for each in (*others, key) if getattr(self, type(self).keys()[each]) not in (None, ())]
+        names, fields = self.keys(), type(self).model_fields
+        values = {each: (getattr(self, names[each]), fields[names[each]].default) for each in (*others, key)}
+        given = [each for each, (value, default) in values.items() if value not in (None, default)]
         if key in given and given[0] != key:
             raise Unfit(f"and {given[0]} exclude each other", remedy, (key,))
 

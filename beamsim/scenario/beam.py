@@ -236,10 +236,7 @@ class SolidBending(Bent):
         """Reject a section that is missing or given twice."""
         super().check()
         flat = [name for name in ("width", "thickness") if getattr(self, name) is not None]
-        if self.section is not None and flat:
-            raise Unfit(
-                f"is given together with {flat[0]}", "keep section, or width and thickness, not both", ("section",)
-            )
+        self.exclude("section", "width", "thickness", remedy="keep section, or width and thickness, not both")
         if self.section is None and len(flat) < 2:
             missing = "thickness" if flat == ["width"] else "width"
             raise Unfit(
@@ -593,21 +590,16 @@ class BeamBody(Body):
         ------
         Problem
         """
+        slopes = tuple(j * c for j, c in enumerate(numbers))[1:]
         for end, support, x in zip(("left", "right"), self.supports.kinds, (0.0, self.length), strict=True):
-            for what, order, held in (
-                ("deflection", 0, support in _HOLDS_DEFLECTION),
-                ("slope", 1, support in _HOLDS_SLOPE),
-            ):
-                terms = [c * (j if order else 1) * x ** (j - order) for j, c in enumerate(numbers) if j >= order]
-                scale = sum(
-                    abs(c) * (j if order else 1) * self.length ** (j - order) for j, c in enumerate(numbers) if j
-                )
-                scale += 0.0 if order or not numbers else abs(numbers[0])
-                if held and abs(sum(terms)) > 1e-9 * scale:
+            for what, terms, holding in (("deflection", numbers, _HOLDS_DEFLECTION), ("slope", slopes, _HOLDS_SLOPE)):
+                value = sum(c * x**j for j, c in enumerate(terms))
+                scale = sum(abs(c) * self.length**j for j, c in enumerate(terms))
+                if support in holding and abs(value) > 1e-9 * scale:
                     of = what if at[-1] == "displacement" else f"{what} velocity"
                     yield problem(
                         at,
-                        f"= [{', '.join(f'{c:g}' for c in numbers)}] has the {of} {sum(terms):g} "
+                        f"= [{', '.join(f'{c:g}' for c in numbers)}] has the {of} {value:g} "
                         f"at the {support} {end} end, where it must be 0",
                         "choose a polynomial in x that the supports allow (coefficients of 1, x, x^2, ...)",
                     )

@@ -326,10 +326,9 @@ class RayleighDamping(Schema):
 
     def check(self) -> None:
         """Reject factors beside ratios, and ratios that factors of at least 0 do not give."""
+        self.exclude("ratios", "mass", "stiffness", remedy="keep ratios, or mass and stiffness, not both")
         if not self.ratios:
             return
-        if self.mass or self.stiffness:
-            raise Unfit("are given together with factors", "keep ratios, or mass and stiffness, not both", ("ratios",))
         if len(self.ratios) != 2:
             raise Unfit(f"has {counted(len(self.ratios), 'entry', 'entries')}, where two are needed",
                        "give the ratios at two frequencies: two factors follow from them", ("ratios",))  # fmt: skip

@@ -25,7 +25,7 @@ from beamsim.scenario.parameters import (
     varied_parameters,
 )
 from beamsim.scenario.parts import ScenarioParts
-from beamsim.scenario.quantities import SHAPE_DISPLACEMENTS, SHAPE_VELOCITIES, LevelValue, meant
+from beamsim.scenario.quantities import SHAPE_DISPLACEMENTS, SHAPE_VELOCITIES, LevelValue, Rate, meant
 from beamsim.scenario.reporting import (
     BASE_FORCE,
     QUANTITIES_OF,
@@ -887,15 +887,15 @@ def _shapes(scenario: ScenarioParts, section: IdentifyStiffness, shapes: Measure
 
 def _known(scenario: ScenarioParts, path: str) -> None:
     """Demand numbers at a path."""
-    for place in find_parameters(scenario, path, (), ("parameter",)):
-        if choices_at(scenario, place) or isinstance(value_at(scenario, place), str):
+    for place in find_parameters(scenario, path, ("parameter",)):
+        if choices_at(scenario, place) or isinstance(value_at(scenario, place), str | Rate):
             raise Unfit(f"= {path} is not a number", "name a number", ("parameter",))
 
 
 def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> None:
     """Demand numbers that the bounds hold; ``words`` where a choice may be sought too, and numbers by a factor."""
     path, at = item.parameter, ("parameter",)
-    places = find_parameters(scenario, path, (), at)
+    places = find_parameters(scenario, path, at)
     choices = choices_at(scenario, places[0])
     if choices and words and "supports" in places[0]:
         if item.bounds or item.prior is not None:

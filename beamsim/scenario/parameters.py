@@ -48,16 +48,13 @@ from beamsim.scenario.units import RATIO, UnitError, read_level, read_quantity
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
 
 
-def find_parameters(
-    scenario: ScenarioParts, path: str, more: tuple[type, ...] = (), at: Path = ()
-) -> list[Path]:  # fmt: skip
-    """The places that a path names, at least one: numbers and words.
+def find_parameters(scenario: ScenarioParts, path: str, at: Path = ()) -> list[Path]:
+    """The places that a path names, at least one: numbers, words and sweep rates.
 
     Parameters
     ----------
     scenario : what has them.
     path : as a user writes it.
-    more : types of other values that it may name.
     at : where the path stands, for what is raised.
 
     Returns
@@ -74,7 +71,7 @@ def find_parameters(
     if not parts:
         raise Unfit(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness", at)
     try:
-        paths = _walk(scenario, parts, (), path, (int, float, str, Share, *more))
+        paths = _walk(scenario, parts, (), path)
     except Unfit as error:
         found = error.problem(())
         raise Unfit(found.message, in_a_body(from_python(plain(scenario)), parts) or found.remedy, at) from None
@@ -269,29 +266,30 @@ def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[
         yield from _types(part, getattr(part, "__metadata__", ()), indices)
 
 
-def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: tuple[type, ...]) -> list[Path]:
+def _walk(value: Any, parts: list[str | int], walked: Path, path: str) -> list[Path]:
     if not parts:
-        if walked != ("run", "sample_rate") and (isinstance(value, bool) or not isinstance(value, leaves)):
+        leaf = isinstance(value, int | float | str | Share | q.Rate) and not isinstance(value, bool)
+        if walked != ("run", "sample_rate") and not leaf:
             raise Unfit(f"= {path} is not a number", _keys_below(value))
         return [walked]
     part, rest = parts[0], parts[1:]
     if isinstance(value, tuple):
         if part == "*":
-            return [place for k, item in enumerate(value) for place in _walk(item, rest, (*walked, k), path, leaves)]
+            return [place for k, item in enumerate(value) for place in _walk(item, rest, (*walked, k), path)]
         if isinstance(part, int):
             if part >= len(value):
                 count = counted(len(value), "item")
                 raise Unfit(f"= {path} does not exist: {path_text(walked)} has {count}", "items are numbered from 0")
-            return _walk(value[part], rest, (*walked, part), path, leaves)
+            return _walk(value[part], rest, (*walked, part), path)
         names = [getattr(item, "name", None) for item in value]
         if part in names:
-            return _walk(value[names.index(part)], rest, (*walked, names.index(part)), path, leaves)
+            return _walk(value[names.index(part)], rest, (*walked, names.index(part)), path)
         known = [name for name in names if name]
         remedy = f"the names are {', '.join(known)}" if known else "give an index, or [*] for all of them"
         raise Unfit(f"= {path} does not exist: {path_text(walked)} has no {part}", remedy)
     if isinstance(value, dict):
         if part in value:
-            return _walk(value[part], rest, (*walked, part), path, leaves)
+            return _walk(value[part], rest, (*walked, part), path)
         raise Unfit(f"= {path} does not exist: {path_text(walked)} has no {part}", f"the names are {', '.join(value)}")
     if not isinstance(value, Schema) or not isinstance(part, str) or part == "*":
         raise Unfit(f"= {path} does not exist: {path_text(walked)} is not a list", "omit the rest of the path")
@@ -304,7 +302,7 @@ def _walk(value: Any, parts: list[str | int], walked: Path, path: str, leaves: t
         raise Unfit(
             f"= {path} has no value in this scenario", f"give {path_text((*walked, part))} a value to start from"
         )
-    return _walk(inner, rest, (*walked, part), path, leaves)
+    return _walk(inner, rest, (*walked, part), path)
 
 
 def _keys_below(value: Any) -> str:
@@ -437,20 +435,18 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
     first, number = places[0], _number(scenario, parameter.path, places)
     nominal = number.nominal
 
-    def read(value: Value, at: Path, place: Path = first) -> Value:
-        return _read(scenario, place, value, at)
-
     def read_end(value: Value, at: Path) -> float:
-        end = read(value, at)
+        end = _read(scenario, first, value, at)
         if isinstance(end, str):
             raise Unfit(f"= {value} is a share, and a range has lengths", "write a length, or values: [40 %, 60 %]", at)
         return float(end)
 
     if isinstance(parameter, ListedParameter):
-        values = tuple(read(value, ("values", k)) for k, value in enumerate(parameter.values))
-        for k, value in enumerate(parameter.values):
-            for place in places[1:]:
-                read(value, ("values", k), place)
+        read = [
+            [_read(scenario, place, value, ("values", k)) for place in places]
+            for k, value in enumerate(parameter.values)
+        ]
+        values = tuple(of_places[0] for of_places in read)
         if len(set(values)) < len(values):
             raise Unfit("lists a value twice", "list every value once", ("values",))
         return replace(number, values=values)
@@ -480,7 +476,7 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
         low, high, spacing = float(nominal) - deviation, float(nominal) + deviation, "linear"
     for end in (low, high):
         for place in places:
-            read(end, ("tolerance" if hasattr(parameter, "tolerance") else "from",), place)
+            _read(scenario, place, end, ("tolerance" if hasattr(parameter, "tolerance") else "from",))
     if number.whole and points and abs(high - low) + 1 < points:
         raise Unfit(
             f"= {points} is more than the whole numbers from {low:g} to {high:g}", "take fewer points", ("points",)
@@ -490,7 +486,7 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
 
 
 def _places(scenario: ScenarioParts, path: str, at: Path) -> list[Path]:
-    places = find_parameters(scenario, path, (q.Rate,), at)
+    places = find_parameters(scenario, path, at)
     for place in places:
         if place[0] in _SECTIONS:
             raise Unfit(f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at)

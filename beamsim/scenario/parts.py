@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, Self
 
 from pydantic import Field, Tag
@@ -181,8 +182,15 @@ class ScenarioParts(Schema):
             )
         )
 
-    def _located(self, path: Path, body: str, item: Any) -> Located:
-        return Located(path, body, item, self.all_bodies)
+    def _listed(self, *keys: str) -> Iterator[Located]:
+        """What the scenario has in these lists, then what is listed in the bodies under these keys."""
+        bodies = self.all_bodies
+        lists: list[tuple[Path, str, Any]] = [((key,), self.default_body, getattr(self, key)) for key in keys]
+        for name, body in bodies.items():
+            of_body = body.own_lists.items()
+            lists += [((*self.body_path(name), key), name, items) for key, items in of_body if key in keys]
+        for path, name, items in lists:
+            yield from (Located((*path, index), name, item, bodies) for index, item in enumerate(items))
 
     @property
     def located_snubbers(self) -> tuple[Located, ...]:
@@ -195,14 +203,7 @@ class ScenarioParts(Schema):
     @property
     def _written_snubbers(self) -> tuple[Located, ...]:
         """The same with a pair of stops as one."""
-        bodies = self.all_bodies
-        shared = (self._located(("snubbers", k), self.default_body, snubber) for k, snubber in enumerate(self.snubbers))
-        of_bodies = (
-            self._located((*self.body_path(name), "snubbers", k), name, snubber)
-            for name, body in bodies.items()
-            for k, snubber in enumerate(body.own_lists.get("snubbers", ()))
-        )
-        return (*shared, *of_bodies)
+        return tuple(self._listed("snubbers"))
 
     def located_snubber(self, name: str) -> Located:
         """The snubber with this name, its path and its body."""
@@ -217,24 +218,8 @@ class ScenarioParts(Schema):
     def nonlinear_springs(self) -> tuple[Located, ...]:
         """Springs and joints of the scenario and of all bodies that are nonlinear or relax, with their paths; then the
         friction contacts, springs of kind friction."""
-        shared = tuple(
-            self._located((key, index), self.default_body, spring)
-            for key in ("springs_to_ground", "springs_between", "joints")
-            for index, spring in enumerate(getattr(self, key))
-            if has_own_law(spring)
-        )
-        of_bodies = tuple(
-            self._located((*self.body_path(name), key, index), name, spring)
-            for name, body in self.all_bodies.items()
-            for key, items in body.own_lists.items()
-            for index, spring in enumerate(items)
-            if key != "snubbers" and has_own_law(spring)
-        )
-        rubbing = tuple(
-            self._located(("friction", index), self.default_body, contact)
-            for index, contact in enumerate(self.friction)
-        )
-        return shared + of_bodies + rubbing
+        springs = self._listed("springs_to_ground", "springs_between", "joints")
+        return (*(spring for spring in springs if has_own_law(spring.item)), *self._listed("friction"))
 
     @property
     def all_snubbers(self) -> tuple[Any, ...]:

@@ -110,8 +110,7 @@ class _Study(Schema):
 
     def check(self) -> None:
         """Refuse two objectives."""
-        if self.minimise and self.maximise:
-            raise Unfit("stands beside minimise", "name one objective, minimise or maximise", ("maximise",))
+        self.exclude("maximise", "minimise", remedy="name one objective, minimise or maximise")
 
 
 class Tolerances(Schema):

@@ -187,15 +187,9 @@ class Continuation(Schema):
             raise Unfit("belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at"))
 
     def _demand_one_range(self) -> None:
+        self.exclude("points_at", "continue_in", remedy="give points_at there")
+        self.exclude("continue_in", "from", "to", remedy="give the range inside continue_in, or only from and to")
         if self.continue_in is not None:
-            if self.points_at:
-                raise Unfit("belong in continue_in", "give points_at there", ("points_at",))
-            if self.from_ is not None or self.to is not None:
-                raise Unfit(
-                    "and from, to exclude each other",
-                    "give the range inside continue_in, or only from and to",
-                    ("continue_in",),
-                )
             return
         for name, value in (("from", self.from_), ("to", self.to)):
             if value is None:
@@ -290,8 +284,7 @@ class SweptSine(_UpAndDown):
         super().check()
         if self.profile_file is None:
             check_profile(self.profile, self.between)
-        if self.profile and self.profile_file is not None:
-            raise Unfit("is given beside profile", "leave one of them out", ("profile_file",))
+        self.exclude("profile_file", "profile")
         if self.notch_to is not None:
             self._check_notches(self.notch_to)
         for index, level in enumerate(self.levels if self.profile or self.profile_file is not None else ()):

@@ -118,7 +118,7 @@ def test_objectives_that_cannot_be(here):
     assert "vary.minimise = peak_forse is not a response; did you mean peak_force" in done.stderr
     done = invoke("sweep", "case.yaml", "--set", "vary.minimise=peak_force", "--set", "vary.maximise=peak_force")
     assert done.exit_code == 2
-    assert "vary.maximise stands beside minimise" in done.stderr
+    assert "vary.maximise and minimise exclude each other" in done.stderr
     done = invoke("sweep", "case.yaml", "--set", "vary.minimise=snubbers/top/peak_force")
     assert done.exit_code == 2
     assert "vary.minimise = snubbers/top/peak_force names no response: no top; did you mean tip" in done.stderr
