@@ -21,7 +21,7 @@ class Kind(NamedTuple):
     result: str  # its class
     screen: str  # function of a result: what is printed first
     views: str  # what its table tells beyond the entries of its summary
-    figures: str  # function of a result: its matplotlib figures by name
+    figures: str  # function of a result: its pictures by name
 
 
 KINDS = {

@@ -11,7 +11,7 @@ from beamsim.cli.failures import say
 from beamsim.cli.preparation import output_file, output_folder
 from beamsim.cli.printing import print_files
 from beamsim.cli.progress import progress_of
-from beamsim.cli.report import table_rows
+from beamsim.cli.report import margins, table_rows
 from beamsim.errors import BeamsimError, ResultFileError
 from beamsim.files import replacing
 from beamsim.kinds import KINDS, named
@@ -74,10 +74,12 @@ def report(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None:
     with shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = named(KINDS[kind].figures)(result)
-        rows = list(table_rows(kind, result))
+        screen = named(KINDS[kind].screen)(result).text(result, [path.name]).rpartition("\n")[0]  # without the files
+        limits = margins(result, result.summary.get("margins") or {})
         model = _model(result)
         scene = _scene(result, model, shown=not (json or quiet))
-        page = page_of(result, about, rows, figures, _sketched(result, model), scene)
+        rows = list(table_rows(kind, result))
+        page = page_of(result, about, screen, rows, limits, figures, _sketched(result, model), scene)
     with replacing(target) as temporary:
         temporary.write_text(page.html(), encoding="utf-8")
     print_files([target], json=json)

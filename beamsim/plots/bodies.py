@@ -7,10 +7,9 @@ from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from beamsim.analyses.run.result import BodyResult, RunResult
-from beamsim.plots.drawing import DARK, RED, Curve, colour_bar, draw_curves, legend, legend_below, picture
+from beamsim.plots.drawing import DARK, RED, Chart, Curve, Guide, Picture, colour_bar, marked
 from beamsim.plots.sketch import Sketch, scale_bar
 from beamsim.plots.style import amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
@@ -23,55 +22,28 @@ LEVELS = np.arange(-6, 7) / 6  # of the largest deflection
 _HEIGHT = 0.36  # of the largest deflection or gap, over the distance of rows
 
 
-def plot_deflected_shapes(result: RunResult, ax: Axes, body: str = "") -> Axes:
-    """Static shape of a body (by default the first), its shapes at the extremes of the first probe, the snubbers.
-
-    Parameters
-    ----------
-    result : of the run.
-    ax : to draw on.
-    body : name of a beam; the first body where empty.
-
-    Returns
-    -------
-    The axes.
-
-    Raises
-    ------
-    ValueError
-        If there is no body with deflected shapes.
-    """
-    if not result.bodies:
-        raise ValueError("no body has a deflected shape: the masses of a chain are points")
-    body = body or next(iter(result.bodies))
-    beam = result.bodies[body]
+def deflected_shapes(result: RunResult, name: str) -> Chart:
+    """Static shape of a beam, its shapes at the extremes of the first probe, the snubbers."""
+    beam = result.bodies[name]
     snubbers = list(result.snubbers.values())
     if len(result.modes.stations.parts) > 1:  # those that stand on the base or the ground, at this body
         sites = {located.item.name: snubber_site(located) for located in result.scenario.located_snubbers}
-        snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == body]
-    faces = np.array([(-1.0 if s.side == "below" else 1.0) * s.gap for s in snubbers])
-    first = next(iter(result.probes), "")
-    shapes = (
-        (f"{first} highest, t = {beam.extreme_times[1]:.4g} s", beam.extreme_shapes[1]),
-        (f"{first} lowest, t = {beam.extreme_times[0]:.4g} s", beam.extreme_shapes[0]),
-        ("static equilibrium", beam.static_shape),
-    )
-    curves = [Curve(label, beam.position, y, {"color": DARK}) for label, y in shapes if np.isfinite(y).all()]
-    ax.axhline(0.0, color="0.6", linewidth=0.7, zorder=1)
-    of = body if len(result.bodies) > 1 else "the beam"
-    scale = scale_for("m", beam.extreme_shapes, faces)
-    x, y = draw_curves(ax, (f"Position along {of}", "m"), ("Relative deflection", scale), curves)
-    for k, (s, face) in enumerate(zip(snubbers, faces, strict=True)):
-        ax.plot(
-            s.position * x.factor, face * y.factor, linestyle="none", color=RED, markersize=11, clip_on=False,
-            marker=6 if s.side == "below" else 7,  # a triangle whose tip is the face
-            label="_nolegend_" if k else "snubber",
-        )  # fmt: skip
-    legend(ax)
-    return ax
+        snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == name]
+    curves = [Curve(label, beam.position, y, {"color": DARK}) for y, label in _shapes(result, beam)]
+    marks = []
+    for k, s in enumerate(snubbers):
+        below = s.side == "below"
+        triangle = {"marker": 6 if below else 7, "markersize": 11, "color": RED, "clip_on": False}
+        face = (s.position, -s.gap if below else s.gap)  # which is the tip of the triangle
+        marks.append(marked("" if k else "snubber", face, **triangle))
+    of = name if len(result.bodies) > 1 else "the beam"
+    scale = scale_for("m", beam.extreme_shapes, np.array([mark.y for mark in marks]))
+    rest = Guide("", 0.0, {"color": "0.6", "linewidth": 0.7, "zorder": 1})
+    across, up = (f"Position along {of}", "m"), ("Relative deflection", scale)
+    return Chart(across, up, curves, [rest], marks=marks)
 
 
-def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, unit: str = "") -> Axes:
+def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, unit: str = "") -> None:
     """A deflection at the nodes of a plate; zero is in the middle of the colours, and a thick line.
 
     Parameters
@@ -81,10 +53,6 @@ def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, uni
     shape : (n,) the deflection there.
     title : of the panel.
     unit : of the deflection, for a bar of colours; none where empty.
-
-    Returns
-    -------
-    The axes.
     """
     metres = scale_for("m", x, y)
     across, up = np.unique(x), np.unique(y)
@@ -98,10 +66,9 @@ def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, uni
     ax.set_xlabel(f"x ({metres.unit})")
     ax.set_ylabel(f"y ({metres.unit})")
     ax.set_title(title, fontsize="medium", loc="left")
-    return ax
 
 
-def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> Axes:
+def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> None:
     """A mode shape of the open structure on a plate, by its number from 1; a line of no deflection is thick.
 
     Parameters
@@ -110,19 +77,15 @@ def plot_plate_mode(modes: ModeTable, ax: Axes, body: str, number: int) -> Axes:
     ax : to draw on.
     body : name of the plate.
     number : of the mode, from 1.
-
-    Returns
-    -------
-    The axes.
     """
     stations = modes.stations
     on = next(part for part in stations if part.body == body or len(stations.parts) == 1).stations
     assert stations.across is not None
     title = f"mode {number}, {modes.open_frequencies_hz[number - 1]:.4g} Hz"
-    return plot_contours(ax, stations.position[on], stations.across[on], modes.shapes[number - 1, on], title)
+    plot_contours(ax, stations.position[on], stations.across[on], modes.shapes[number - 1, on], title)
 
 
-def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape: Floats, title: str) -> Axes:
+def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape: Floats, title: str) -> None:
     """A deflection of a plate, with the snubbers on it.
 
     Parameters
@@ -132,10 +95,6 @@ def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape:
     plate : one of its bodies.
     shape : (nx,) m, of the plate.
     title : of the panel.
-
-    Returns
-    -------
-    The axes.
     """
     assert plate.across is not None
     metres, scale = scale_for("m", plate.position, plate.across), scale_for("m", shape)
@@ -147,26 +106,24 @@ def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape:
                 marker=6 if snubber.side == "below" else 7, markersize=9, clip_on=False,
                 label=f"snubber {snubber.side}",
             )  # fmt: skip
-    return ax
 
 
-def _shapes(result: RunResult, plate: BodyResult) -> list[tuple[Floats, str]]:
-    """When the first probe is highest and lowest, and at a static equilibrium that deflects the plate; with titles."""
+def _shapes(result: RunResult, body: BodyResult) -> list[tuple[Floats, str]]:
+    """When the first probe is highest and lowest, and at static equilibrium; with titles."""
     first = next(iter(result.probes), "")
     shapes = [
-        (plate.extreme_shapes[1], f"{first} highest, t = {plate.extreme_times[1]:.4g} s"),
-        (plate.extreme_shapes[0], f"{first} lowest, t = {plate.extreme_times[0]:.4g} s"),
-        (plate.static_shape, "static equilibrium"),
+        (body.extreme_shapes[1], f"{first} highest, t = {body.extreme_times[1]:.4g} s"),
+        (body.extreme_shapes[0], f"{first} lowest, t = {body.extreme_times[0]:.4g} s"),
+        (body.static_shape, "static equilibrium"),
     ]
-    least = 1e-9 * float(np.nanmax(np.abs(plate.extreme_shapes), initial=0.0))  # less is round-off
-    return [each for each in shapes if np.all(np.isfinite(each[0])) and np.abs(each[0]).max() > least]
+    return [each for each in shapes if np.all(np.isfinite(each[0]))]
 
 
 def _sketch(result: RunResult) -> Sketch:
     return Sketch(result.scenario, result.modes.stations, result.snubbers)
 
 
-def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> Axes:
+def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> None:
     """A mode of the open structure, by its number from 1; stops are at the bodies at rest, as modes have no size.
 
     Parameters
@@ -174,18 +131,13 @@ def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> Axes:
     result : of the run.
     ax : to draw on.
     number : of the mode, from 1.
-
-    Returns
-    -------
-    The axes.
     """
     shape = result.modes.shapes[number - 1]
     _sketch(result).draw(ax, shape * _HEIGHT / (float(np.abs(shape).max()) or 1.0))
     ax.set_title(f"mode {number}, {result.modes.open_frequencies_hz[number - 1]:.4g} Hz", fontsize="medium", loc="left")
-    return ax
 
 
-def plot_assembly_contact(result: RunResult, ax: Axes) -> Axes:
+def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
     """The deflection relative to the base when the contact force is largest; gaps to the same scale."""
     contact = result.contact
     if contact is None:
@@ -200,34 +152,34 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> Axes:
         fontsize="medium", loc="left",
     )  # fmt: skip
     scale_bar(ax, ax.get_xlim()[1], bar * factor, amount(bar, "m"))
-    return ax
 
 
-def body_figures(result: RunResult) -> dict[str, Figure]:
+def body_figures(result: RunResult) -> dict[str, Picture]:
     """Deflections of every body, mode shapes of plates and of several bodies, by the last part of the file name."""
-    figures: dict[str, Figure] = {}
+    figures: dict[str, Picture] = {}
     count = min(MOST_MODES, result.modes.shapes.shape[0])
     if beams := [name for name, body in result.bodies.items() if body.across is None]:
-        beside = [partial(plot_deflected_shapes, result, body=name) for name in beams]
-        figures["deflected_shapes"] = picture(result.title, *beside)
+        figures["deflected_shapes"] = Picture(result.title, [deflected_shapes(result, name) for name in beams])
     for name, plate in result.bodies.items():
         if plate.across is None:
             continue
         suffix = "" if len(result.bodies) == 1 else f"_{name}"
+        least = 1e-9 * float(np.nanmax(np.abs(plate.extreme_shapes), initial=0.0))  # less is round-off
         shapes = [
             partial(plot_plate_deflection, result, plate=plate, shape=shape, title=title)
             for shape, title in _shapes(result, plate)
+            if np.abs(shape).max() > least
         ]
         if shapes:
-            figures[f"plate_deflections{suffix}"] = legend_below(picture(result.title, *shapes, columns=2))
+            figures[f"plate_deflections{suffix}"] = Picture(result.title, shapes, columns=2, legend_below=True)
         modes = [partial(plot_plate_mode, result.modes, body=name, number=k + 1) for k in range(count)]
-        figures[f"plate_modes{suffix}"] = picture(result.title, *modes, columns=2)
+        figures[f"plate_modes{suffix}"] = Picture(result.title, modes, columns=2)
     if len(result.modes.stations.parts) > 1:
         rows = _sketch(result).count
         drawn = [partial(plot_assembly_mode, result, number=k + 1) for k in range(count)]
         size = (8.0, 0.8 + -(-count // 2) * (1.0 + 0.7 * rows))
-        figures["assembly_modes"] = legend_below(picture(result.title, *drawn, columns=2, size=size))
+        figures["assembly_modes"] = Picture(result.title, drawn, columns=2, size=size, legend_below=True)
         if result.contact is not None:
-            plot = partial(plot_assembly_contact, result)
-            figures["assembly_contact"] = legend_below(picture(result.title, plot, size=(8.0, 1.6 + 1.4 * rows)))
+            plots, size = [partial(plot_assembly_contact, result)], (8.0, 1.6 + 1.4 * rows)
+            figures["assembly_contact"] = Picture(result.title, plots, size=size, legend_below=True)
     return figures

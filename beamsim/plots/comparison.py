@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, SweptComparison
@@ -18,12 +17,12 @@ from beamsim.plots.drawing import (
     RED,
     Chart,
     Curve,
+    HeatMap,
+    Picture,
     colour_bar,
     dashed_line,
-    draw_curves,
     finish,
     marked,
-    picture,
 )
 from beamsim.plots.style import plain_scale
 
@@ -40,19 +39,17 @@ def histories(c: ChannelComparison) -> Chart:
     return Chart(("Time", plain_scale("s")), (c.quantity.replace("_", " ").capitalize(), c.unit), curves)
 
 
-def plot_spectra(c: ChannelComparison, ax: Axes) -> Axes:
+def spectra(c: ChannelComparison) -> Chart:
     """Both spectra in dB re their own maximum, over frequency divided by excitation frequency."""
     forced = bool(np.isfinite(c.excitation_hz))
     unit = c.excitation_hz if forced else 1.0
-    spectra = (("predicted", c.predicted_spectrum, _PREDICTED), ("measured", c.measured_spectrum, _MEASURED))
-    curves = [Curve(label, s.frequency_hz / unit, s.amplitude_db, style) for label, s, style in spectra]
+    drawn = (("predicted", c.predicted_spectrum, _PREDICTED), ("measured", c.measured_spectrum, _MEASURED))
+    curves = [Curve(label, s.frequency_hz / unit, s.amplitude_db, style) for label, s, style in drawn]
     across = ("Frequency / excitation frequency", "") if forced else ("Frequency", HERTZ)
-    draw_curves(ax, across, ("Level (dB re max)", ""), curves)
-    if forced:
-        ax.set_xlim(0.0, min(HIGHEST_ORDER, float(c.predicted_spectrum.frequency_hz[-1]) / unit))
-    top = max(0.0, *(float(s.amplitude_db.max()) for _, s, _ in spectra))
-    ax.set_ylim(top - DEEPEST_DB, top + 6)
-    return ax
+    last = min(HIGHEST_ORDER, float(c.predicted_spectrum.frequency_hz[-1]) / unit)
+    top = max(0.0, *(float(s.amplitude_db.max()) for _, s, _ in drawn))
+    x_ends = (0.0, last) if forced else (None, None)
+    return Chart(across, ("Level (dB re max)", ""), curves, x_ends=x_ends, y_ends=(top - DEEPEST_DB, top + 6))
 
 
 def swept_responses(c: SweptComparison) -> Chart:
@@ -71,7 +68,7 @@ def swept_responses(c: SweptComparison) -> Chart:
     return Chart((f"{c.curve}, FRAC {c.frac:.3f}, excitation frequency", HERTZ), (response, c.unit), curves, log="y")
 
 
-def plot_fdac(assurance: Assurance, ax: Axes) -> Axes:
+def plot_fdac(assurance: Assurance, ax: Axes) -> None:
     """FDAC over both frequencies, with the line of equal frequencies."""
     mesh = ax.pcolormesh(assurance.measured_hz, assurance.predicted_hz, assurance.fdac, cmap="cividis", vmin=0, vmax=1,
                          shading="nearest")  # fmt: skip
@@ -79,24 +76,24 @@ def plot_fdac(assurance: Assurance, ax: Axes) -> Axes:
     dashed_line(ax, ends, ends, "equal frequencies")
     colour_bar(ax, mesh, "FDAC")
     finish(ax, "Measured frequency (Hz)", "Predicted frequency (Hz)")
-    return ax
 
 
-def comparison_figures(comparison: Comparison) -> dict[str, Figure]:
-    """One figure per channel, named after place and quantity."""
+def comparison_figures(comparison: Comparison) -> dict[str, Picture]:
+    """One picture for each channel, named after place and quantity, and the FDAC."""
     figures = {}
     for c in comparison.channels:
-        title = f"{comparison.title}: {c.place}"
-        figures[f"{c.place}_{c.quantity}"] = picture(title, histories(c), partial(plot_spectra, c))
+        figures[f"{c.place}_{c.quantity}"] = Picture(f"{comparison.title}: {c.place}", [histories(c), spectra(c)])
     for swept in comparison.sweeps:
         title = f"{comparison.title}: {swept.place}"
-        figures[f"{swept.place}_{swept.quantity}"] = picture(title, swept_responses(swept))
-    if comparison.assurance is not None:
-        figures["fdac"] = picture(comparison.title, partial(plot_fdac, comparison.assurance), size=(6.4, 5.2))
+        figures[f"{swept.place}_{swept.quantity}"] = Picture(title, [swept_responses(swept)])
+    if (found := comparison.assurance) is not None:
+        axes = ("Measured frequency", HERTZ), ("Predicted frequency", HERTZ), ("FDAC", "")
+        panel = HeatMap(*axes, found.measured_hz, found.predicted_hz, found.fdac, partial(plot_fdac, found))
+        figures["fdac"] = Picture(comparison.title, [panel], size=(6.4, 5.2))
     return figures
 
 
-def plot_mac(result: ModeComparison, ax: Axes) -> Axes:
+def plot_mac(result: ModeComparison, ax: Axes) -> None:
     """MAC by measured (down) and computed modes (across) with their frequencies; pairs are framed."""
     drawn = ax.imshow(result.mac, vmin=0.0, vmax=1.0, cmap="Greys", aspect="auto")
     rows, columns = result.mac.shape
@@ -113,11 +110,13 @@ def plot_mac(result: ModeComparison, ax: Axes) -> Axes:
     ax.set_xlabel(f"Computed mode, contacts {result.contacts} (Hz)")
     ax.set_ylabel("Measured mode (Hz)")
     colour_bar(ax, drawn, "MAC")
-    return ax
 
 
-def mode_comparison_figures(result: ModeComparison) -> dict[str, Figure]:
+def mode_comparison_figures(result: ModeComparison) -> dict[str, Picture]:
     """The matrix alone, as ``mac``."""
     rows, columns = result.mac.shape
     size = (min(2.6 + 0.62 * columns, 14.0), min(1.8 + 0.5 * rows, 10.0))
-    return {"mac": picture(result.title, partial(plot_mac, result), size=size)}
+    measured, computed = (np.arange(1.0, 1 + count) for count in result.mac.shape)
+    axes = ("Computed mode", ""), ("Measured mode", ""), ("MAC", "")
+    panel = HeatMap(*axes, computed, measured, result.mac, partial(plot_mac, result))
+    return {"mac": Picture(result.title, [panel], size=size)}

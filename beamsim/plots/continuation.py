@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from beamsim.analyses.branch import ResponseBranch
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
@@ -21,14 +18,12 @@ from beamsim.plots.drawing import (
     Chart,
     Curve,
     Guide,
+    Picture,
     curve_style,
-    draw_curves,
-    frequency_axis,
     highest_in_bins,
     limit_levels,
     marked,
-    picture,
-    plain_logarithmic,
+    over_frequencies,
 )
 from beamsim.plots.style import level_text, scale_for
 from beamsim.scenario.reporting import OF_OUTPUTS
@@ -80,7 +75,12 @@ def _chart(
             style = {"linewidth": 2.2, "linestyle": (0, (4, 1)) if k % 2 else "-"}
         style |= {"color": _OVERLAID[k % len(_OVERLAID)], "zorder": 1}
         drawn.append(Curve(label, *highest_in_bins(curve.frequency_hz, peak), style))
-    return Chart(_parameter(result), up, [*drawn, *branch_curves(_lines(result, values))], limits, of="")
+    curves = [*drawn, *branch_curves(_lines(result, values))]
+    at = np.concatenate([b.parameter for b in result.branches])
+    known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves])
+    log = "y" if known.size and known.min() > 0.0 and np.log10(known.max() / known.min()) > DECADES else ""
+    chart = Chart(_parameter(result), up, curves, limits, log, of="", y_ends=(None if log else 0.0, None))
+    return over_frequencies(chart, at) if result.parameter == "frequency" else chart
 
 
 def _lines(result: ContinuationResult, values: Values) -> list[BranchLine]:
@@ -103,44 +103,8 @@ def _lines(result: ContinuationResult, values: Values) -> list[BranchLine]:
     return lines
 
 
-def plot_curve(result: ContinuationResult, ax: Axes, chart: Chart) -> Axes:
-    """Stable full, unstable dashed, special points marked, sweeps drawn under the curve.
-
-    Parameters
-    ----------
-    result : with branches.
-    ax : to draw on.
-    chart : one of `charts`.
-
-    Returns
-    -------
-    The axes.
-    """
-    draw_curves(ax, *chart)
-    at = np.concatenate([b.parameter for b in result.branches])
-    if result.parameter == "frequency":
-        frequency_axis(ax, float(at.min()), float(at.max()))
-    known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in chart.curves])
-    if known.size and known.min() > 0.0 and np.log10(known.max() / known.min()) > DECADES:
-        plain_logarithmic(ax.yaxis)
-    else:
-        ax.set_ylim(bottom=0.0)
-    return ax
-
-
-def plot_harmonics(result: ContinuationResult, ax: Axes, probe: str) -> Axes:
-    """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; with the mean.
-
-    Parameters
-    ----------
-    result : with branches.
-    ax : to draw on.
-    probe : name.
-
-    Returns
-    -------
-    The axes.
-    """
+def harmonics(result: ContinuationResult, probe: str) -> Chart:
+    """Amplitudes of the harmonics of the first level's motions, stable full, unstable dashed; with the mean."""
     first = result.branches[0]
     alike = [b for b in result.branches if b.period_multiple == 1 and repr(b.level) == repr(first.level)]
     lines = [
@@ -153,15 +117,13 @@ def plot_harmonics(result: ContinuationResult, ax: Axes, probe: str) -> Axes:
         for b in alike
     ]  # fmt: skip
     level = f", {level_text(first.level, result.level_unit)}" if _levels(result) else ""
+    top = max(float(line.y.max()) for line in lines)
+    ends = (1e-4 * top, 2.0 * top) if top > 0.0 else (None, None)
     up = (f"Amplitude of {probe}{level}", "m")
-    _, scale = draw_curves(ax, _parameter(result), up, branch_curves(lines), log="y", of="")
-    top = max(float(line.y.max()) for line in lines) * scale.factor
-    if top > 0.0:
-        ax.set_ylim(1e-4 * top, 2.0 * top)
-    return ax
+    return Chart(_parameter(result), up, branch_curves(lines), log="y", of="", y_ends=ends)
 
 
-def plot_fold_curves(result: ContinuationResult, ax: Axes) -> Axes:
+def fold_curves(result: ContinuationResult) -> Chart:
     """Folds in the plane of frequency and second parameter: between two of them there are several motions."""
     folds = [c for c in result.fold_curves if c.parameter.size]
     drawn = [Curve(f"fold at {c.start_hz:.5g} Hz", c.frequency_hz, c.parameter, {"linewidth": 1.4}) for c in folds]
@@ -170,34 +132,27 @@ def plot_fold_curves(result: ContinuationResult, ax: Axes) -> Axes:
     begun = marked("", places, marker="s", markersize=5, color="0.2", markerfacecolor="white")
     of = f" of {result.second_snubber}" if result.second_snubber else ""
     up = (f"{_WORDS[result.second_parameter]}{of}", result.second_unit)
-    draw_curves(ax, ("Excitation frequency", HERTZ), up, [*drawn, begun], of="")
-    return ax
+    return Chart(("Excitation frequency", HERTZ), up, [*drawn, begun], of="")
 
 
-def charts(result: ContinuationResult) -> dict[str, Chart]:
-    """The response of every probe, what else sweeps follow at probes and snubbers, and the outputs, by name."""
+def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:
+    """The response of every probe, what else sweeps follow, outputs, harmonics of the first probe, folds, by name."""
     names = {DISPLACEMENT: "response", OUTPUT.key: "output"}
     followed = [(value, of) for value, of in result.branches[0].peaks() if value.followed or value is OUTPUT]
-    return {
+    charts = {
         f"{names.get(value.key, value.name.removeprefix('peak_'))}_{name}": peaks(result, value, name)
         for value, of in sorted(followed, key=lambda each: each[0].key != DISPLACEMENT)
         for name in list(of)[:MOST_CURVES]
     }
-
-
-def continuation_figures(result: ContinuationResult) -> dict[str, Figure]:
-    """The charts, the harmonics of the first probe, and the folds, by name."""
-    plots: dict[str, Any] = {name: partial(plot_curve, result, chart=chart) for name, chart in charts(result).items()}
     for name in list(result.branches[0].harmonics)[:1]:
-        plots[f"harmonics_{name}"] = partial(plot_harmonics, result, probe=name)
+        charts[f"harmonics_{name}"] = harmonics(result, name)
     if any(c.parameter.size for c in result.fold_curves):
-        plots["folds"] = partial(plot_fold_curves, result)
-    figures = {name: picture(result.title, plot) for name, plot in plots.items()}
+        charts["folds"] = fold_curves(result)
     if result.expansion:
-        from beamsim.plots.multiple_scales import forced_expansion_figures
+        from beamsim.plots.multiple_scales import forced_expansion
 
-        figures |= forced_expansion_figures(result)
-    return figures
+        charts |= forced_expansion(result)
+    return {name: Picture(result.title, [chart]) for name, chart in charts.items()}
 
 
 def _levels(result: ContinuationResult) -> bool:

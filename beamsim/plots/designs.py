@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Objective, Response, SobolIndices, is_scalar
@@ -21,15 +20,14 @@ from beamsim.plots.drawing import (
     Chart,
     Curve,
     Guide,
+    HeatMap,
+    Picture,
     colour_bar,
     curve_style,
-    draw_curves,
     finish,
-    picture,
-    plain_logarithmic,
     with_unit,
 )
-from beamsim.plots.style import scale_for
+from beamsim.plots.style import Scale, scale_for
 from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.typing import Floats
 
@@ -63,40 +61,26 @@ def shown_quantities(result: DesignsResult) -> list[str]:
     return [q for q in ranked if any(_varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
 
 
-def response_chart(result: DesignsResult, quantity: str) -> Chart:
-    """A quantity at every place where it is known, over the first parameter, with its limit."""
-    x, label = _axis(result.coordinates[0])
+def response_curves(result: DesignsResult, quantity: str) -> Chart:
+    """A quantity at every place where it is known, over the first parameter, with its limit and the range within the
+    tolerances."""
+    coordinate = result.coordinates[0]
+    x, label = _axis(coordinate)
     order = np.argsort(x, kind="stable")
     marks = {"marker": "o" if x.size <= 30 else "", "markersize": 3}
     if result.kind not in ("grid", "zip"):  # samples are in no order
         marks = {"marker": ".", "markersize": 3, "linestyle": "none"}
     curves = [Curve(name, x[order], values[order], marks) for name, values in _curves(_of(result, quantity))]
+
+    def bands(ax: Axes, _: Scale, y: Scale) -> None:
+        for k, curve in enumerate(curves[:MOST_CURVES]):
+            if (band := _band(result, quantity, curve.label)) is not None:
+                low, high = (values[order] * y.factor for values in band)
+                ax.fill_between(curve.x, low, high, color=curve_style(k)["color"], alpha=0.18, linewidth=0)
+        _write_words(ax, coordinate)
+
     up = (_words(quantity), _of(result, quantity)[0].unit)
-    return Chart((label, ""), up, curves, _limit_level(result, quantity))
-
-
-def plot_response_curves(result: DesignsResult, ax: Axes, quantity: str) -> Axes:
-    """A quantity at every place where it is known, over the first parameter, with its limit.
-
-    Parameters
-    ----------
-    result : of a study with responses.
-    ax : to draw on.
-    quantity : one of `shown_quantities`.
-
-    Returns
-    -------
-    The axes.
-    """
-    chart = response_chart(result, quantity)
-    _, scale = draw_curves(ax, *chart)
-    order = np.argsort(_axis(result.coordinates[0])[0], kind="stable")
-    for k, curve in enumerate(chart.curves[:MOST_CURVES]):
-        if (band := _band(result, quantity, curve.label)) is not None:
-            low, high = (values[order] * scale.factor for values in band)
-            ax.fill_between(curve.x, low, high, color=curve_style(k)["color"], alpha=0.18, linewidth=0)
-    _ticks_along(ax.xaxis, result.coordinates[0])
-    return ax
+    return Chart((label, ""), up, curves, _limit_level(result, quantity), log=_log(coordinate), more=bands)
 
 
 def _limit_level(result: DesignsResult, quantity: str) -> list[Guide]:
@@ -106,7 +90,7 @@ def _limit_level(result: DesignsResult, quantity: str) -> list[Guide]:
 
 def plot_response_map(
     result: DesignsResult, ax: Axes, response: Response, at: tuple[int, ...] = (), best: int | None = None
-) -> Axes:
+) -> None:
     """One response over the first two parameters of a grid, a cell for each case, crossed where beyond the limit.
 
     The cells of small maps have numbers, large maps have contours.
@@ -118,10 +102,6 @@ def plot_response_map(
     response : with one value a case.
     at : numbers of the values of all further parameters.
     best : number of the best case, which is marked if it is on the map.
-
-    Returns
-    -------
-    The axes.
     """
     quantity = _quantity(response)
     scale, limit = scale_for(response.unit, response.values), _limit(result, quantity)
@@ -150,7 +130,6 @@ def plot_response_map(
         axis.set_ticks(list(shown), [texts[k] for k in shown])
     finish(ax, *(_axis(coordinate)[1] for coordinate in result.coordinates[:2]))
     ax.grid(visible=False)
-    return ax
 
 
 def _write_cells(ax: Axes, values: Any, beyond: Any, norm: Any, star: tuple[int, ...]) -> None:
@@ -170,16 +149,13 @@ def _write_cells(ax: Axes, values: Any, beyond: Any, norm: Any, star: tuple[int,
         )  # fmt: skip
 
 
-def _ticks_along(axis: Any, coordinate: Coordinate) -> None:
-    """Words, or a logarithmic axis where the values are spread so."""
-    words = _tick_words(coordinate)
-    if words:
-        axis.set_ticks(np.arange(len(words)), words)
-    elif _logarithmic(coordinate):
-        plain_logarithmic(axis)
+def _write_words(ax: Axes, coordinate: Coordinate) -> None:
+    """Words in place of their numbers."""
+    if words := _tick_words(coordinate):
+        ax.set_xticks(np.arange(len(words)), words)
 
 
-def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> Axes:
+def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> None:
     """Sobol' indices of a response: first and total of every parameter, with their 95 % intervals.
 
     Parameters
@@ -187,10 +163,6 @@ def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> 
     result : of a study with indices.
     ax : to draw on.
     indices : one of them.
-
-    Returns
-    -------
-    The axes.
     """
     place = np.arange(len(result.coordinates))
     for shift, name, values, low, high, colour in (
@@ -210,26 +182,14 @@ def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> 
         f"{_words(_quantity(response))}{f', {response.place}' if response.place else ''}", fontsize="small", loc="left"
     )
     finish(ax, "Share of the variance (%)", "")
-    return ax
 
 
-def plot_response_scatter(result: DesignsResult, ax: Axes, coordinate: int, quantity: str) -> Axes:
-    """A quantity (at its worst place) of every case over one parameter; cases beyond the limit are marked.
-
-    Parameters
-    ----------
-    result : of a study with responses.
-    ax : to draw on.
-    coordinate : number of the parameter.
-    quantity : one of `shown_quantities` that has one value a case.
-
-    Returns
-    -------
-    The axes.
-    """
-    x, label = _axis(result.coordinates[coordinate])
+def response_scatter(result: DesignsResult, k: int, quantity: str) -> Chart:
+    """A quantity (at its worst place) of every case over parameter k; cases beyond the limit are marked."""
+    coordinate = result.coordinates[k]
+    x, label = _axis(coordinate)
     known = [response for response in _of(result, quantity) if is_scalar(response, result.shape)]
-    along, values = _cases(result, coordinate, x), result.judged(*known).ravel()
+    along, values = _cases(result, k, x), result.judged(*known).ravel()
     limit = _limit(result, quantity)
     beyond = np.zeros(values.size, dtype=bool) if limit is None else values > limit
     kinds = ((~beyond, {"marker": ".", "color": DARK, "markersize": 3}), (beyond, {"marker": "x", "color": RED}))
@@ -238,9 +198,10 @@ def plot_response_scatter(result: DesignsResult, ax: Axes, coordinate: int, quan
         for which, style in kinds
     ]
     up = (_words(quantity), scale_for(_of(result, quantity)[0].unit, values))
-    draw_curves(ax, (label, ""), up, curves, [level._replace(label="") for level in _limit_level(result, quantity)])
-    _ticks_along(ax.xaxis, result.coordinates[coordinate])
-    return ax
+    levels = [level._replace(label="") for level in _limit_level(result, quantity)]
+    return Chart(
+        (label, ""), up, curves, levels, log=_log(coordinate), more=lambda ax, *_: _write_words(ax, coordinate)
+    )
 
 
 def _judgement(result: DesignsResult) -> str:
@@ -254,56 +215,61 @@ def _judgement(result: DesignsResult) -> str:
     return f"   ({which} of {tolerances['realisations']} realisations within the tolerances)"
 
 
-def design_figures(result: DesignsResult) -> dict[str, Figure]:
-    """All plots available for this study; the key is the last part of the file name."""
+def design_figures(result: DesignsResult) -> dict[str, Picture]:
+    """All pictures of this study; the key is the last part of the file name."""
     if not np.any(result.solved):
         return {}
     best = result.summary["best"][0]["case"] if result.summary.get("best") else None
     title = result.title + _judgement(result)
     quantities, dimensions = shown_quantities(result), len(result.coordinates)
     if dimensions == 1 or result.kind == "zip":
-        return {"curves": _grid(title, [partial(plot_response_curves, result, quantity=q) for q in quantities], 2, 3.2)}
-    figures: dict[str, Figure] = {}
+        return {"curves": _grid(title, [response_curves(result, q) for q in quantities], 2, 3.2)}
+    figures: dict[str, Picture] = {}
     maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == dimensions and _varies(r)]
     if result.kind == "grid" and min(result.shape[:2]) > 1 and maps:
         starred = title + (f"   (star: best case, {result.summary['objective']})" if best is not None else "")
         places = _slices(result, best)
         if dimensions > 2:
             maps = list({_quantity(r): r for r in reversed(maps)}.values())[::-1][:MOST_SLICED]
-        plots: list[Any] = [
-            partial(_plot_slice, result, response=replace(response, values=result.judged(response)), at=at, best=best)
-            for response in maps[:MOST_PANELS]
-            for at in places
-        ]
+        plots = [_map(result, response, at, best) for response in maps[:MOST_PANELS] for at in places]
         figures["maps" if dimensions == 2 else "slices"] = _grid(starred, plots, max(len(places), 2), 3.4)
     if dimensions == 2 and figures:
         return figures
     if result.sensitivity:
         chosen = [s for q in quantities for s in result.sensitivity if _quantity(result.responses[s.name]) == q]
         chosen = (chosen or list(result.sensitivity))[:MOST_PANELS]
-        plots = [partial(plot_sensitivity, result, indices=indices) for indices in chosen]
-        figures["sensitivity"] = _grid(title, plots, 2, 1.2 + 0.45 * dimensions)
+        shares = [partial(plot_sensitivity, result, indices=indices) for indices in chosen]
+        figures["sensitivity"] = _grid(title, shares, 2, 1.2 + 0.45 * dimensions)
     scalar = [q for q in quantities if any(is_scalar(r, result.shape) for r in _of(result, q))][:4]
     columns = min(dimensions, MOST_PARAMETERS)
-    plots = [partial(plot_response_scatter, result, coordinate=k, quantity=q) for q in scalar for k in range(columns)]
-    figures["scatter"] = _grid(title, plots, columns, 2.4)
-    for ax in figures["scatter"].axes:
-        ax.label_outer(remove_inner_ticks=False)
+    cases = [response_scatter(result, k, q) for q in scalar for k in range(columns)]
+    figures["scatter"] = _grid(title, cases, columns, 2.4)._replace(outer_labels=True)
     return figures
 
 
-def _grid(title: str, plots: Sequence[Any], columns: int, height: float) -> Figure:
+def _grid(title: str, panels: Sequence[Any], columns: int, height: float) -> Picture:
     """Panels of a height, inches, at most so many in a row."""
-    columns = min(columns, len(plots))
-    return picture(title, *plots, columns=columns, size=(max(3.6 * columns, 6.4), height * -(-len(plots) // columns)))
+    columns = min(columns, len(panels))
+    return Picture(title, panels, columns, (max(3.6 * columns, 6.4), height * -(-len(panels) // columns)))
 
 
-def _plot_slice(result: DesignsResult, ax: Axes, response: Response, at: tuple[int, ...], best: int | None) -> Axes:
+def _map(result: DesignsResult, response: Response, at: tuple[int, ...], best: int | None) -> Any:
+    """One response over the first two parameters; of two that are numbers a map that pages can show, too."""
+    judged = replace(response, values=result.judged(response))
+    plot = partial(_plot_slice, result, response=judged, at=at, best=best)
+    if len(result.coordinates) > 2 or not all(c.numeric for c in result.coordinates):
+        return plot
+    across, up = ((c.label, c.unit) for c in result.coordinates)
+    x, y = (c.values.astype(float) for c in result.coordinates)
+    words = f"{response.quantity.replace('_', ' ')} {response.place}".strip()
+    return HeatMap(across, up, (words, response.unit), x, y, judged.values.T, plot)
+
+
+def _plot_slice(result: DesignsResult, ax: Axes, response: Response, at: tuple[int, ...], best: int | None) -> None:
     """A map under the values of the further parameters."""
     plot_response_map(result, ax, response, at, best)
     further = zip(result.coordinates[2:], at, strict=True)
     ax.set_title(", ".join(f"{_axis(c)[1]}: {_value_text(c, k)}" for c, k in further), fontsize="small", loc="left")
-    return ax
 
 
 def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:
@@ -382,14 +348,15 @@ def _value_text(coordinate: Coordinate, k: int) -> str:
     return f"{coordinate.values[k] * scale_for(coordinate.unit, coordinate.values.astype(float)).factor:.3g}"
 
 
-def _logarithmic(coordinate: Coordinate) -> bool:
+def _log(coordinate: Coordinate) -> str:
+    """The letter of the axis across, where the values are spread so that it is logarithmic."""
     if not coordinate.numeric:
-        return False
+        return ""
     values = np.unique(coordinate.values.astype(float))
     if values.size < 3 or values[0] <= 0.0 or values[-1] / values[0] < 5.0:
-        return False
+        return ""
     steps, ratios = np.diff(values), np.diff(np.log(values))
-    return float(np.ptp(ratios) / ratios.mean()) < float(np.ptp(steps) / steps.mean())
+    return "x" if float(np.ptp(ratios) / ratios.mean()) < float(np.ptp(steps) / steps.mean()) else ""
 
 
 def _limit(result: DesignsResult, quantity: str) -> float | None:

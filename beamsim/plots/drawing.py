@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from beamsim.plots.style import Scale, scale_for
@@ -79,54 +80,87 @@ def limit_levels(limits: Limits | None, name: str, *, both_signs: bool = False) 
     return [Guide("limit", limit, style), *([Guide("", -limit, style)] if both_signs else [])]
 
 
+Ends = tuple[float | None, float | None]
+
+
 class Chart(NamedTuple):
-    """Curves over common axes: what `draw_curves` draws, and what a page for a browser shows."""
+    """A panel of curves over common axes, in SI units: what `draw` draws, and what a page for a browser shows."""
 
     across: Axis
     up: Axis
     curves: Sequence[Curve]
-    levels: Sequence[Guide] = ()
-    log: str = ""
-    of: str = "curves"
+    levels: Sequence[Guide] = ()  # on a linear axis those far above the curves are left out
+    log: str = ""  # the letters of logarithmic axes
+    of: str = "curves"  # the first `MOST_CURVES` are drawn, and the legend says of how many; all where empty
+    marks: Sequence[Curve] = ()  # drawn beside the curves, however many these are
+    x_ends: Ends = (None, None)
+    y_ends: Ends = (None, None)
+    note: str = ""  # of a doubt, in the upper right corner
+    title: str = ""
+    legend: str = ""  # title of the legend, where no curves are left out
+    names: Mapping[str, tuple[float, float]] = {}
+    more: Callable[[Axes, Scale, Scale], Any] | None = None  # draws what is no curve; is given the scales of the axes
+
+    @property
+    def drawn(self) -> list[Curve]:
+        """The curves that are drawn."""
+        return list(self.curves)[: MOST_CURVES if self.of else None]
+
+    @property
+    def scales(self) -> tuple[Scale, Scale]:
+        """Scales in which the axis across and the one up are shown: the curves choose the prefixes of SI units."""
+        x, y = (
+            unit if isinstance(unit, Scale) else scale_for(unit, *(getattr(curve, name) for curve in self.drawn))
+            for (_, unit), name in ((self.across, "x"), (self.up, "y"))
+        )
+        return x, y
 
 
-def picture(
-    title: str,
-    *plots: Chart | Callable[[Axes], Any],
-    columns: int = 1,
-    size: tuple[float, float] | None = None,
-    **options: Any,
-) -> Figure:
-    """A figure with its title at the left edge and a panel for each plot, row by row.
+class HeatMap(NamedTuple):
+    """A panel of values over two axes in SI units, which draws itself."""
 
-    Parameters
-    ----------
-    title : of the figure; none where empty.
-    plots : charts, or functions that draw on the Axes that they are given.
-    columns : panels in a row.
-    size : (width, height) of the figure, inches; by default from the number of rows.
-    options : of `matplotlib.figure.Figure.subplots`.
+    across: Axis
+    up: Axis
+    of: Axis
+    x: Floats  # (nx,)
+    y: Floats  # (ny,)
+    values: Floats  # (ny, nx)
+    draw: Callable[[Axes], Any]
 
-    Returns
-    -------
-    Its axes are the panels in the order of the plots.
-    """
-    rows = -(-len(plots) // columns)
-    figure = Figure(figsize=size or (8.0, max(4.4, 2.8 * rows)), layout="constrained")
-    axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
-    for ax in axes[len(plots) :]:
-        ax.remove()
-    for ax, plot in zip(axes, plots, strict=False):
-        if isinstance(plot, Chart):
-            draw_curves(ax, *plot)
-        else:
-            plot(ax)
-    if options.get("sharex"):
-        for ax in axes[:-columns]:
-            ax.set_xlabel("")
-    if title:
-        figure.suptitle(title, x=0.012, ha="left", fontsize="medium", color="0.3")
-    return figure
+
+class Picture(NamedTuple):
+    """A title at the left edge, and panels row by row; what is neither chart nor map draws on the Axes it is given."""
+
+    title: str
+    panels: Sequence[Chart | HeatMap | Callable[[Axes], Any]]
+    columns: int = 1
+    size: tuple[float, float] | None = None  # width and height, inches; by default from the number of rows
+    sharex: bool = False
+    outer_labels: bool = False  # panels of a matrix: labels at its edges alone
+    legend_below: bool = False  # one of each mark that any panel has a label for
+
+    def figure(self) -> Figure:
+        """The picture drawn; its axes are the panels in their order."""
+        rows = -(-len(self.panels) // self.columns)
+        figure = Figure(figsize=self.size or (8.0, max(4.4, 2.8 * rows)), layout="constrained")
+        axes = list(figure.subplots(rows, self.columns, squeeze=False, sharex=self.sharex).ravel())
+        for ax in axes[len(self.panels) :]:
+            ax.remove()
+        for ax, panel in zip(axes, self.panels, strict=False):
+            if isinstance(panel, Chart):
+                draw(ax, panel)
+            else:
+                (panel.draw if isinstance(panel, HeatMap) else panel)(ax)
+            if self.outer_labels:
+                ax.label_outer(remove_inner_ticks=False)
+        if self.sharex:
+            for ax in axes[: -self.columns]:
+                ax.set_xlabel("")
+        if self.title:
+            figure.suptitle(self.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+        if self.legend_below:
+            _legend_below(figure)
+        return figure
 
 
 def curve_style(index: int) -> dict[str, Any]:
@@ -135,64 +169,36 @@ def curve_style(index: int) -> dict[str, Any]:
     return {"color": _COLOURS[k], "linestyle": _DASHES[k], "linewidth": 1.1}
 
 
-def scales_of(across: Axis, up: Axis, curves: Sequence[Curve]) -> tuple[Scale, Scale]:
-    """Scales in which curves are shown over their axes.
-
-    Parameters
-    ----------
-    across, up : words for the axis, and its SI unit or the scale in which it is shown.
-    curves : whose values choose the prefixes of SI units.
-
-    Returns
-    -------
-    Of the axis across, and of the one up.
-    """
-    x, y = (
-        unit if isinstance(unit, Scale) else scale_for(unit, *(getattr(curve, name) for curve in curves))
-        for (_, unit), name in ((across, "x"), (up, "y"))
-    )
-    return x, y
-
-
-def draw_curves(
-    ax: Axes,
-    across: Axis,
-    up: Axis,
-    curves: Sequence[Curve],
-    levels: Iterable[Guide] = (),
-    log: str = "",
-    of: str = "curves",
-) -> tuple[Scale, Scale]:
-    """Draw curves, label both axes with their units, and name the curves.
-
-    Parameters
-    ----------
-    ax : to draw on.
-    across, up : words for the axis, and its SI unit or the scale in which it is shown.
-    curves : in SI units.
-    levels : lines to compare with; on a linear axis those far above the curves would leave no room for them, and are
-        left out.
-    log : the letters of logarithmic axes.
-    of : what the curves are of: the first `MOST_CURVES` are drawn, and the legend says of how many. All where empty.
-
-    Returns
-    -------
-    Scales of the axis across, and of the one up.
-    """
-    drawn = list(curves)[: MOST_CURVES if of else None]
-    x, y = scales_of(across, up, drawn)
-    for k, curve in enumerate(drawn):
+def draw(ax: Axes, chart: Chart) -> None:
+    """Draw curves, label both axes with their units, and name the curves."""
+    curves, (x, y) = chart.drawn, chart.scales
+    for k, curve in enumerate((*curves, *chart.marks)):
         style = {**curve_style(k), **curve.style}
         ax.plot(curve.x * x.factor, curve.y * y.factor, label=curve.label or "_nolegend_", **style)
-    largest = max((float(np.nanmax(np.abs(curve.y), initial=0.0)) for curve in drawn), default=0.0)
-    near = [level for level in levels if "y" in log or abs(level.value) <= FARTHEST * largest]
+    largest = max((float(np.nanmax(np.abs(curve.y), initial=0.0)) for curve in curves), default=0.0)
+    near = [level for level in chart.levels if "y" in chart.log or abs(level.value) <= FARTHEST * largest]
     for level in near:
         style = {"color": "0.35", **level.style}
         ax.axhline(level.value * y.factor, label=level.label or "_nolegend_", **style)
-    ax.set(**{f"{letter}scale": "log" for letter in log})
-    finish(ax, with_unit(across[0], x), with_unit(up[0], y))
-    legend(ax, f"{len(drawn)} of {len(curves)} {of}" if len(curves) > len(drawn) else "", least=1 if near else 2)
-    return x, y
+    ax.set(**{f"{letter}scale": "log" for letter in chart.log})
+    if chart.more is not None:
+        chart.more(ax, x, y)
+    for set_ends, ends, scale in ((ax.set_xlim, chart.x_ends, x), (ax.set_ylim, chart.y_ends, y)):
+        if ends != (None, None):
+            set_ends(*(None if end is None else end * scale.factor for end in ends))
+    for letter in chart.log:
+        _plain_logarithmic(ax.xaxis if letter == "x" else ax.yaxis)
+    finish(ax, with_unit(chart.across[0], x), with_unit(chart.up[0], y))
+    ax.set_title(chart.title, fontsize="small", loc="left")
+    if chart.note:  # wrapped, as text wider than the panel would leave no room for the curves
+        ax.text(
+            0.99, 0.97, textwrap.fill(chart.note, 100),
+            transform=ax.transAxes, ha="right", va="top", fontsize="small", color="#a3263d",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+        )  # fmt: skip
+    left_out = f"{len(curves)} of {len(chart.curves)} {chart.of}" if len(chart.curves) > len(curves) else ""
+    legend(ax, left_out or chart.legend, least=1 if near else 2)
+    _name_beside(ax, {name: (at[0] * x.factor, at[1] * y.factor) for name, at in chart.names.items()})
 
 
 def with_unit(words: str, scale: Scale) -> str:
@@ -215,25 +221,21 @@ def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def plain_logarithmic(axis: Any) -> None:
-    """A logarithmic axis with 1, 2, 5 a decade, written out."""
-    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter("{x:g}")
+def _plain_logarithmic(axis: Any) -> None:
+    """Numbers at 1, 2, 5 a decade, written out, on a logarithmic axis of few decades whose numbers are short."""
+    low, high = axis.get_view_interval()
+    if 4.0 * low < high < 1e3 * low and low > 1e-3:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_minor_formatter(NullFormatter())
+        axis.set_major_formatter("{x:g}")
 
 
-def frequency_axis(ax: Axes, low: float, high: float) -> None:
-    """An axis of frequency, logarithmic where it is wide.
-
-    Parameters
-    ----------
-    ax : whose axis across is of frequency.
-    low, high : its ends, in the unit shown.
-    """
-    ax.set_xlim(low, high)
-    if high > WIDE * low > 0.0:
-        plain_logarithmic(ax.xaxis)
+def over_frequencies(chart: Chart, frequencies: Floats) -> Chart:
+    """The chart from the lowest to the highest frequency, on a logarithmic axis where that is wide."""
+    if not frequencies.size:
+        return chart
+    low, high = float(frequencies.min()), float(frequencies.max())
+    return chart._replace(x_ends=(low, high), log=chart.log + ("x" if high > WIDE * low > 0.0 else ""))
 
 
 def legend(ax: Axes, title: str = "", *, least: int = 2) -> None:
@@ -260,8 +262,8 @@ def _columns(labels: Sequence[str], width: float) -> int:
     return max(1, min(len(labels), int(width / (6.0 * (max(map(len, labels)) + 6)))))
 
 
-def legend_below(figure: Figure) -> Figure:
-    """One of each mark that any panel has a label for, below all panels; returns the figure."""
+def _legend_below(figure: Figure) -> None:
+    """One of each mark that any panel has a label for, below all panels."""
     marks = {str(line.get_label()): line for ax in figure.axes for line in ax.lines}
     shown = {label: line for label, line in marks.items() if not label.startswith("_")}
     if shown:
@@ -269,7 +271,6 @@ def legend_below(figure: Figure) -> Figure:
             list(shown.values()), list(shown), loc="outside lower center", frameon=False, fontsize="small",
             ncols=_columns(list(shown), figure.bbox.width),
         )  # fmt: skip
-    return figure
 
 
 def colour_bar(ax: Axes, mappable: Any, label: str) -> Any:
@@ -333,7 +334,7 @@ def highest_in_bins(f: Floats, values: Floats, *, mean: bool = False) -> tuple[F
     return np.add.reduceat(f, first) / count, of_bins
 
 
-def name_beside(ax: Axes, places: Mapping[str, tuple[float, float]]) -> None:
+def _name_beside(ax: Axes, places: Mapping[str, tuple[float, float]]) -> None:
     """Names of places (data coordinates) in a column right of the panel, ordered by height, with leaders."""
     ordered = sorted(places, key=lambda name: -places[name][1])
     for name, height in zip(ordered, np.linspace(1.0, 0.0, 2 * len(ordered) + 1)[1::2], strict=True):

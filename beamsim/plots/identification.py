@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from statistics import NormalDist
@@ -10,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import (
@@ -18,51 +16,56 @@ from beamsim.analyses.identify.result import (
     IdentificationResult,
     PadFit,
     ProfileLikelihood,
+    StiffnessEstimate,
     TestFit,
 )
-from beamsim.plots.drawing import DARK, HERTZ, RED, Chart, Curve, Guide, draw_curves, finish, legend, picture
+from beamsim.plots.drawing import DARK, HERTZ, RED, Chart, Curve, Guide, Picture, finish, legend, marked
 from beamsim.plots.style import Scale
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import field_type_at, find_parameters
 from beamsim.scenario.quantities import Quantity
-from beamsim.typing import Floats
 
 _MEASURED, _DOTTED = "0.45", (0, (2, 2))
 _STIFFNESS = Scale(1e-3, "kN/m")
 
 
-def frequencies(result: IdentificationResult) -> Chart:
-    """Natural frequencies over the stiffness of the snubber."""
+def frequencies(result: IdentificationResult, estimate: StiffnessEstimate, table: FrequencyTable) -> Chart:
+    """Natural frequencies over the stiffness of the snubber, with measured frequencies and identified stiffness.
+
+    Parameters
+    ----------
+    result : of the identification.
+    estimate : of the stiffness.
+    table : frequencies with the snubber.
+
+    Returns
+    -------
+    A curve for each mode.
+    """
     curves = [Curve(f"mode {curve.mode}", curve.stiffness, curve.frequency_hz) for curve in result.curves]
-    across = ("Stiffness of the snubber", _STIFFNESS)
-    return Chart(across, ("Natural frequency", HERTZ), curves, log="xy", of="modes")
+    measured = [
+        Guide(
+            "measured, thick where it is fitted" if k == 0 else "", float(f),
+            {"color": _MEASURED, "linestyle": _DOTTED, "linewidth": 1.2 if table.mode[k] in estimate.fit_to else 0.7},
+        )
+        for k, f in enumerate(table.measured_hz[: len(result.curves)])
+        if np.isfinite(f)
+    ]  # fmt: skip
+    fitted = [(estimate.stiffness, table.predicted_hz[mode - 1]) for mode in estimate.fit_to]
+
+    def bounds(ax: Axes, x: Scale, _: Scale) -> None:
+        at, interval = estimate.stiffness * x.factor, x.factor * np.array(estimate.interval)
+        ax.axvline(at, color=RED, linewidth=0.9, label=f"k = {at:.5g} {x.unit}")
+        if np.all(np.isfinite(interval)):
+            ax.axvspan(*interval, color=RED, alpha=0.12, linewidth=0)
+
+    return Chart(
+        ("Stiffness of the snubber", _STIFFNESS), ("Natural frequency", HERTZ), curves, measured, "xy", of="modes",
+        marks=[marked("", fitted, marker="o", markersize=5, color=RED, markerfacecolor="white")], more=bounds,
+    )  # fmt: skip
 
 
-def plot_frequency_curves(result: IdentificationResult, ax: Axes) -> Axes:
-    """Natural frequencies over the snubber stiffness, with measured frequencies and identified stiffness."""
-    estimate, table = result.estimate, result.with_snubber
-    if estimate is None or table is None:
-        raise ValueError("no stiffness was identified from frequencies")
-    draw_curves(ax, *frequencies(result))
-    for k, measured in enumerate(table.measured_hz[: len(result.curves)]):
-        if np.isfinite(measured):
-            used = table.mode[k] in estimate.fit_to
-            ax.axhline(
-                measured, color=_MEASURED, linestyle=_DOTTED, linewidth=1.2 if used else 0.7,
-                label="measured, thick where it is fitted" if k == 0 else "_nolegend_",
-            )  # fmt: skip
-    at = estimate.stiffness / 1e3
-    ax.axvline(at, color=RED, linewidth=0.9, label=f"k = {at:.5g} kN/m")
-    if np.all(np.isfinite(estimate.interval)):
-        low, high = estimate.interval
-        ax.axvspan(low / 1e3, high / 1e3, color=RED, alpha=0.12, linewidth=0)
-    fitted = [table.predicted_hz[mode - 1] for mode in estimate.fit_to]
-    ax.plot([at] * len(fitted), fitted, "o", markersize=5, color=RED, markerfacecolor="white")
-    legend(ax)
-    return ax
-
-
-def plot_residuals(before: FrequencyTable, ax: Axes, after: FrequencyTable | None, title: str = "") -> Axes:
+def plot_residuals(before: FrequencyTable, ax: Axes, after: FrequencyTable | None, title: str = "") -> None:
     """Difference between predicted and measured frequencies, in percent of the measured frequency.
 
     Parameters
@@ -71,10 +74,6 @@ def plot_residuals(before: FrequencyTable, ax: Axes, after: FrequencyTable | Non
     ax : to draw on.
     after : the same with the updated model; None where nothing was updated.
     title : which frequencies, behind the word on the axis.
-
-    Returns
-    -------
-    The axes.
     """
     known = np.isfinite(before.measured_hz)
     mode = before.mode[known].astype(float)
@@ -87,31 +86,13 @@ def plot_residuals(before: FrequencyTable, ax: Axes, after: FrequencyTable | Non
         legend(ax)
     ax.set_xticks(mode, [f"{m:.0f}" for m in mode])
     finish(ax, f"Mode {title}".strip(), "Predicted − measured (%)")
-    return ax
 
 
-def plot_pad(pad: PadFit, ax: Axes, quantity: str = "stiffness") -> Axes:
-    """Measured and fitted stiffness or loss factor of a pad over frequency, or its stiffness over time.
-
-    Parameters
-    ----------
-    pad : with what was measured on it.
-    ax : to draw on.
-    quantity : stiffness, or loss_factor where that was measured over frequency.
-
-    Returns
-    -------
-    The axes.
-
-    Raises
-    ------
-    ValueError
-        If the fit has neither frequencies nor times that were measured.
-    """
+def pad_curve(pad: PadFit, quantity: str = "stiffness") -> Chart:
+    """Measured and fitted stiffness or loss factor of a pad over frequency, or its stiffness over time."""
     dynamic = pad.frequency_hz is not None
     at = pad.frequency_hz if dynamic else pad.time
-    if at is None:
-        raise ValueError("nothing was measured on the pad")
+    assert at is not None  # as the fit is to what was measured over one of them
     up = ("Storage stiffness" if dynamic else "Force over deflection", _STIFFNESS)
     if quantity == "loss_factor":
         up = ("Loss factor", Scale(1.0, ""))
@@ -119,23 +100,21 @@ def plot_pad(pad: PadFit, ax: Axes, quantity: str = "stiffness") -> Axes:
     dots = {"linestyle": "none", "marker": "o", "markersize": 4, "markerfacecolor": "white", "color": _MEASURED}
     line = Curve(f"{pad.branch_stiffness.size} branches", pad.curve_at, fitted, {"color": RED})
     across = ("Frequency", HERTZ) if dynamic else ("Time", Scale(1.0, "s"))
-    draw_curves(ax, across, up, [line, Curve("measured", at, measured, dots)], log="x")
-    return ax
+    return Chart(across, up, [line, Curve("measured", at, measured, dots)], log="x")
 
 
-def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: str = "") -> Axes:
+def profile_curve(profile: ProfileLikelihood, coverage: float, unit: str = "") -> Chart:
     """Profile likelihood: misfit above its minimum, with the level that bounds the confidence interval.
 
     Parameters
     ----------
     profile : of a parameter.
-    ax : to draw on.
     coverage : of the confidence interval, between 0 and 1.
     unit : SI unit of the parameter, empty of a ratio.
 
     Returns
     -------
-    The axes.
+    One curve.
     """
     words = parameter_label(profile.parameter)
     across = (f"{words[:1].upper()}{words[1:]}", unit)
@@ -143,71 +122,62 @@ def plot_profile(profile: ProfileLikelihood, ax: Axes, coverage: float, unit: st
     bound = NormalDist().inv_cdf(0.5 + coverage / 2) ** 2
     level = Guide(f"{100 * coverage:g} %", bound, {"linestyle": _DOTTED})
     curve = Curve("", profile.value, profile.misfit, style)
-    draw_curves(ax, across, ("Misfit above its minimum", ""), [curve], [level])
-    ax.set_ylim(0.0, max(3 * bound, 1e-12))
-    ax.locator_params(axis="x", nbins=3)  # panels may be narrow
-    return ax
+    return Chart(
+        across, ("Misfit above its minimum", ""), [curve], [level], y_ends=(0.0, max(3 * bound, 1e-12)),
+        more=lambda ax, *_: ax.locator_params(axis="x", nbins=3),  # panels may be narrow
+    )  # fmt: skip
 
 
-def plot_harmonics(test: TestFit, ax: Axes) -> Axes:
-    """Measured and predicted harmonic amplitudes of one test, dB re the largest measured one."""
-    marks = (
-        ("measured", "o", "0.2", np.abs(test.measured)),
-        ("predicted before", "x", "0.6", np.abs(test.before)),
-        ("predicted after", "+", RED, np.abs(test.predicted)),
+def harmonics(test: TestFit) -> list[Chart]:
+    """Measured and predicted harmonic amplitudes of one test, and the complex differences with the noise level."""
+    reference = float(np.max(np.abs(test.measured))) or 1.0
+    amplitudes = (
+        ("measured", "o", "0.2", test.measured),
+        ("predicted before", "x", "0.6", test.before),
+        ("predicted after", "+", RED, test.predicted),
     )
-    return _draw_harmonics(test, ax, f"{Path(test.name).stem}\nAmplitude (dB re largest)", marks)
-
-
-def plot_harmonic_residuals(test: TestFit, ax: Axes) -> Axes:
-    """Complex difference between predicted and measured harmonics before and after the fit, with the noise level."""
-    marks = (
-        ("before", "x", "0.6", np.abs(test.before - test.measured)),
-        ("after", "+", RED, np.abs(test.predicted - test.measured)),
+    residuals = (
+        ("before", "x", "0.6", test.before - test.measured),
+        ("after", "+", RED, test.predicted - test.measured),
         ("noise", "_", "0.3", test.noise * np.sqrt(2)),
     )
-    return _draw_harmonics(test, ax, "Residual (dB re largest)", marks)
+    charts, across = [], ("Frequency / excitation frequency", "")
+    for words, marks in ((f"{Path(test.name).stem}\nAmplitude", amplitudes), ("Residual", residuals)):
+        curves = [
+            Curve(name, test.order, 20 * np.log10(np.maximum(np.abs(values) / reference, 1e-9)),
+                  {"linestyle": "none", "marker": mark, "color": colour, "markerfacecolor": "none"})
+            for name, mark, colour, values in marks
+        ]  # fmt: skip
+        up = (f"{words} (dB re largest)", "")
+        charts.append(Chart(across, up, curves, more=lambda ax, *_: ax.set_xticks(test.order)))
+    return charts
 
 
-def _draw_harmonics(test: TestFit, ax: Axes, label: str, marks: Sequence[tuple[str, str, str, Floats]]) -> Axes:
-    reference = float(np.max(np.abs(test.measured))) or 1.0
-    curves = [
-        Curve(name, test.order, 20 * np.log10(np.maximum(values / reference, 1e-9)),
-              {"linestyle": "none", "marker": mark, "color": colour, "markerfacecolor": "none"})
-        for name, mark, colour, values in marks
-    ]  # fmt: skip
-    draw_curves(ax, ("Frequency / excitation frequency", ""), (label, ""), curves)
-    ax.set_xticks(test.order)
-    return ax
-
-
-def identification_figures(result: IdentificationResult) -> dict[str, Figure]:
-    """All plots available for this result; the key is the last part of the file name."""
-    plots: dict[str, list[Any]] = {}
-    update, fit, pad = result.update, result.nonlinear, result.pad
-    of_snubber = result.with_snubber if result.estimate is not None else None
+def identification_figures(result: IdentificationResult) -> dict[str, Picture]:
+    """All pictures of this result; the key is the last part of the file name."""
+    panels: dict[str, list[Any]] = {}
+    update, fit, pad, estimate = result.update, result.nonlinear, result.pad, result.estimate
+    of_snubber = result.with_snubber if estimate is not None else None
+    if estimate is not None and of_snubber is not None:
+        panels["frequencies"] = [frequencies(result, estimate, of_snubber)]
+    residuals, without = [], "without the snubber"
+    if update is not None:
+        residuals.append(partial(plot_residuals, update.before, after=update.after, title=without))
+    elif of_snubber is not None and np.isfinite(result.without_snubber.measured_hz).any():
+        residuals.append(partial(plot_residuals, result.without_snubber, after=None, title=without))
     if of_snubber is not None:
-        plots["frequencies"] = [partial(plot_frequency_curves, result)]
-    if update is not None or of_snubber is not None:
-        plots["residuals"] = residuals = []
-        if update is not None:
-            residuals.append(partial(plot_residuals, update.before, after=update.after, title="without the snubber"))
-        elif np.isfinite(result.without_snubber.measured_hz).any():
-            residuals.append(partial(plot_residuals, result.without_snubber, after=None, title="without the snubber"))
-        if of_snubber is not None:
-            residuals.append(partial(plot_residuals, of_snubber, after=None, title="with permanent contact"))
+        residuals.append(partial(plot_residuals, of_snubber, after=None, title="with permanent contact"))
+    if residuals:
+        panels["residuals"] = residuals
     if profiles := _profiles(result):
-        plots["profiles"] = [
-            partial(plot_profile, profile, coverage=coverage, unit=unit) for profile, coverage, unit in profiles
-        ]
+        panels["profiles"] = [profile_curve(profile, coverage, unit) for profile, coverage, unit in profiles]
     if pad is not None:
         quantities = ("stiffness", "loss_factor")[: 1 if pad.measured_loss_factor is None else 2]
-        plots["pad"] = [partial(plot_pad, pad, quantity=quantity) for quantity in quantities]
+        panels["pad"] = [pad_curve(pad, quantity) for quantity in quantities]
     if fit is not None:
-        drawn = (plot_harmonics, plot_harmonic_residuals)
-        plots["harmonics"] = [partial(plot, test) for test in fit.tests for plot in drawn]
+        panels["harmonics"] = [chart for test in fit.tests for chart in harmonics(test)]
     columns = {"profiles": min(len(profiles), 3), "harmonics": 2}
-    return {name: picture(result.title, *panels, columns=columns.get(name, 1)) for name, panels in plots.items()}
+    return {name: Picture(result.title, each, columns=columns.get(name, 1)) for name, each in panels.items()}
 
 
 def _profiles(result: IdentificationResult) -> list[tuple[ProfileLikelihood, float, str]]:

@@ -7,12 +7,11 @@ from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from beamsim.analyses.run.impact_result import Fatigue, Impacts, Rainflow
+from beamsim.analyses.run.impact_result import Impacts, Rainflow
 from beamsim.analyses.run.result import RunResult
-from beamsim.plots.drawing import MOST_CURVES, Curve, curve_style, draw_curves, finish, legend, picture, with_unit
+from beamsim.plots.drawing import MOST_CURVES, Chart, Curve, Picture, curve_style, finish, legend, with_unit
 from beamsim.plots.style import amount, plain_scale, scale_for
 from beamsim.typing import Ints
 
@@ -30,20 +29,12 @@ def _of_snubber(impacts: Impacts, name: str) -> Ints:
     return np.flatnonzero(impacts.snubber == list(impacts.snubbers).index(name))
 
 
-def plot_impact_map(impacts: Impacts, ax: Axes, end: float) -> Axes:
+def impact_map(impacts: Impacts, end: float) -> Chart:
     """Peak force of every impact over its time, each snubber with its mark; small marks where impacts are many.
 
-    Parameters
-    ----------
-    impacts : of all snubbers.
-    ax : to draw on.
-    end : end of the run (s), and of the axis: a few impacts are seen where they are in it.
-
-    Returns
-    -------
-    The axes.
+    The axis ends with the run (s): a few impacts are seen where they are in it.
     """
-    many, clock = impacts.begin.size, plain_scale("s")
+    many = impacts.begin.size
     size = float(np.clip(120.0 / np.sqrt(max(many, 1)), 1.5, 5.0))
     marks = {"linestyle": "none", "markersize": size, "markerfacecolor": "none", "rasterized": many > 20_000}
     curves = [
@@ -51,14 +42,11 @@ def plot_impact_map(impacts: Impacts, ax: Axes, end: float) -> Axes:
         for k, name in enumerate(_strongest(impacts))
         for which in [_of_snubber(impacts, name)]
     ]
-    up = ("Peak force of an impact", "N")
-    draw_curves(ax, ("Time", clock), up, curves)
-    ax.set_ylim(bottom=0.0)
-    ax.set_xlim(-0.02 * end * clock.factor, 1.02 * end * clock.factor)
-    return ax
+    across, up = ("Time", plain_scale("s")), ("Peak force of an impact", "N")
+    return Chart(across, up, curves, x_ends=(-0.02 * end, 1.02 * end), y_ends=(0.0, None))
 
 
-def plot_peak_forces(impacts: Impacts, ax: Axes) -> Axes:
+def plot_peak_forces(impacts: Impacts, ax: Axes) -> None:
     """Histogram of the impacts' peak forces."""
     names = _strongest(impacts)
     newton = scale_for("N", impacts.peak_force)
@@ -71,54 +59,42 @@ def plot_peak_forces(impacts: Impacts, ax: Axes) -> Axes:
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlim(left=0.0)
     legend(ax)
-    return ax
 
 
-def plot_cycles(counted: Mapping[str, Rainflow], ax: Axes, label: str, of: str) -> Axes:
+def cycles(counted: Mapping[str, Rainflow], label: str, of: str, title: str = "") -> Chart:
     """Number of counted cycles whose range is larger, over the range.
 
     Parameters
     ----------
     counted : cycles by name.
-    ax : to draw on.
     label : of the axis of ranges, without the unit.
     of : what the cycles are counted of, for a legend that leaves some out.
+    title : of the panel.
 
     Returns
     -------
-    The axes.
+    A curve for each name with cycles.
     """
-    drawn = {name: cycles for name, cycles in counted.items() if cycles.range.size}
+    drawn = {name: rainflow for name, rainflow in counted.items() if rainflow.range.size}
     curves = []
-    for name, cycles in drawn.items():
-        ranges, number = cycles.exceedance()
+    for name, rainflow in drawn.items():
+        ranges, number = rainflow.exceedance()
         x, y = np.append(0.5 * number[:1], number), np.append(ranges, 0.0)
         curves.append(Curve(name, x, y, {"drawstyle": "steps-post"}))
-    unit = next((cycles.unit for cycles in drawn.values()), "")
-    draw_curves(ax, ("Cycles with a larger range", ""), (label, unit), curves, of=of)
-    ax.set_xscale("log")
-    ax.set_ylim(bottom=0.0)
-    return ax
+    up = (label, next((rainflow.unit for rainflow in drawn.values()), ""))
+    return Chart(("Cycles with a larger range", ""), up, curves, log="x", of=of, y_ends=(0.0, None), title=title)
 
 
-def plot_fatigue(fatigue: Mapping[str, Fatigue], ax: Axes) -> Axes:
-    """Stress ranges of each body where its stress is largest, with the damage of the run."""
-    plot_cycles({name: body.rainflow for name, body in fatigue.items()}, ax, "Stress range", "bodies")
-    texts = [f"{name}: damage {body.damage:.2g} at x = {amount(body.position, 'm')}" for name, body in fatigue.items()]
-    ax.text(0.99, 0.97, "\n".join(texts[:MOST_CURVES]), transform=ax.transAxes, ha="right", va="top", fontsize="small")
-    return ax
-
-
-def impact_figures(result: RunResult) -> dict[str, Figure]:
-    """Those of impacts and fatigue, where they were asked for."""
+def impact_figures(result: RunResult) -> dict[str, Picture]:
+    """Those of impacts, and of the stress ranges of each body where its stress is largest, if they were asked for."""
     figures, impacts, fatigue = {}, result.impacts, result.fatigue
     if impacts is not None and impacts.begin.size:
-        end, title = float(result.time[-1]), result.title
-        cycles = {name: impacts.snubbers[name].rainflow for name in _strongest(impacts)}
-        figures["impact_map"] = picture(title, partial(plot_impact_map, impacts, end=end))
-        figures["impact_histogram"] = picture(
-            title, partial(plot_peak_forces, impacts), partial(plot_cycles, cycles, label="Force range", of="snubbers")
-        )
+        counted = {name: impacts.snubbers[name].rainflow for name in _strongest(impacts)}
+        figures["impact_map"] = Picture(result.title, [impact_map(impacts, float(result.time[-1]))])
+        ranges = cycles(counted, "Force range", "snubbers")
+        figures["impact_histogram"] = Picture(result.title, [partial(plot_peak_forces, impacts), ranges])
     if fatigue:
-        figures["stress_cycles"] = picture(result.title, partial(plot_fatigue, fatigue))
+        damage = [f"{name}: damage {of.damage:.2g} at x = {amount(of.position, 'm')}" for name, of in fatigue.items()]
+        counted, title = {name: body.rainflow for name, body in fatigue.items()}, "\n".join(damage[:MOST_CURVES])
+        figures["stress_cycles"] = Picture(result.title, [cycles(counted, "Stress range", "bodies", title)])
     return figures

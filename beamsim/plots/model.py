@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from beamsim.plots.drawing import GREEN, legend_below, picture
+from beamsim.plots.drawing import GREEN, Picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
 from beamsim.plots.style import amount, level_text, round_length
 from beamsim.scenario import Scenario
@@ -28,20 +27,9 @@ DEEPEST = 0.07  # of a body, over the distance of rows
 Named = tuple[str, tuple[float, float]]  # what is drawn, and where
 
 
-def plot_model(scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers], ax: Axes) -> Axes:
-    """Draw the model at rest: lengths to scale, gaps and depths to a scale of their own.
-
-    Parameters
-    ----------
-    scenario : with bodies.
-    stations, stops : those of its system, the stops by name.
-    ax : to draw on.
-
-    Returns
-    -------
-    The axes.
-    """
-    sketch = Sketch(scenario, stations, stops)
+def plot_model(sketch: Sketch, ax: Axes) -> None:
+    """Draw the model at rest: lengths to scale, gaps and depths to a scale of their own."""
+    stops = sketch.stops
     largest = max((stop.gap for stop in stops.values() if np.isfinite(stop.gap)), default=0.0)
     factor = 0.16 / largest if largest > 0.0 else 1.0
     places = sketch.draw(ax, sketch.rest, factor, 0.5 * DEEPEST)
@@ -59,7 +47,7 @@ def plot_model(scenario: Scenario, stations: Stations, stops: Mapping[str, Snubb
     ax.set_xmargin(0.07)
     if len(names) <= MOST_NAMES:
         _number(ax, names, 0.06 * sketch.span)
-    return ax
+    ax.set_title(excitation_text(sketch.scenario), fontsize="medium", loc="left")
 
 
 def _number(ax: Axes, names: Sequence[Named], near: float) -> None:
@@ -82,7 +70,7 @@ def _number(ax: Axes, names: Sequence[Named], near: float) -> None:
         )  # fmt: skip
 
 
-def model_figure(scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> Figure:
+def model_figure(scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> Picture:
     """The sketch with its title, what excites the model, and the scale of the gaps.
 
     Parameters
@@ -94,10 +82,9 @@ def model_figure(scenario: Scenario, stations: Stations, stops: Mapping[str, Snu
     -------
     One panel, with a legend below it.
     """
-    rows = Sketch(scenario, stations, stops).count
-    figure = picture(scenario.title, partial(plot_model, scenario, stations, stops), size=(8.0, 2.4 + 1.6 * rows))
-    figure.axes[0].set_title(excitation_text(scenario), fontsize="medium", loc="left")
-    return legend_below(figure)
+    sketch = Sketch(scenario, stations, stops)
+    size = (8.0, 2.4 + 1.6 * sketch.count)
+    return Picture(scenario.title, [partial(plot_model, sketch)], size=size, legend_below=True)
 
 
 def excitation_text(scenario: Scenario) -> str:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from beamsim.analyses.branch import ModeBranch
 from beamsim.analyses.nnm.result import NormalModeResult
@@ -18,11 +17,8 @@ from beamsim.plots.drawing import (
     MOST_CURVES,
     Chart,
     Curve,
+    Picture,
     curve_style,
-    draw_curves,
-    legend,
-    name_beside,
-    picture,
 )
 from beamsim.plots.multiple_scales import expansion_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
@@ -46,40 +42,33 @@ _STYLES = {"backbone": (0, 1.4), "tongue": (1, 1.0), "non_brake": (2, 1.4)}  # c
 def backbone(result: NormalModeResult) -> Chart:
     """Frequency over the stiffness factor, or largest deflection over frequency where energy or frequency changes.
 
-    Unstable stretches are dashed, jumps grey, special points marked.
+    Unstable stretches are dashed, jumps grey, special points marked, tongues named.
     """
     if result.parameter == "stiffness_factor":
-        curves = _curves(result, [(b.parameter, b.frequency_hz) for b in result.branches])
-        return Chart(("Stiffness factor ε", ""), ("Frequency", HERTZ), curves, of="")
+        drawn = [(b.parameter, b.frequency_hz) for b in result.branches]
+        return _named(result, Chart(("Stiffness factor ε", ""), ("Frequency", HERTZ), _curves(result, drawn), of=""))
     largest = [np.abs(b.initial_displacement).max(axis=1) for b in result.branches]
     log = "y" if float(np.max(largest[0])) > WIDE * float(np.min(largest[0])) else ""
     curves = _curves(result, [(b.frequency_hz, y) for b, y in zip(result.branches, largest, strict=True)])
-    return Chart(("Frequency", HERTZ), ("Largest deflection at the extreme", "m"), curves, log=log, of="")
+    across, up = ("Frequency", HERTZ), ("Largest deflection at the extreme", "m")
+    return _named(result, Chart(across, up, curves, log=log, of=""))
 
 
-def plot_backbone(result: NormalModeResult, ax: Axes) -> Axes:
-    """The backbone curve with its tongues named."""
-    return _plot(result, ax, backbone(result))
-
-
-def plot_frequency_energy(result: NormalModeResult, ax: Axes) -> Axes:
+def frequency_energy(result: NormalModeResult) -> Chart:
     """Frequency–energy plot, drawn likewise."""
     energy = result.backbone.energy
     curves = _curves(result, [(b.energy, b.frequency_hz) for b in result.branches])
     log = "x" if float(np.max(energy)) > DECADE * float(np.min(energy)) else ""
-    return _plot(result, ax, Chart(("Energy", Scale(1.0, "J")), ("Frequency", HERTZ), curves, log=log, of=""))
+    return _named(result, Chart(("Energy", Scale(1.0, "J")), ("Frequency", HERTZ), curves, log=log, of=""))
 
 
-def _plot(result: NormalModeResult, ax: Axes, chart: Chart) -> Axes:
-    """Curves, and n:m beside every resonance, each once: the first curves are the jumps."""
-    x, y = draw_curves(ax, *chart)
-    places: dict[str, tuple[float, float]] = {}
+def _named(result: NormalModeResult, chart: Chart) -> Chart:
+    """The chart with n:m beside every resonance, each once: the first curves are the jumps."""
+    names: dict[str, tuple[float, float]] = {}
     for jump, curve in zip(result.jumps, chart.curves, strict=False):
         if jump.ratio and jump.mode:
-            at = (float(curve.x[0]) * x.factor, float(curve.y[0]) * y.factor)
-            places.setdefault(f"{jump.ratio}:1, mode {jump.mode}", at)
-    name_beside(ax, places)
-    return ax
+            names.setdefault(f"{jump.ratio}:1, mode {jump.mode}", (float(curve.x[0]), float(curve.y[0])))
+    return chart._replace(names=names)
 
 
 def _at(branch: ModeBranch, parameter: float) -> int:
@@ -124,22 +113,20 @@ def _special(result: NormalModeResult, drawn: Sequence[tuple[Floats, Floats]]) -
     return places
 
 
-def plot_mode_shapes(result: NormalModeResult, ax: Axes) -> Axes:
+def plot_mode_shapes(result: NormalModeResult, ax: Axes) -> None:
     """The motion at its extremes, over the linear mode."""
     branch, (first, second) = _shown_branch(result), result.motion.at_rest
     word = "at rest" if branch.least_kinetic[result.motion_point] == 0.0 or branch.kind == "backbone" else "slowest"
     linear: tuple[str, Floats, dict[str, Any]] = (f"linear mode {result.mode}", result.linear_shape, {})
     ax.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
     draw_along(ax, result.stations, "Deflection", [(f"{word}, t = 0", first, {}), ("t = T/2", second, {}), linear])
-    return ax
 
 
-def plot_deflected_shapes(result: NormalModeResult, ax: Axes) -> Axes:
+def plot_deflected_shapes(result: NormalModeResult, ax: Axes) -> None:
     """The deflected shape at two instants underway."""
     first, second = result.motion.underway
     ax.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
     draw_along(ax, result.stations, "Deflection", [("t = T/8", first, {}), ("t = 3T/8", second, {})])
-    return ax
 
 
 def _shown_branch(result: NormalModeResult) -> ModeBranch:
@@ -154,31 +141,24 @@ def _nodes(result: NormalModeResult) -> list[tuple[int, str]]:
     return [(int(k), result.stations.name(int(k))) for k in chosen]
 
 
-def plot_node_motion(result: NormalModeResult, ax: Axes) -> Axes:
-    """Displacement of the structure's nodes over one period."""
-    motion = result.motion
+def motions(result: NormalModeResult) -> list[Chart]:
+    """Displacement of the structure's nodes and contact forces over one period."""
+    motion, across = result.motion, ("Time", "s")
     curves = [Curve(name, motion.time, motion.stations[:, at]) for at, name in _nodes(result)]
-    draw_curves(ax, ("Time", "s"), ("Displacement", "m"), curves)
-    return ax
+    forces = [Curve(name, motion.time, force) for name, force in motion.force.items()]
+    pressed = [Chart(across, ("Contact force", "N"), forces, of="snubbers")] if forces else []
+    return [Chart(across, ("Displacement", "m"), curves), *pressed]
 
 
-def plot_contact_forces(result: NormalModeResult, ax: Axes) -> Axes:
-    """Contact forces over the same period."""
-    curves = [Curve(name, result.motion.time, force) for name, force in result.motion.force.items()]
-    draw_curves(ax, ("Time", "s"), ("Contact force", "N"), curves, of="snubbers")
-    return ax
-
-
-def plot_phase_portrait(result: NormalModeResult, ax: Axes) -> Axes:
+def phase_portrait(result: NormalModeResult) -> Chart:
     """Velocity over displacement."""
     motion = result.motion
     curves = [Curve(name, x, motion.velocity[name]) for name, x in motion.displacement.items()]
     of = f" of {curves[0].label}" if len(curves) == 1 else ""
-    draw_curves(ax, (f"Displacement{of}", "m"), (f"Velocity{of}", "m/s"), curves, of="probes")
-    return ax
+    return Chart((f"Displacement{of}", "m"), (f"Velocity{of}", "m/s"), curves, of="probes")
 
 
-def plot_configuration(result: NormalModeResult, ax: Axes) -> Axes:
+def configuration(result: NormalModeResult) -> Chart:
     """Displacements over one another: a line for a linear mode, a curve for a nonlinear one, a loop for a non-brake
     orbit. The probes over the first of them; with a single probe the nodes over the one that moves most."""
     motion = result.motion
@@ -193,11 +173,10 @@ def plot_configuration(result: NormalModeResult, ax: Axes) -> Axes:
     part = slice((motion.time.size + 1) // 2 if _shown_branch(result).kind != "non_brake" else None)
     curves = [Curve(name, named[across][part], named[name][part]) for name in others]
     up = f"Displacement of {others[0]}" if len(others) == 1 else "Displacement"
-    draw_curves(ax, (f"Displacement of {across}", "m"), (up, "m"), curves)
-    return ax
+    return Chart((f"Displacement of {across}", "m"), (up, "m"), curves)
 
 
-def plot_orbit_spectrum(result: NormalModeResult, ax: Axes) -> Axes:
+def orbit_spectrum(result: NormalModeResult) -> Chart:
     """Spectrum over the motion's many periods, in dB of each probe's strongest line."""
     motion, f = result.motion, result.motion.spectrum_frequency_hz
     # as far as the harmonics that are stored: beyond them every line is small
@@ -207,31 +186,28 @@ def plot_orbit_spectrum(result: NormalModeResult, ax: Axes) -> Axes:
         level = 20.0 * np.log10(np.maximum(amplitude[:last], 1e-300) / amplitude[:last].max())
         marks = {"marker": "os^Dvx"[k % 6], "markersize": 4, "markerfacecolor": "none", "linewidth": 0.6}
         curves.append(Curve(name, f[:last], np.where(level > FLOOR, level, np.nan), marks))
-    across = (f"Frequency in steps of {f[1]:.3g} Hz", HERTZ)
-    draw_curves(ax, across, ("Amplitude (dB re largest)", ""), curves, of="probes")
-    ax.set_ylim(FLOOR, 5.0)
     # a drift over the periods of the spectrum above 1e-6 is shown
     drift = f"; unstable: {100 * motion.drift:.3g} % away at their end" if motion.drift > 1e-6 else ""
-    legend(ax, f"{motion.periods} periods{drift}")
-    return ax
+    across, up = (f"Frequency in steps of {f[1]:.3g} Hz", HERTZ), ("Amplitude (dB re largest)", "")
+    said = f"{motion.periods} periods{drift}"
+    return Chart(across, up, curves, of="probes", y_ends=(FLOOR, 5.0), legend=said)
 
 
-def nnm_figures(result: NormalModeResult) -> dict[str, Figure]:
+def nnm_figures(result: NormalModeResult) -> dict[str, Picture]:
     """Every picture of a nonlinear mode, by name."""
-    motion, force = f"{result.title}\n{_motion_name(result)}", result.motion.force
-    of_motion = {
-        "mode_shapes": [plot_mode_shapes],
-        "deflected_shapes": [plot_deflected_shapes],
-        "motion": [plot_node_motion, plot_contact_forces] if force else [plot_node_motion],
-        "phase_portrait": [plot_phase_portrait],
-        "configuration": [plot_configuration],
-        "spectrum": [plot_orbit_spectrum],
+    of_motion: dict[str, list[Any]] = {
+        "mode_shapes": [partial(plot_mode_shapes, result)],
+        "deflected_shapes": [partial(plot_deflected_shapes, result)],
+        "motion": motions(result),
+        "phase_portrait": [phase_portrait(result)],
+        "configuration": [configuration(result)],
+        "spectrum": [orbit_spectrum(result)],
     }
-    figures = {"backbone": picture(result.title, partial(plot_backbone, result))}
-    for name, plots in of_motion.items():
-        figures[name] = picture(motion, *(partial(plot, result) for plot in plots), sharex=True)
+    figures = {"backbone": Picture(result.title, [backbone(result)])}
+    title = f"{result.title}\n{_motion_name(result)}"
+    figures |= {name: Picture(title, panels, sharex=True) for name, panels in of_motion.items()}
     if result.parameter != "stiffness_factor":
-        figures["frequency_energy"] = picture(result.title, partial(plot_frequency_energy, result))
+        figures["frequency_energy"] = Picture(result.title, [frequency_energy(result)])
     if result.expansion is not None:
         figures |= expansion_figures(result)
     if result.relaxed is not None:

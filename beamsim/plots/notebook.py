@@ -17,8 +17,8 @@ def figures_of(result: Result) -> dict[str, Figure]:
     """The figures that the command saves, by name, in the units of the scenario; a notebook shows each."""
     show_figures()
     with shown_in(result.scenario.display_scales):
-        figures: dict[str, Figure] = named(KINDS[kind_of_class(type(result))].figures)(result)
-    return figures
+        pictures = named(KINDS[kind_of_class(type(result))].figures)(result)
+        return {name: picture.figure() for name, picture in pictures.items()}
 
 
 def show_figures() -> None:

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from beamsim.analyses.nnm.result import HeldMotion, PhaseResonanceResult
 from beamsim.plots.branches import BranchLine, branch_curves
-from beamsim.plots.drawing import HERTZ, RED, Curve, curve_style, draw_curves, marked, name_beside, picture
+from beamsim.plots.drawing import HERTZ, RED, Chart, Curve, Picture, curve_style, marked
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale, scale_for
 from beamsim.structures.stations import Stations
@@ -26,7 +25,7 @@ def _level_text(value: float, level: Scale) -> str:
     return f"{value * level.factor:.4g} {level.unit}"
 
 
-def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
+def resonances(result: PhaseResonanceResult) -> Chart:
     """Response curves over the backbone: frequency against amplitude, named by level, unstable stretches dashed."""
     name, level, ridge = result.probe, _level_scale(result), result.predicted
     lines = [
@@ -43,20 +42,20 @@ def plot_resonances(result: PhaseResonanceResult, ax: Axes) -> Axes:
         marked("predicted", predicted, color="0.15", marker="o", markersize=7, markerfacecolor="white"),
         marked("phase resonance", held, color="0.15", marker="D", markersize=4, zorder=6),
     ]
-    up = (f"Largest deflection of {name}", scale_for("m", predicted[:, 1], held[:, 1], *(line.y for line in lines)))
-    _, scale = draw_curves(ax, ("Frequency", HERTZ), up, curves, of="")
-    if lines:
-        shown = np.concatenate([line.x for line in lines])
-        highest = [predicted[:, 1], held[:, 1], *(line.y for line in lines)]
-        ax.set_xlim(float(shown.min()), float(shown.max()))
-        ax.set_ylim(0.0, 1.12 * scale.factor * max(float(np.nanmax(y)) for y in highest))
+    shown = [predicted[:, 1], held[:, 1], *(line.y for line in lines)]
+    up = (f"Largest deflection of {name}", scale_for("m", *shown))
+    chart = Chart(("Frequency", HERTZ), up, curves, of="")
+    if not lines:
+        return chart
+    at = np.concatenate([line.x for line in lines])
     levels = [_level_text(m.level, level) for m in result.motions if m.curve is not None]
-    tops = [(float(line.x[np.argmax(line.y)]), float(line.y.max()) * scale.factor) for line in lines]
-    name_beside(ax, dict(zip(levels, tops, strict=True)))
-    return ax
+    tops = [(float(line.x[np.argmax(line.y)]), float(line.y.max())) for line in lines]
+    top = 1.12 * max(float(np.nanmax(y)) for y in shown)
+    ends = float(at.min()), float(at.max())
+    return chart._replace(x_ends=ends, y_ends=(0.0, top), names=dict(zip(levels, tops, strict=True)))
 
 
-def plot_levels(result: PhaseResonanceResult, ax: Axes) -> Axes:
+def levels(result: PhaseResonanceResult) -> Chart:
     """The level predicted against the amplitude, and the exact motions."""
     name, ridge = result.probe, result.predicted
     order = np.argsort(ridge.energy)
@@ -66,12 +65,10 @@ def plot_levels(result: PhaseResonanceResult, ax: Axes) -> Axes:
         if shown:
             label, size = f"exact, {'stable' if stable else 'unstable'}", {"marker": "D", "markersize": 6}
             curves.append(marked(label, shown, color=RED, markerfacecolor=face, **size))
-    across, up = (f"Largest deflection of {name}", "m"), ("Level", _level_scale(result))
-    draw_curves(ax, across, up, curves, log="xy")
-    return ax
+    return Chart((f"Largest deflection of {name}", "m"), ("Level", _level_scale(result)), curves, log="xy")
 
 
-def plot_held_shapes(held: HeldMotion, ax: Axes, stations: Stations) -> Axes:
+def plot_held_shapes(held: HeldMotion, ax: Axes, stations: Stations) -> None:
     """Deflected shapes at two instants of the last period, over those of the mode (thesis, figures 4.14 and 4.17).
 
     Parameters
@@ -79,10 +76,6 @@ def plot_held_shapes(held: HeldMotion, ax: Axes, stations: Stations) -> Axes:
     held : motion, with its shapes (2, nx) and those of the mode.
     ax : to draw on.
     stations : nx, where shapes are known.
-
-    Returns
-    -------
-    The axes.
     """
     shapes: list[tuple[str, Any, dict[str, Any]]] = []
     for k in (0, 1):
@@ -91,10 +84,9 @@ def plot_held_shapes(held: HeldMotion, ax: Axes, stations: Stations) -> Axes:
         dotted = {**colour, "linestyle": (0, (2, 2)), "linewidth": 1.8, "alpha": 0.6, "marker": ""}
         shapes.append(("nonlinear mode then", held.mode_shapes[k], dotted))
     draw_along(ax, stations, "Deflection", shapes)
-    return ax
 
 
-def plot_held_spectrum(held: HeldMotion, ax: Axes) -> Axes:
+def held_spectrum(held: HeldMotion) -> Chart:
     """Lines over all periods, in dB of the strongest."""
     highest = 20.5 * float(held.frequency_hz[held.departure.size])
     reach = held.frequency_hz <= highest
@@ -103,12 +95,11 @@ def plot_held_spectrum(held: HeldMotion, ax: Axes) -> Axes:
         Curve(name, held.frequency_hz[reach], 20 * np.log10(np.maximum(a[reach] / top, 1e-300)))
         for name, a in held.amplitude.items()
     ]
-    draw_curves(ax, ("Frequency", HERTZ), ("Amplitude (dB re largest)", ""), curves, of="probes")
-    ax.set(xlim=(0.0, highest), ylim=(-120.0, 6.0))
-    return ax
+    across, up = ("Frequency", HERTZ), ("Amplitude (dB re largest)", "")
+    return Chart(across, up, curves, of="probes", x_ends=(0.0, highest), y_ends=(-120.0, 6.0))
 
 
-def plot_departure(result: PhaseResonanceResult, ax: Axes) -> Axes:
+def departure(result: PhaseResonanceResult) -> Chart:
     """Distance from the mode in every period, for all levels."""
     level = _level_scale(result)
     curves = [
@@ -116,12 +107,11 @@ def plot_departure(result: PhaseResonanceResult, ax: Axes) -> Axes:
         for m in result.motions
         if m.held is not None
     ]
-    draw_curves(ax, ("Period", ""), ("Distance from the mode\n(norm of energy)", ""), curves, of="levels")
-    ax.set_ylim(bottom=0.0)
-    return ax
+    up = ("Distance from the mode\n(norm of energy)", "")
+    return Chart(("Period", ""), up, curves, of="levels", y_ends=(0.0, None))
 
 
-def phase_resonance_figures(result: PhaseResonanceResult, title: str, stations: Stations) -> dict[str, Figure]:
+def phase_resonance_figures(result: PhaseResonanceResult, title: str, stations: Stations) -> dict[str, Picture]:
     """Every picture of a held mode, by name; shapes and spectrum are those of the last level.
 
     Parameters
@@ -135,13 +125,13 @@ def phase_resonance_figures(result: PhaseResonanceResult, title: str, stations: 
     By the last part of the file name.
     """
     figures = {
-        "phase_resonance": picture(title, partial(plot_resonances, result)),
-        "phase_resonance_level": picture(title, partial(plot_levels, result)),
-        "held_departure": picture(title, partial(plot_departure, result)),
+        "phase_resonance": Picture(title, [resonances(result)]),
+        "phase_resonance_level": Picture(title, [levels(result)]),
+        "held_departure": Picture(title, [departure(result)]),
     }
     last = result.motions[-1]
     if last.held is not None:
         under = f"{title}, {_level_text(last.level, _level_scale(result))}, {last.held.departure.size} periods"
-        figures["held_shapes"] = picture(under, partial(plot_held_shapes, last.held, stations=stations))
-        figures["held_spectrum"] = picture(under, partial(plot_held_spectrum, last.held))
+        figures["held_shapes"] = Picture(under, [partial(plot_held_shapes, last.held, stations=stations)])
+        figures["held_spectrum"] = Picture(under, [held_spectrum(last.held)])
     return figures

@@ -1,15 +1,10 @@
-"""Plots of a run. Every function draws on the given Axes and returns them."""
+"""Plots of a run: the pictures of a result, each of charts."""
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from beamsim.analyses.run.records import Window
 from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, ShockResponse, SnubberHistory, Spectrum
@@ -22,15 +17,14 @@ from beamsim.plots.drawing import (
     Chart,
     Curve,
     Guide,
+    Picture,
     beside,
     curve_style,
-    draw_curves,
-    legend,
     limit_levels,
-    picture,
+    marked,
 )
 from beamsim.plots.impacts import impact_figures
-from beamsim.plots.random_response import has_transmissibility, plot_crossings, plot_density, plot_transmissibility
+from beamsim.plots.random_response import crossings, density, has_transmissibility, transmissibility
 from beamsim.plots.style import plain_scale, scale_for
 from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.structures.assembly import site_in, snubber_site
@@ -45,12 +39,35 @@ _LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "ot
 _FREE, _CLOSED = "0.62", "#a3263d"  # apart in grey print, too
 
 
-def displacements(result: RunResult) -> Chart:
-    """Displacements of the probes relative to the base, with limits and the faces of stops."""
-    levels = limit_levels(result.scenario.limits, "peak_displacement", both_signs=True)
-    levels += _faces(result)
-    values = {name: probe.displacement for name, probe in result.probes.items()}
-    return _histories(result, "Relative displacement", "m", values, levels)
+def histories(
+    result: RunResult, up: Axis, values: Mapping[str, Floats], levels: Iterable[Guide] = (), note: str = "",
+    of: str = "probes",
+) -> list[Chart]:  # fmt: skip
+    """Time histories: the whole, and its last periods, unless that is the whole or a shock is over then.
+
+    Parameters
+    ----------
+    result : of the run.
+    up : words and unit of the values.
+    values : (nt,) at the output times, by name; the first are drawn.
+    levels : to compare with.
+    note : on the whole.
+    of : what the values are of.
+
+    Returns
+    -------
+    One panel, or two.
+    """
+    time, start = result.time, _last_part(result)
+    begin, end = float(time[0]), float(time[-1])
+    curves = [Curve(name, time, x) for name, x in values.items()]
+    ends = begin, end if end > begin else begin + 1.0
+    whole = Chart(("Time", plain_scale("s")), up, curves, list(levels), of=of, x_ends=ends, note=note)
+    if result.scenario.excitation.shock or start <= begin:
+        return [whole]
+    first = int(np.searchsorted(time, start))
+    last = [Curve(name, time[first:], x[first:]) for name, x in values.items()]
+    return [whole, whole._replace(curves=last, x_ends=(start, end), note="")]
 
 
 def _faces(result: RunResult) -> Iterator[Guide]:
@@ -68,166 +85,48 @@ def _faces(result: RunResult) -> Iterator[Guide]:
             yield Guide(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": dashes})
 
 
-def accelerations(result: RunResult) -> Chart:
-    """Absolute accelerations of the probes, behind the filter where there is one."""
-    words = "Absolute acceleration" if result.low_pass_hz is None else f"Acceleration below {result.low_pass_hz:g} Hz"
-    kind = "absolute" if result.low_pass_hz is None else "low_passed"
-    levels = limit_levels(result.scenario.limits, "peak_acceleration", both_signs=True)
-    values = {name: getattr(probe, f"{kind}_acceleration") for name, probe in result.probes.items()}
-    return _histories(result, words, "m/s^2", values, levels)
-
-
-def contact_forces(result: RunResult) -> Chart:
-    """Contact forces; of many snubbers those with the largest peaks come first."""
+def _contact_forces(result: RunResult) -> dict[str, Floats]:
+    """Contact forces by snubber; of many those with the largest peaks come first."""
     peaks = {name: float(np.max(snubber.force, initial=0.0)) for name, snubber in result.snubbers.items()}
     strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
-    values = {name: s.force for name, s in result.snubbers.items() if name in strongest}
-    values |= {name: s.force for name, s in result.snubbers.items()}
-    levels = limit_levels(result.scenario.limits, "peak_force")
-    return _histories(result, "Contact force", "N", values, levels, of="snubbers")
+    return {name: result.snubbers[name].force for name in sorted(peaks, key=lambda name: name not in strongest)}
 
 
-def _histories(
-    result: RunResult,
-    words: str,
-    unit: str,
-    values: dict[str, Floats],
-    levels: Iterable[Guide] = (),
-    of: str = "probes",
-) -> Chart:
-    curves = [Curve(name, result.time, x) for name, x in values.items()]
-    return Chart(("Time", plain_scale("s")), (words, unit), curves, list(levels), of=of)
-
-
-def plot_history(result: RunResult, ax: Axes, chart: Chart, figure: str = "", *, last_part: bool = False) -> Axes:
-    """Time histories, whole, or of a few last periods.
-
-    Parameters
-    ----------
-    result : of the run.
-    ax : to draw on.
-    chart : curves over its time.
-    figure : entry of the summary that says which peaks are doubtful, written above the whole.
-    last_part : whether to draw the last periods alone.
-
-    Returns
-    -------
-    The axes.
-    """
-    begin, end = (_last_part(result) if last_part else float(result.time[0])), float(result.time[-1])
-    first = int(np.searchsorted(result.time, begin))
-    shown = [Curve(c.label, c.x[first:], c.y[first:], c.style) for c in chart.curves]
-    clock, _ = draw_curves(ax, *chart._replace(curves=shown))
-    ax.set_xlim(begin * clock.factor, (end if end > begin else begin + 1.0) * clock.factor)
-    return ax if last_part else _doubts(result, ax, figure)
-
-
-def plot_displacement(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Time history of the probe displacements relative to the base.
-
-    Parameters
-    ----------
-    result : of the run.
-    ax : to draw on.
-    last_part : whether to draw the last periods alone.
-
-    Returns
-    -------
-    The axes.
-    """
-    return plot_history(result, ax, displacements(result), "peak_displacement_m", last_part=last_part)
-
-
-def plot_absolute_acceleration(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Time history of the absolute accelerations of the probes, in g; behind the filter where there is one.
-
-    Parameters
-    ----------
-    result : of the run.
-    ax : to draw on.
-    last_part : whether to draw the last periods alone.
-
-    Returns
-    -------
-    The axes.
-    """
-    return plot_history(result, ax, accelerations(result), "peak_acceleration_g", last_part=last_part)
-
-
-def plot_contact_force(result: RunResult, ax: Axes, *, last_part: bool = False) -> Axes:
-    """Time history of the contact forces; if there are many snubbers, those with the largest peaks.
-
-    Parameters
-    ----------
-    result : of the run.
-    ax : to draw on.
-    last_part : whether to draw the last periods alone.
-
-    Returns
-    -------
-    The axes.
-    """
-    return plot_history(result, ax, contact_forces(result), "peak_force_n", last_part=last_part)
-
-
-def plot_base_acceleration(result: RunResult, ax: Axes) -> Axes:
-    """Time history of the acceleration of the base, the input."""
-    chart = _histories(result, "Acceleration of the base", "m/s^2", {"": result.base_acceleration})
-    return plot_history(result, ax, chart)
-
-
-def plot_output(result: RunResult, ax: Axes, name: str) -> Axes:
-    """Time history of an output.
-
-    Parameters
-    ----------
-    result : of the run.
-    ax : to draw on.
-    name : of the output.
-
-    Returns
-    -------
-    The axes.
-    """
-    output = result.outputs[name]
-    levels = limit_levels(result.scenario.limits, OF_OUTPUTS + name, both_signs=True)
-    return plot_history(result, ax, _histories(result, name, output.unit, {"": output.value}, levels))
-
-
-def _doubts(result: RunResult, ax: Axes, figure: str, called: str = "peaks", of: str = "") -> Axes:
-    """Say which values have not converged: all, or those whose name ends with ``of``."""
+def _doubts(result: RunResult, figure: str, called: str = "peaks", of: str = "") -> str:
+    """Which values have not converged, as a note: all, or those whose name ends with ``of``."""
     changes = result.summary.get("convergence", {}).get(figure, {})
     listed = result.summary.get("doubtful", ())
     doubtful = [name for name in changes if f"{figure}.{name}" in listed and name.endswith(of)]
-    if doubtful:
-        texts = [
-            f"{name.removesuffix(of).replace('_', ' ').strip()} {100 * changes[name]:.2g}\N{NO-BREAK SPACE}%"
-            for name in doubtful[:4]
-        ]
-        said = f"{called} not converged; change with a finer model: {', '.join(texts)}{', …' * (len(doubtful) > 4)}"
-        ax.text(  # wrapped, as text wider than the panel would leave no room for the curves
-            0.99, 0.97, textwrap.fill(said, 100),
-            transform=ax.transAxes, ha="right", va="top", fontsize="small", color=_CLOSED,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
-        )  # fmt: skip
-    return ax
+    texts = [
+        f"{name.removesuffix(of).replace('_', ' ').strip()} {100 * changes[name]:.2g}\N{NO-BREAK SPACE}%"
+        for name in doubtful[:4]
+    ]
+    said = f"{called} not converged; change with a finer model: {', '.join(texts)}{', …' * (len(doubtful) > 4)}"
+    return said if doubtful else ""
 
 
-def spectra(result: RunResult, quantity: str = "absolute_acceleration") -> Chart:
-    """Levels over frequency divided by excitation frequency, or in Hz without one.
+def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Chart:
+    """Levels over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked.
 
     Neighbouring lines of a random motion differ by tens of dB and would cover a plot: of those the root mean square in
     bands is shown.
     """
     shown = [s for s in result.spectra.values() if s.quantity == quantity]
-    unit = _unit_of(shown)
+    if not shown:
+        return Chart(("Frequency", HERTZ), (quantity, ""), [])
+    unit, end = _unit_of(shown), _end_of_spectra(shown)
     curves = [Curve(s.probe, s.frequency_hz / unit, s.amplitude_db) for s in shown]
     across: Axis = ("Frequency", HERTZ) if unit == 1.0 else ("Frequency / excitation frequency", "")
-    if result.scenario.excitation.kind == "random" and shown:  # a record may hold tones, which are lines
-        count = max(int(np.searchsorted(curves[0].x, _end_of_spectra(shown))) // MOST_BANDS, 1)
+    if result.scenario.excitation.kind == "random":  # a record may hold tones, which are lines
+        count = max(int(np.searchsorted(curves[0].x, end)) // MOST_BANDS, 1)
         across = (f"Frequency in bands of {count * float(np.diff(curves[0].x[:2])[0]):.2g} Hz", HERTZ)
         curves = [Curve(s.probe, *s.in_bands(count)) for s in shown]
-    return Chart(across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""), curves, of="probes")
+    top = max(float(np.max(s.amplitude_db)) for s in shown)
+    return Chart(
+        across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""), curves, of="probes",
+        marks=list(_marked_lines(shown[0], unit, end)), x_ends=(0.0, end), y_ends=(top - 100.0, top + 6.0),
+        note=_doubts(result, "spectral_lines", "lines", f" {quantity}"),
+    )  # fmt: skip
 
 
 def _unit_of(shown: Sequence[Spectrum]) -> float:
@@ -235,48 +134,20 @@ def _unit_of(shown: Sequence[Spectrum]) -> float:
     return shown[0].excitation_hz if shown and np.isfinite(shown[0].excitation_hz) else 1.0
 
 
-def plot_spectrum(result: RunResult, ax: Axes, quantity: str = "absolute_acceleration") -> Axes:
-    """Level in dB over frequency divided by excitation frequency (or in Hz without one), with spectral lines marked.
-
-    Parameters
-    ----------
-    result : of the run.
-    ax : to draw on.
-    quantity : of the probes, absolute_acceleration or displacement.
-
-    Returns
-    -------
-    The axes.
-    """
-    shown = [s for s in result.spectra.values() if s.quantity == quantity]
-    draw_curves(ax, *spectra(result, quantity))
-    if shown:
-        unit, end = _unit_of(shown), _end_of_spectra(shown)
-        _mark_lines(ax, shown[0], unit, end)
-        ax.set_xlim(0.0, end)
-        top = max(float(np.max(s.amplitude_db)) for s in shown)
-        ax.set_ylim(top - 100.0, top + 6.0)
-        legend(ax, f"{MOST_CURVES} of {len(shown)} probes" if len(shown) > MOST_CURVES else "")
-    return _doubts(result, ax, "spectral_lines", "lines", f" {quantity}")
-
-
-def _mark_lines(ax: Axes, s: Spectrum, unit: float, end: float) -> None:
+def _marked_lines(s: Spectrum, unit: float, end: float) -> Iterator[Curve]:
     """The lines of a spectrum by their kind, and those that are doubtful."""
     falls = Window.named(s.window).one_sided
-    kinds: list[tuple[list[Any], str, dict[str, Any]]] = [
-        ([line for line in s.lines if line.kind == kind], DECAYING_LINES if kind == "other" and falls else "",
-         {"marker": mark, "markersize": 4, "markerfacecolor": "white", "color": DARK})
-        for kind, mark in _LINE_MARKS.items()
-    ]  # fmt: skip
     doubtful = [
         line for line in s.lines if line.frequency_hz <= end * unit and (line.relative_change or 0.0) > ALLOWED_CHANGE
     ]
-    squares = {"marker": "s", "markersize": 8, "markerfacecolor": "none", "color": _CLOSED}
-    kinds.append((doubtful, DOUBTFUL_LINES, squares))
-    for lines, label, style in kinds:
+    for kind, mark in (*_LINE_MARKS.items(), ("doubtful", "s")):
+        lines = doubtful if kind == "doubtful" else [line for line in s.lines if line.kind == kind]
+        label, style = DECAYING_LINES if kind == "other" and falls else "", {"color": DARK, "markerfacecolor": "white"}
+        if kind == "doubtful":
+            label, style = DOUBTFUL_LINES, {"color": _CLOSED, "markerfacecolor": "none"}
         if lines:
-            at, level = np.array([(line.frequency_hz / unit, line.amplitude_db) for line in lines]).T
-            ax.plot(at, level, linestyle="none", label=label or "_nolegend_", **style)
+            places = [(line.frequency_hz / unit, line.amplitude_db) for line in lines]
+            yield marked(label, places, marker=mark, markersize=8 if kind == "doubtful" else 4, **style)
 
 
 def _end_of_spectra(shown: Sequence[Spectrum]) -> float:
@@ -290,23 +161,11 @@ def _end_of_spectra(shown: Sequence[Spectrum]) -> float:
     return min(1.05 * max([last, *chosen]), float(shown[0].frequency_hz[-1]) / unit) or 1.0
 
 
-def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> Axes:
-    """Velocity over displacement at a snubber (at the first probe if there is none), contact emphasised.
+def phase_portrait(result: RunResult, place: SnubberHistory | ProbeHistory) -> Chart:
+    """Velocity over displacement at a snubber or probe, contact emphasised.
 
     Of a long run the last part is drawn. The part before the window of the spectrum is drawn in light grey.
-
-    Parameters
-    ----------
-    result : of the run.
-    ax : to draw on.
-    at : name of the snubber, or of the probe where there is no snubber; the first by default.
-
-    Returns
-    -------
-    The axes.
     """
-    places: dict[str, Any] = {**result.snubbers} or {**result.probes}
-    place: SnubberHistory | ProbeHistory = places[at or next(iter(places))]
     shown = _end_of_run(result)
     time, w, v = result.time[shown], place.displacement[shown], place.velocity[shown]
     closed = place.closed[shown] if isinstance(place, SnubberHistory) else np.zeros(time.size, dtype=bool)
@@ -321,9 +180,8 @@ def plot_phase_portrait(result: RunResult, ax: Axes, at: str | None = None) -> A
         for kept, label, style in parts
         if kept.any()
     ]
-    draw_curves(ax, ("Displacement", scale_for("m", w)), ("Velocity", scale_for("m/s", v)), curves)
-    ax.set_xlabel(f"{ax.get_xlabel()}\nat {place.name}")
-    return ax
+    across = f"At {place.name}\nDisplacement"
+    return Chart((across, scale_for("m", w)), ("Velocity", scale_for("m/s", v)), curves)
 
 
 def _end_of_run(result: RunResult) -> slice:
@@ -331,43 +189,21 @@ def _end_of_run(result: RunResult) -> slice:
     return slice(max(result.time.size - MOST_STATES, 0), None)
 
 
-def plot_force_deflection(result: RunResult, ax: Axes) -> Axes:
+def force_deflection(result: RunResult) -> Chart:
     """Contact force over penetration of the snubbers: loops enclose the work that they lose.
 
-    Of a long run the last part is drawn. Only samples in contact are joined, so that stops without losses follow one
-    line.
+    Only samples in contact are joined, so that stops without losses follow one line.
     """
     shown = _end_of_run(result)
     loops = [
         Curve(name, s.penetration[shown], np.where(s.closed[shown], s.force[shown], np.nan), {"linewidth": 0.8})
         for name, s in result.snubbers.items()
     ]
-    draw_curves(ax, ("Penetration", "m"), ("Contact force", "N"), loops, of="snubbers")
-    if not any(np.isfinite(loop.y).any() for loop in loops):
-        ax.text(0.5, 0.5, "no contact", transform=ax.transAxes, ha="center", va="center", color="0.4")
-    return ax
+    title = "" if any(np.isfinite(loop.y).any() for loop in loops) else "no contact"
+    return Chart(("Penetration", "m"), ("Contact force", "N"), loops, of="snubbers", title=title)
 
 
-def plot_friction(result: RunResult, ax: Axes) -> Axes:
-    """Friction force over displacement: loops enclose the work that is lost. Of a long run the last part is drawn."""
-    shown = _end_of_run(result)
-    loops = [
-        Curve(name, contact.displacement[shown], contact.force[shown], {"linewidth": 0.8})
-        for name, contact in result.friction.items()
-    ]
-    draw_curves(ax, ("Displacement along the face", "m"), ("Friction force", "N"), loops, of="friction contacts")
-    return ax
-
-
-def plot_spring_force(result: RunResult, ax: Axes) -> Axes:
-    """Force of the nonlinear springs over their stretch; those that relax draw loops. Of a long run its last part."""
-    shown = _end_of_run(result)
-    curves = [Curve(name, spring.stretch[shown], spring.force[shown]) for name, spring in result.springs.items()]
-    draw_curves(ax, ("Stretch", "m"), ("Spring force", "N"), curves, of="springs")
-    return ax
-
-
-def plot_shock_response(response: ShockResponse, ax: Axes) -> Axes:
+def shock_response(response: ShockResponse, note: str) -> Chart:
     """Maximax spectra of the input and of the probes; thin, the residual of the input: what it leaves after its end."""
     f, drawn = response.frequency_hz, response.signals[:MOST_CURVES]
     curves = [Curve(signal.name, f, signal.maximax) for signal in drawn]
@@ -376,57 +212,65 @@ def plot_shock_response(response: ShockResponse, ax: Axes) -> Axes:
         for k, signal in enumerate(drawn)
         if signal.name == "input"
     ]
-    across = ("Natural frequency of the oscillator", "Hz")
-    draw_curves(ax, across, (f"Peak acceleration, Q = {response.quality:g}", "m/s^2"), curves, log="xy", of="")
-    ax.set_xlim(f[0], f[-1])
-    return ax
+    across, up = "Natural frequency of the oscillator", f"Peak acceleration, Q = {response.quality:g}"
+    ends = float(f[0]), float(f[-1])
+    return Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", of="", x_ends=ends, note=note)
 
 
-def run_figures(result: RunResult) -> dict[str, Figure]:
-    """All plots available for this result; the key is the last part of the file name."""
-    shock, random, srs = result.scenario.excitation.shock, result.random, result.srs
-    whole = shock or _last_part(result) <= result.time[0]
-
-    def history(plot: Any) -> list[Any]:
-        """Whole, and its last part; a shock is over then."""
-        return [partial(plot, result), *([] if whole else [partial(plot, result, last_part=True)])]
-
-    panels = {"displacement": history(plot_displacement), "acceleration": history(plot_absolute_acceleration)}
-    if shock and result.base_unit == "m" and np.any(result.base_acceleration):
-        panels["acceleration"] = [partial(plot_absolute_acceleration, result), partial(plot_base_acceleration, result)]
+def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
+    """Histories of probes, snubbers and outputs, by picture."""
+    limits, filtered = result.scenario.limits, result.low_pass_hz is not None
+    words = f"Acceleration below {result.low_pass_hz:g} Hz" if filtered else "Absolute acceleration"
+    kind = "low_passed_acceleration" if filtered else "absolute_acceleration"
+    levels = [*limit_levels(limits, "peak_displacement", both_signs=True), *_faces(result)]
+    values = {name: probe.displacement for name, probe in result.probes.items()}
+    note = _doubts(result, "peak_displacement_m")
+    panels = {"displacement": histories(result, ("Relative displacement", "m"), values, levels, note)}
+    levels = limit_levels(limits, "peak_acceleration", both_signs=True)
+    values = {name: getattr(probe, kind) for name, probe in result.probes.items()}
+    panels["acceleration"] = histories(result, (words, "m/s^2"), values, levels, _doubts(result, "peak_acceleration_g"))
+    if result.scenario.excitation.shock and result.base_unit == "m" and np.any(result.base_acceleration):
+        up = ("Acceleration of the base", "m/s^2")
+        panels["acceleration"] += histories(result, up, {"": result.base_acceleration})
     if result.snubbers:
-        panels["contact_force"] = history(plot_contact_force)
-        panels["force_deflection"] = [partial(plot_force_deflection, result)]
-    if result.friction:
-        panels["friction"] = [partial(plot_friction, result)]
-    if result.springs:
-        panels["spring_force"] = [partial(plot_spring_force, result)]
-    if result.outputs:
-        panels["outputs"] = [partial(plot_output, result, name=name) for name in list(result.outputs)[:MOST_CURVES]]
+        up, levels, note = ("Contact force", "N"), limit_levels(limits, "peak_force"), _doubts(result, "peak_force_n")
+        panels["contact_force"] = histories(result, up, _contact_forces(result), levels, note, of="snubbers")
+    for name, output in list(result.outputs.items())[:MOST_CURVES]:
+        levels = limit_levels(limits, OF_OUTPUTS + name, both_signs=True)
+        whole, *_ = histories(result, (name, output.unit), {"": output.value}, levels)
+        panels.setdefault("outputs", []).append(whole)
+    return panels
+
+
+def run_figures(result: RunResult) -> dict[str, Picture]:
+    """All pictures of this result; the key is the last part of the file name."""
+    random, srs, shown = result.random, result.srs, _end_of_run(result)
+    panels = _histories_of_all(result)
+    if result.snubbers:
+        panels["force_deflection"] = [force_deflection(result)]
+    if result.friction:  # loops enclose the work that is lost
+        thin = {"linewidth": 0.8}
+        loops = [Curve(name, of.displacement[shown], of.force[shown], thin) for name, of in result.friction.items()]
+        across, up = ("Displacement along the face", "m"), ("Friction force", "N")
+        panels["friction"] = [Chart(across, up, loops, of="friction contacts")]
+    if result.springs:  # those that relax draw loops
+        curves = [Curve(name, spring.stretch[shown], spring.force[shown]) for name, spring in result.springs.items()]
+        panels["spring_force"] = [Chart(("Stretch", "m"), ("Spring force", "N"), curves, of="springs")]
     if result.spectra:
-        quantities = ("absolute_acceleration", "displacement")
-        panels["spectrum"] = [partial(plot_spectrum, result, quantity=quantity) for quantity in quantities]
+        panels["spectrum"] = [spectrum(result, quantity) for quantity in ("absolute_acceleration", "displacement")]
     if random is not None and random.level is not None:
-        panels["level_crossings"] = [partial(plot_crossings, random)]
+        panels["level_crossings"] = [crossings(random)]
     if srs is not None:
-        panels["srs"] = [lambda ax: _doubts(result, plot_shock_response(srs, ax), "srs", "spectra")]
-    figures = {name: picture(result.title, *plots) for name, plots in panels.items()}
-    places = list(result.snubbers)[:MOST_CURVES] or list(result.probes)[:1]
-    portraits = [partial(plot_phase_portrait, result, at=name) for name in places]
-    figures["phase_portrait"] = picture(result.title, *portraits, columns=min(len(places), 3))
+        panels["srs"] = [shock_response(srs, _doubts(result, "srs", "spectra"))]
+    figures = {name: Picture(result.title, charts) for name, charts in panels.items()}
+    places = list(result.snubbers.values())[:MOST_CURVES] or list(result.probes.values())[:1]
+    portraits = [phase_portrait(result, place) for place in places]
+    figures["phase_portrait"] = Picture(result.title, portraits, columns=min(len(places), 3))
     if random is not None:
-        more = [partial(plot_transmissibility, random)] if has_transmissibility(random) else []
-        figures["random"] = picture(result.title, partial(_plot_density, result), *more, sharex=True)
+        more = [transmissibility(random)] if has_transmissibility(random) else []
+        note = _doubts(result, "random", "values")
+        figures["random"] = Picture(result.title, [density(random, note), *more], sharex=True)
     return figures | impact_figures(result) | body_figures(result)
-
-
-def _plot_density(result: RunResult, ax: Axes) -> Axes:
-    assert result.random is not None
-    _doubts(result, plot_density(result.random, ax), "random", "values")
-    if ax.texts:  # room for them above the curves
-        low, high = ax.get_ylim()
-        ax.set_ylim(low, 100.0 * high)
-    return ax
 
 
 def _last_part(result: RunResult) -> float:

@@ -1,4 +1,4 @@
-"""Figures to files. A file is written completely or not at all."""
+"""Pictures to files. A file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from beamsim.files import replacing
+from beamsim.plots.drawing import Picture
 
 
-def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, form: str = "png") -> list[Path]:
-    """Save every plot as ``<stem>_<name>.<form>``; slashes and spaces in names become underscores.
+def save_figures(figures: Mapping[str, Picture], folder: Path | str, stem: str, form: str = "png") -> list[Path]:
+    """Draw and save every picture as ``<stem>_<name>.<form>``; slashes and spaces in names become underscores.
 
     Parameters
     ----------
@@ -35,17 +35,17 @@ def save_figures(figures: Mapping[str, Figure], folder: Path | str, stem: str, f
     for name, figure in figures.items():
         path = Path(folder) / f"{stem}_{name.replace('/', '_').replace(' ', '_')}.{form}"
         with replacing(path) as temporary:
-            draw(figure, temporary, form)
+            write(figure, temporary, form)
         written.append(path)
     return written
 
 
-def draw(figure: Figure, target: Any, form: str = "png") -> None:
-    """Draw a figure to a file or stream.
+def write(picture: Picture, target: Any, form: str = "png") -> None:
+    """Draw a picture to a file or stream.
 
     Parameters
     ----------
-    figure : to draw.
+    picture : to draw.
     target : path or binary stream.
     form : png, pdf or svg.
     """
@@ -53,4 +53,4 @@ def draw(figure: Figure, target: Any, form: str = "png") -> None:
     packed: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}} if form == "png" else {}
     # logarithmic axes have 0.01, 0.6 and 200 in place of powers of ten; letters are as wide as in PDF and SVG
     with rc_context({"axes.formatter.min_exponent": 4, "text.hinting": "none"}):
-        figure.savefig(target, format=form, dpi=150.0, **packed)
+        picture.figure().savefig(target, format=form, dpi=150.0, **packed)

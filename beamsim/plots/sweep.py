@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, Value
@@ -23,16 +22,14 @@ from beamsim.plots.drawing import (
     Chart,
     Curve,
     Guide,
+    Picture,
     colour_bar,
     dashed_line,
-    draw_curves,
     finish,
-    frequency_axis,
     highest_in_bins,
-    legend,
     limit_levels,
     marked,
-    picture,
+    over_frequencies,
 )
 from beamsim.plots.style import Scale, level_text, scale_for
 from beamsim.scenario.reporting import OF_OUTPUTS, limited_quantity
@@ -52,30 +49,24 @@ _MARKS = {
 
 
 def _chart(
-    up: Axis, curves: Sequence[Curve], levels: Sequence[Guide] = (), log: str = "y", of: str = "curves", note: str = ""
+    result: SweepResult, up: Axis, curves: Sequence[Curve], log: str = "y", direction: str = "", **options: Any
 ) -> Chart:
-    """Curves over the excitation frequency, of whose axis the note says more."""
-    return Chart((f"Excitation frequency{note and f', {note}'}", HERTZ), up, curves, levels, log, of)
-
-
-def draw_sweep(result: SweepResult, ax: Axes, chart: Chart) -> Axes:
     """Curves over the frequencies of the sweep.
 
     Parameters
     ----------
-    result : of the sweep.
-    ax : to draw on.
-    chart : curves over its frequencies.
+    result : with curves.
+    up, curves : as of `Chart`.
+    log : of the axis up; that of frequency is logarithmic where it is wide.
+    direction : up or down, where the curves are of one.
+    options : of `Chart`.
 
     Returns
     -------
-    The axes.
+    From the lowest to the highest frequency of all curves of the sweep.
     """
-    draw_curves(ax, *chart)
-    swept = [curve.frequency_hz for curve in result.curves.values() if curve.frequency_hz.size]
-    if swept:
-        frequency_axis(ax, *(float(pick([pick(f) for f in swept])) for pick in (np.min, np.max)))
-    return ax
+    chart = Chart((f"Excitation frequency{direction and f', {direction}'}", HERTZ), up, curves, log=log, **options)
+    return over_frequencies(chart, np.concatenate([curve.frequency_hz for curve in result.curves.values()]))
 
 
 def _swept(label: str, curve: SweepCurve, values: Floats, *, mean: bool = False) -> Curve:
@@ -122,7 +113,7 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
         marks = {"marker": _MARKS[kind], "markersize": 5, "markerfacecolor": "white" if face else "0.2"}
         drawn.append(marked(kind, peaks, color="0.2", **marks))
     up = (f"Peak displacement of {probe}{_level(result, curves[0])}", "m")
-    return _chart(up, drawn, limit_levels(result.scenario.limits, "peak_displacement"), of="")
+    return _chart(result, up, drawn, levels=limit_levels(result.scenario.limits, "peak_displacement"), of="")
 
 
 def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
@@ -145,53 +136,31 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
         for name, envelope in curve.envelopes(value.quantity).items()
     ]
     up = (f"{value.label.capitalize()}{_level(result, curves[0])}".replace(", ", "\nat "), value.unit)
-    return _chart(up, drawn, limit_levels(result.scenario.limits, value.limit), log="" if value.key == FORCE else "y")
+    levels = limit_levels(result.scenario.limits, value.limit)
+    return _chart(result, up, drawn, log="" if value.key == FORCE else "y", levels=levels)
 
 
-def plot_transmissibility(result: SweepResult, ax: Axes, level_index: int) -> Axes:
-    """Fundamental of every probe's absolute acceleration over that of the base, with Q of its highest peak.
-
-    Parameters
-    ----------
-    result : of a sweep of a base, with accelerations.
-    ax : to draw on.
-    level_index : number of the level, from 0.
-
-    Returns
-    -------
-    The axes.
-    """
+def transmissibility(result: SweepResult, level_index: int) -> Chart:
+    """Fundamental of every probe's absolute acceleration over that of the base, with Q of its highest peak."""
     drawn = []
     for curve in _of_level(result, level_index):
         for name in curve.acceleration:
             peak = curve.resonance(name)
             known = f": Q {peak.quality:.3g} at {peak.frequency_hz:.4g} Hz" if peak and isfinite(peak.quality) else ""
             drawn.append(_swept(f"{name}, {curve.direction}{known}", curve, curve.transmissibility(name)))
-    return draw_sweep(result, ax, _chart(("Transmissibility", Scale(1.0, "g per g")), drawn))
+    return _chart(result, ("Transmissibility", Scale(1.0, "g per g")), drawn)
 
 
-def plot_output_peaks(result: SweepResult, ax: Axes, name: str) -> Axes:
-    """Peaks of an output over frequency, by direction and level, with its limit.
-
-    Parameters
-    ----------
-    result : of the sweep.
-    ax : to draw on.
-    name : of the output.
-
-    Returns
-    -------
-    The axes.
-    """
+def output_peaks(result: SweepResult, name: str) -> Chart:
+    """Peaks of an output over frequency, by direction and level, with its limit."""
     curves = list(result.curves.values())
     drawn = [_swept(f"{c.direction}{_level(result, c)}", c, c.outputs[name].peak) for c in curves]
-    limits = limit_levels(result.scenario.limits, OF_OUTPUTS + name)
-    draw_sweep(result, ax, _chart((f"Peak of {name}", curves[0].outputs[name].unit), drawn, limits, log=""))
-    ax.set_ylim(bottom=0.0)
-    return ax
+    levels = limit_levels(result.scenario.limits, OF_OUTPUTS + name)
+    up = (f"Peak of {name}", curves[0].outputs[name].unit)
+    return _chart(result, up, drawn, log="", levels=levels, y_ends=(0.0, None))
 
 
-def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -> Axes:
+def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve) -> None:
     """Tracked harmonics: response frequency over excitation frequency, coloured by amplitude in dB.
 
     Parameters
@@ -199,13 +168,8 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
     result : of the sweep.
     ax : to draw on.
     probe : name.
-    curve_name : direction and number of the level, such as up_0.
-
-    Returns
-    -------
-    The axes.
+    curve : one of its curves.
     """
-    curve = result.curves[curve_name]
     step = max(1, curve.frequency_hz.size // 1500)
     amplitude, f = np.abs(curve.displacement[probe].harmonics)[:, ::step], curve.frequency_hz[::step]
     top = float(np.nanmax(amplitude, initial=0.0)) or 1.0
@@ -221,7 +185,6 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve_name: str) -
     if curve.orders.size:
         colour_bar(ax, drawn, "Amplitude (dB re largest)")
     finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Response frequency of {probe} (Hz)")
-    return ax
 
 
 def _has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
@@ -230,7 +193,7 @@ def _has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
     return history.time.size >= 8 * FEWEST_SAMPLES and bool(np.any(history.displacement[probe]))
 
 
-def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int) -> Axes:
+def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int) -> None:
     """Spectrum of the displacement over time, in dB re its largest line; the frequency of the sweep is dashed.
 
     Hann windows of 24 cycles of the lowest frequency, at most an eighth of the stored time history.
@@ -241,10 +204,6 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     ax : to draw on.
     probe : name.
     level_index : number of the level, from 0.
-
-    Returns
-    -------
-    The axes.
     """
     history, curves = result.histories[level_index], _of_level(result, level_index)
     x, (begin, end) = history.displacement[probe], history.time[[0, -1]]
@@ -266,23 +225,10 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     finish(ax, "Time (s)", f"Frequency in the displacement of {probe} (Hz)")
     ax.grid(visible=False)
     ax.set_ylim(0.0, min(2.0 * max(float(np.max(curves[0].orders)), 1.0) * float(highest), 0.5 * rate))
-    return ax
 
 
-def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str) -> Axes:
-    """Peak displacement divided by excitation amplitude for each level.
-
-    Parameters
-    ----------
-    result : of the sweep.
-    ax : to draw on.
-    probe : name.
-    direction : up or down.
-
-    Returns
-    -------
-    The axes.
-    """
+def level_family(result: SweepResult, probe: str, direction: str) -> Chart:
+    """Peak displacement divided by excitation amplitude for each level."""
     curves = _in_direction(result, direction)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = [curve.displacement[probe].peak / curve.excitation_amplitude for curve in curves]
@@ -291,36 +237,21 @@ def plot_level_family(result: SweepResult, ax: Axes, probe: str, direction: str)
         for curve, ratio in zip(curves, ratios, strict=True)
     ]
     up = (f"Peak displacement of {probe} / level", _per_level(curves, *ratios))
-    return draw_sweep(result, ax, _chart(up, drawn, of="levels", note=direction))
+    return _chart(result, up, drawn, direction=direction, of="levels")
 
 
-def plot_harmonic_energy(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve) -> Axes:
-    """Mean-square response in each harmonic divided by mean-square excitation, at one level.
-
-    Parameters
-    ----------
-    result : of the sweep.
-    ax : to draw on.
-    probe : name.
-    curve : one of its curves.
-
-    Returns
-    -------
-    The axes.
-    """
+def harmonic_energy(result: SweepResult, probe: str, curve: SweepCurve) -> Chart:
+    """Mean-square response in each harmonic divided by mean-square excitation, at one level."""
     ratio = np.abs(curve.displacement[probe].harmonics[:MOST_CURVES]) / curve.excitation_amplitude
-    scale = _per_level([curve], ratio)
+    scale, top = _per_level([curve], ratio), float(np.nanmax(ratio**2, initial=0.0))
     drawn = [
         _swept(f"order {Fraction(float(order)).limit_denominator(12)}", curve, square, mean=True)
         for order, square in zip(curve.orders, ratio**2, strict=False)
     ]
     level = _level(result, curve, always=True)[2:]
     up = (f"Mean square of {probe}\n/ that of {level}, ({scale.unit})²", Scale(scale.factor**2, ""))
-    draw_sweep(result, ax, _chart(up, drawn, note=curve.direction))
-    top = float(np.nanmax(ratio**2, initial=0.0)) * scale.factor**2
-    if 0.0 < top < np.inf:
-        ax.set_ylim(1e-8 * top, 3.0 * top)
-    return ax
+    ends = (1e-8 * top, 3.0 * top) if 0.0 < top < np.inf else (None, None)
+    return _chart(result, up, drawn, direction=curve.direction, y_ends=ends)
 
 
 def _per_level(curves: list[SweepCurve], *ratios: Floats) -> Scale:
@@ -331,30 +262,18 @@ def _per_level(curves: list[SweepCurve], *ratios: Floats) -> Scale:
     return Scale(length.factor / level.factor, f"{length.unit} per {level.unit.replace('^2', '²')}")
 
 
-def plot_contact(result: SweepResult, ax: Axes, direction: str) -> Axes:
-    """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost.
-
-    Parameters
-    ----------
-    result : of a sweep with snubbers.
-    ax : to draw on.
-    direction : up or down.
-
-    Returns
-    -------
-    The axes.
-    """
+def contact(result: SweepResult, direction: str) -> Chart:
+    """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost."""
     drawn = [
         _swept(f"{name}{_level(result, curve, always=True)}", curve, share, mean=True)
         for curve in _in_direction(result, direction)
         for name, share in curve.contact_share.items()
     ]
-    draw_sweep(result, ax, _chart(("Time in contact", Scale(100.0, "%")), drawn, log="", note=direction))
-    ax.set_ylim(-2, 102)
-    return ax
+    up = ("Time in contact", Scale(100.0, "%"))
+    return _chart(result, up, drawn, log="", direction=direction, y_ends=(-0.02, 1.02))
 
 
-def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
+def contact_levels(result: SweepResult) -> Chart:
     """Level at which contact first begins or is lost, over frequency, with the levels of the sweep.
 
     The curve of a contact is drawn where no other one changes before.
@@ -370,13 +289,14 @@ def plot_contact_levels(result: SweepResult, ax: Axes) -> Axes:
             drawn.append(Curve(f"{name}: {what}", linear.frequency_hz, levels.predicted))
     grey = {"color": "0.6", "linestyle": "-", "linewidth": 0.8, "zorder": 0}
     curves = {c.level_index: c for c in result.curves.values()}.values()
-    swept = [(c.frequency_hz, np.abs(c.excitation_amplitude)) for c in curves]
-    drawn = [*drawn[:MOST_CURVES], *(Curve("" if k else "sweep", *at, grey) for k, at in enumerate(swept))]
+    swept = [
+        Curve("" if k else "sweep", c.frequency_hz, np.abs(c.excitation_amplitude), grey) for k, c in enumerate(curves)
+    ]
     scale = scale_for(next(iter(curves)).excitation_unit)
-    return draw_sweep(result, ax, _chart(("Level", scale), drawn, of=""))
+    return _chart(result, ("Level", scale), drawn, of="snubbers", marks=swept)
 
 
-def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
+def preload_needed(result: SweepResult) -> Chart:
     """Preload needed to keep contact at the highest excitation of the sweep, over frequency."""
     curve = max(result.curves.values(), key=lambda c: float(c.excitation_amplitude.max(initial=0.0)))
     amplitude = curve.amplitude_at(result.linear.frequency_hz)
@@ -384,23 +304,11 @@ def plot_preload_needed(result: SweepResult, ax: Axes) -> Axes:
         Curve(name, result.linear.frequency_hz, levels.preload_needed * amplitude)
         for name, levels in result.linear.contact.items()
     ]
-    return draw_sweep(result, ax, _chart(("Preload needed to keep contact", "N"), drawn, of="snubbers"))
+    return _chart(result, ("Preload needed to keep contact", "N"), drawn, of="snubbers")
 
 
-def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
-    """Period of the steady motion in cycles of the excitation; crosses, below, where the motion has none.
-
-    Parameters
-    ----------
-    result : of a stepped sweep.
-    ax : to draw on.
-    curve_name : direction and number of the level, such as up_0.
-
-    Returns
-    -------
-    The axes.
-    """
-    curve = result.curves[curve_name]
+def steady_states(result: SweepResult, curve: SweepCurve) -> Chart:
+    """Period of the steady motion in cycles of the excitation; crosses, below, where the motion has none."""
     assert curve.steady is not None
     kind = np.array(curve.steady.kind)
     whole: dict[str, Any] = {"clip_on": False, "zorder": 3, "linestyle": "none"}  # marks at the ends of the axis
@@ -412,76 +320,54 @@ def plot_steady_states(result: SweepResult, ax: Axes, curve_name: str) -> Axes:
         if here.size:
             marks = {**whole, "marker": mark, "markersize": 6, "color": RED}
             drawn.append(Curve(name, here, np.zeros(here.size), marks))
-    draw_sweep(result, ax, _chart(("Period (cycles of the excitation)", ""), drawn, log="", note=curve.direction))
     longest = int(np.max(drawn[0].y, initial=1))
     ticks = {k: str(k) for k in range(1, longest + 1, -(-longest // MOST_PERIODS))}
     if not periodic.all():
         ticks = {0: "none", **ticks}
-    ax.set_yticks(list(ticks), list(ticks.values()))
-    return ax
+    return _chart(
+        result, ("Period (cycles of the excitation)", ""), drawn, log="", direction=curve.direction,
+        more=lambda ax, *_: ax.set_yticks(list(ticks), list(ticks.values())),
+    )  # fmt: skip
 
 
-def plot_poincare(result: SweepResult, ax: Axes, curve_name: str, probe: str) -> Axes:
-    """Poincaré sections of the motions that are not periodic: displacement at phase 0 over frequency.
-
-    Parameters
-    ----------
-    result : of a stepped sweep.
-    ax : to draw on.
-    curve_name : direction and number of the level, such as up_0.
-    probe : name.
-
-    Returns
-    -------
-    The axes.
-    """
-    curve = result.curves[curve_name]
+def poincare(result: SweepResult, curve: SweepCurve, probe: str) -> Chart:
+    """Poincaré sections of the motions that are not periodic: displacement at phase 0 over frequency."""
     assert curve.steady is not None
     displacement = curve.steady.poincare_displacement[:, list(curve.displacement).index(probe)]
     dots = {"linestyle": "none", "marker": "o", "color": "black", "markersize": 1.3, "markeredgewidth": 0}
     drawn = [Curve("", curve.steady.poincare_frequency_hz, displacement, dots)]
-    up = (f"Displacement of {probe}\nat phase 0", "m")
-    return draw_sweep(result, ax, _chart(up, drawn, log="", note=curve.direction))
+    return _chart(result, (f"Displacement of {probe}\nat phase 0", "m"), drawn, log="", direction=curve.direction)
 
 
-def plot_notched_level(curve: SweepCurve, ax: Axes) -> Axes:
-    """The level with and without notches, and the ranges in which it is lowered."""
-    notching = curve.notching
-    assert notching is not None
+def notching(result: SweepResult, curve: SweepCurve) -> Picture:
+    """The level with and without notches over the limited responses, whose limits are those that are used most."""
+    notched = curve.notching
+    assert notched is not None
     drawn = [
-        Curve("specified", notching.frequency_hz, notching.specified, {"color": "0.5", "linestyle": "--"}),
-        Curve("notched", notching.frequency_hz, notching.level, {"color": DARK, "linestyle": "-", "linewidth": 1.4}),
+        Curve("specified", notched.frequency_hz, notched.specified, {"color": "0.5", "linestyle": "--"}),
+        Curve("notched", notched.frequency_hz, notched.level, {"color": DARK, "linestyle": "-", "linewidth": 1.4}),
     ]
-    draw_curves(ax, ("Excitation frequency", HERTZ), ("Level", notching.unit), drawn, log="y")
-    return ax
+    limits = sorted(notched.limits, key=lambda limit: -limit.share)[:MOST_LEVELS]
+    panels = [_chart(result, ("Level", notched.unit), drawn), *(_limited_response(result, curve, x) for x in limits)]
+    return Picture(f"{result.title}, {curve.direction}", panels, sharex=True)
 
 
-def plot_limited_response(curve: SweepCurve, ax: Axes, limit: NotchLimit) -> Axes:
-    """Largest magnitude of a limited quantity in every cycle, with its limit; shaded where it governs.
-
-    Parameters
-    ----------
-    curve : with notches.
-    ax : to draw on.
-    limit : one of those that it keeps.
-
-    Returns
-    -------
-    The axes.
-    """
+def _limited_response(result: SweepResult, curve: SweepCurve, limit: NotchLimit) -> Chart:
+    """Largest magnitude of a limited quantity in every cycle, with its limit; shaded where it governs."""
     assert curve.notching is not None
     peak = limited_peak(curve, limit.name)
     level = Guide("limit", limit.limit, {"color": RED, "linestyle": (0, (5, 1.5)), "linewidth": 1.4})
     words = limit.name.replace("probes.", "").replace("snubbers.", "").replace(".", " ")
     response = [Curve("", curve.frequency_hz, peak, {"linewidth": 1.0})]
-    _, scale = draw_curves(ax, ("Excitation frequency", HERTZ), (words, limit.unit), response, [level])
     governed = [part for part in curve.notching.ranges if part.limit == limit.name]
-    for number, part in enumerate(governed):
-        ax.axvspan(part.from_hz, part.to_hz, color="0.86", linewidth=0, zorder=0,
-                   label="_nolegend_" if number else "governs")  # fmt: skip
-    legend(ax)
-    ax.set_ylim(0.0, 1.25 * max(limit.limit, float(np.nanmax(peak))) * scale.factor)
-    return ax
+
+    def shade(ax: Axes, *_: Scale) -> None:
+        for number, part in enumerate(governed):
+            ax.axvspan(part.from_hz, part.to_hz, color="0.86", linewidth=0, zorder=0,
+                       label="_nolegend_" if number else "governs")  # fmt: skip
+
+    top = 1.25 * max(limit.limit, float(np.nanmax(peak)))
+    return _chart(result, (words, limit.unit), response, log="", levels=[level], y_ends=(0.0, top), more=shade)
 
 
 def limited_peak(curve: SweepCurve, name: str) -> Floats:
@@ -492,58 +378,37 @@ def limited_peak(curve: SweepCurve, name: str) -> Floats:
     return curve.envelope_of(of).peak
 
 
-def notching_figure(curve: SweepCurve, title: str) -> Figure:
-    """Level and limited responses over frequency, one above the other."""
-    assert curve.notching is not None
-    limits = sorted(curve.notching.limits, key=lambda limit: -limit.share)[:MOST_LEVELS]
-    below = [partial(plot_limited_response, curve, limit=limit) for limit in limits]
-    figure = picture(f"{title}, {curve.direction}", partial(plot_notched_level, curve), *below, sharex=True)
-    frequency_axis(figure.axes[-1], float(curve.frequency_hz.min()), float(curve.frequency_hz.max()))
-    return figure
-
-
-def charts(result: SweepResult) -> dict[str, Chart]:
-    """Displacements of the first probe at every level, and other peaks at the last, by name."""
-    if not result.curves:
-        return {}
-    last = list(result.curves.values())[-1]
-    probe, indices = next(iter(last.displacement)), sorted({c.level_index for c in result.curves.values()})
-    drawn = {f"response_{index}": responses(result, probe, index) for index in indices}
-    names = {ACCELERATION: "acceleration", FORCE: "contact"}
-    followed = [value for value, _ in last.peaks() if value.followed and value.key != DISPLACEMENT]
-    return drawn | {names.get(value.key, value.name): peaks(result, value, last.level_index) for value in followed}
-
-
-def sweep_figures(result: SweepResult) -> dict[str, Figure]:
-    """All plots available for this result; the key is the last part of the file name."""
+def sweep_figures(result: SweepResult) -> dict[str, Picture]:
+    """All pictures of this result; the key is the last part of the file name."""
     if not result.curves:
         return {}
     last, direction = list(result.curves.values())[-1], next(iter(result.curves.values())).direction
-    probe, same = next(iter(last.displacement)), _in_direction(result, direction)
-    plots = {name: [partial(draw_sweep, result, chart=chart)] for name, chart in charts(result).items()}
+    probe, index = next(iter(last.displacement)), last.level_index
+    levels = sorted({c.level_index for c in result.curves.values()})
+    panels: dict[str, list[Any]] = {f"response_{k}": [responses(result, probe, k)] for k in levels}
+    names = {ACCELERATION: "acceleration", FORCE: "contact"}
+    for value in [value for value, _ in last.peaks() if value.followed and value.key != DISPLACEMENT]:
+        panels[names.get(value.key, value.name)] = [peaks(result, value, index)]
     if last.has_transmissibility:
-        plots["acceleration"].append(partial(plot_transmissibility, result, level_index=last.level_index))
-    for index in result.histories:
-        if _has_spectrogram(result, probe, index):
-            plots[f"spectrogram_{index}"] = [partial(plot_spectrogram, result, probe=probe, level_index=index)]
-    plots["waterfall"] = [partial(plot_waterfall, result, probe=probe, curve_name=last.name)]
+        panels["acceleration"].append(transmissibility(result, index))
+    for k in result.histories:
+        if _has_spectrogram(result, probe, k):
+            panels[f"spectrogram_{k}"] = [partial(plot_spectrogram, result, probe=probe, level_index=k)]
+    panels["waterfall"] = [partial(plot_waterfall, result, probe=probe, curve=last)]
     if last.force:
-        plots["contact"].append(partial(plot_contact, result, direction=direction))
+        panels["contact"].append(contact(result, direction))
     if last.outputs:
-        names = list(last.outputs)[:MOST_CURVES]
-        plots["outputs"] = [partial(plot_output_peaks, result, name=name) for name in names]
+        panels["outputs"] = [output_peaks(result, name) for name in list(last.outputs)[:MOST_CURVES]]
     if result.linear.contact:
-        plots["contact_levels"] = [partial(plot_contact_levels, result), partial(plot_preload_needed, result)]
-    if len({c.level_index for c in result.curves.values()}) > 1:
-        plots["levels"] = [partial(plot_level_family, result, probe=probe, direction=direction)]
-        energies = [partial(plot_harmonic_energy, result, probe=probe, curve=curve) for curve in same[:MOST_LEVELS]]
-        plots["harmonic_energy"] = energies
+        panels["contact_levels"] = [contact_levels(result), preload_needed(result)]
+    if len(levels) > 1:
+        panels["levels"] = [level_family(result, probe, direction)]
+        same = _in_direction(result, direction)[:MOST_LEVELS]
+        panels["harmonic_energy"] = [harmonic_energy(result, probe, curve) for curve in same]
     if last.steady is not None:
-        plots["steady_states"] = [partial(plot_steady_states, result, curve_name=last.name)]
+        panels["steady_states"] = [steady_states(result, last)]
         if last.steady.poincare_frequency_hz.size:  # of motions that are not periodic
-            plots["steady_states"].append(partial(plot_poincare, result, curve_name=last.name, probe=probe))
-    figures = {name: picture(result.title, *panels) for name, panels in plots.items()}
-    for curve in result.curves.values():
-        if curve.notching is not None:
-            figures[f"notching_{curve.name}"] = notching_figure(curve, result.title)
-    return figures
+            panels["steady_states"].append(poincare(result, last, probe))
+    figures = {name: Picture(result.title, each) for name, each in panels.items()}
+    notched = [curve for curve in result.curves.values() if curve.notching is not None]
+    return figures | {f"notching_{curve.name}": notching(result, curve) for curve in notched}

@@ -3,29 +3,45 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from matplotlib.figure import Figure
-
 from beamsim.analyses.result import MARGINS, Result
-from beamsim.analyses.values import limit_label, limit_unit
-from beamsim.fields import figure_in_words
+from beamsim.analyses.values import limit_label
+from beamsim.fields import figure_in_words, place_in_words
 from beamsim.outcomes import STANDINGS, OnLimit
 from beamsim.plots.animation import Scene
+from beamsim.plots.drawing import Picture
 from beamsim.plots.model import excitation_text, model_figure
-from beamsim.plots.style import amount, margin_text
-from beamsim.report.interactive import interactive_plots
+from beamsim.plots.style import amount, scale_for
+from beamsim.report.interactive import interactive
 from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
-from beamsim.report.trust import changes, checks, doubts, versions
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema, plain
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.stations import Stations
 from beamsim.system.structural import SnubberNumbers
-from beamsim.trust.convergence import by_place
+from beamsim.trust.convergence import named
 
 CHANGES_SHOWN = 60
+METHODS = {
+    "exact": "Closed form between contacts, without a time step. The search for the next contact event is certified: "
+    "bounds exclude that a contact is passed over.",
+    "reference": "time stepping with located events; contacts are not certified",
+    "shooting": "Periodic motions of the flow in closed form, by Newton's method with exact derivatives; stability by "
+    "the multipliers of one period.",
+    "harmonic_balance": "Fourier series of the motion; the energy balance and the residual say what is left out.",
+    "secular": "Natural frequencies as roots of an equation in the stiffness alone.",
+}
+CHECKS = {
+    "energy balance error": "Work put in, energy stored and energy dissipated, each computed by itself; over the "
+    "larger of the stored energy and the work exchanged.",
+    "reduction": "modes and static vectors of the model, with a bound of what they leave out",
+    "convergence": "the case solved again with a finer model; the change of every value is in the table below, and "
+    "more is missing of one that converges slowly",
+    "exact and reference": "the same case integrated in time by SciPy",
+}
+"""By label of the printed table what a row says about the other values."""
 HOW_TO_READ = (
     '<p class="note screen">Drag to zoom, double-click to go back, click a name in a legend to hide its curve. '
     "Long curves are thinned to what a screen shows; the result file has every point.</p>"
@@ -42,8 +58,10 @@ class SketchedModel(NamedTuple):
 def page_of(
     result: Result,
     about: str,
-    rows: Iterable[tuple[str, str]],
-    figures: Mapping[str, Figure],
+    screen: str,
+    rows: Sequence[tuple[str, str]],
+    limits: Mapping[str, Mapping[str, str]],
+    figures: Mapping[str, Picture],
     model: SketchedModel | None,
     scene: Scene | None,
 ) -> Page:
@@ -53,36 +71,32 @@ def page_of(
     ----------
     result : of any kind.
     about : which command made it, and when.
-    rows : of its printed table.
-    figures : its plots by name.
+    screen, rows : what is printed of it first, and its table.
+    limits : the printed margin, value, place and verdict of each.
+    figures : its pictures by name.
     model : of its scenario; None where it has none, or it is not known.
     scene : an animation of its motion; None without one.
 
     Returns
     -------
-    Sections from the limits to the scenario, with the verdict above them.
+    Sections from the first screen to the scenario, with the verdict above them.
     """
     page = Page(result.title or "beamsim", about, verdict_of(result))
-    margins = result.summary.get("margins") or {}
-    page.add(
-        "Limits",
-        table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_margins(result.scenario, margins)))),
-    )
+    page.add("Summary", listing(screen))
+    page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_limits(limits)))))
     if model is not None:
         page.add("Model", *_model(result.scenario, model))
     page.add("Results", labelled(rows))
-    page.add("Contact", *(table(cells) for cells in contact_tables(result)))
     if scene is not None:
         page.add("Motion", page.animated(scene.as_json(), NOTE))
-    plots = interactive_plots(result)
-    pictures = {name: figure for name, figure in figures.items() if name not in plots}
+    plots = {name: interactive(figure) for name, figure in figures.items()}
     page.add(
         "Plots",
-        HOW_TO_READ if plots else "",
-        *(page.plot(name, described) for name, described in plots.items()),
-        *(captioned(name, picture(figure, name)) for name, figure in pictures.items()),
+        HOW_TO_READ if any(plots.values()) else "",
+        *(page.plot(name, panels, figures[name].columns) for name, panels in plots.items() if panels),
+        *(captioned(name, picture(figures[name], name)) for name, panels in plots.items() if not panels),
     )
-    page.add("Why these numbers can be trusted", *_trust(result))
+    page.add("Why these numbers can be trusted", *_trust(result, rows))
     page.add(
         "Scenario", f"<details><summary>YAML, as it was run</summary>{listing(result.scenario.to_yaml())}</details>"
     )
@@ -92,7 +106,8 @@ def page_of(
 def verdict_of(result: Result) -> Verdict:
     """Limits first, then whether the numbers can be trusted."""
     margins = result.summary.get("margins") or {}
-    reasons, standing = doubts(result), STANDINGS[result.outcome.gravest]
+    standing = STANDINGS[result.outcome.gravest]
+    reasons = [str(result.outcome.displayed(scale_for))] if standing.first_line else []
     on = {v: [limit_label(name) for name, item in margins.items() if item["verdict"] == v] for v in OnLimit}
     if on[OnLimit.EXCEEDED]:
         return Verdict("bad", f"Limit exceeded: {', '.join(on[OnLimit.EXCEEDED])}", reasons)
@@ -111,19 +126,10 @@ def verdict_of(result: Result) -> Verdict:
     return Verdict("", "Complete")
 
 
-def _margins(scenario: Scenario, margins: Mapping[str, Mapping[str, Any]]) -> Iterator[list[str]]:
-    for name, item in margins.items():
-        unit = limit_unit(scenario, name)
-        share = margin_text(item["margin"], item["value"])
-        kept = {OnLimit.MET: "+ kept", OnLimit.EXCEEDED: "! exceeded"}.get(item["verdict"], "not reliable")
-        yield [
-            limit_label(name),
-            amount(item["value"], unit),
-            item["at"],
-            amount(item["limit"], unit),
-            share,
-            kept,
-        ]
+def _limits(limits: Mapping[str, Mapping[str, str]]) -> Iterator[list[str]]:
+    signs = {OnLimit.MET: "+ ", OnLimit.EXCEEDED.upper(): "! "}
+    for name, of in limits.items():
+        yield [name, of["value"], of["at"], of["limit"], of["margin"], signs.get(of["verdict"], "") + of["verdict"]]
 
 
 def _model(scenario: Scenario, model: SketchedModel) -> Iterator[str]:
@@ -186,33 +192,27 @@ def _units(items: Iterable[Any]) -> Iterator[str]:
             yield from _units((*getattr(item, "__metadata__", ()), *getattr(item, "__args__", ())))
 
 
-def contact_tables(result: Result) -> Iterator[Cells]:
-    """Numbers of each stop, and statistics of its impacts."""
-    entries = [entry for entry in type(result).SUMMARY if "of a snubber" in entry.meaning]
-    held = [(entry, result.summary.get(entry.name)) for entry in entries]
-    columns = [(entry, dict(by_place(values))) for entry, values in held if isinstance(values, Mapping) and values]
-    stops = dict.fromkeys(name for _, values in columns for name in values)
-    rows = [[stop, *(_cell(values.get(stop), entry.unit) for entry, values in columns)] for stop in stops]
-    yield Cells(["stop", *(figure_in_words(entry.name) for entry, _ in columns)], rows)
-    impacts = result.summary.get("impacts")
-    if isinstance(impacts, Mapping) and impacts:
-        first: Any = next(iter(impacts.values()))
-        figures = [key for key, value in first.items() if isinstance(value, (int, float))]
-        rows = [[key.replace("_", " "), *(_plain(of.get(key)) for of in impacts.values())] for key in figures]
-        yield Cells(["impacts", *impacts], rows, "Statistics of the impacts (SI units, in the names)")
-
-
-def _cell(value: Any, unit: str) -> str:
-    return amount(value, unit) if isinstance(value, (int, float)) else ""
-
-
-def _trust(result: Result) -> Iterator[str]:
-    yield table(Cells(("what", "outcome", "meaning"), list(checks(result))))
-    rows = sorted(changes(result), key=lambda row: -row[2])
-    shown = [
-        [figure, name, f"{'! ' if doubtful else ''}{100 * change:.2g} %"]
-        for figure, name, change, doubtful in rows[:CHANGES_SHOWN]
-    ]
-    more = f" (the {CHANGES_SHOWN} largest of {len(rows)})" if len(rows) > CHANGES_SHOWN else ""
-    yield table(Cells(("value", "of", "change"), shown, f"Change of every value with the finer model{more}"))
-    yield labelled([("made with", versions(result)), ("created", result.created)])
+def _trust(result: Result, rows: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """What was checked, what came out as it is printed, and what that means; then all changes with the finer model."""
+    method = str(result.summary.get("method") or getattr(result, "method", ""))
+    meaning = next((text for start, text in METHODS.items() if method.startswith(start)), "")
+    shown = [["outcome", str(result.outcome.displayed(scale_for)) or "complete", "how the computation ended"]]
+    shown += [["method", method.replace("_", " "), meaning]] if method else []
+    label = ""
+    for name, text in rows:
+        label = name or label
+        if label in CHECKS:
+            shown.append([name, text, CHECKS[label] if name else ""])
+    shown += [["warnings", "\n".join(result.warnings), ""]] if result.warnings else []
+    yield table(Cells(("what", "outcome", "meaning"), shown))
+    doubtful = set(result.summary.get("doubtful") or ())
+    known = sorted(named(result.summary.get("convergence") or {}), key=lambda each: -each[1])
+    changes = []
+    for key, change in known[:CHANGES_SHOWN]:
+        value, _, place = key.partition(".")
+        mark = "! " if key in doubtful else ""
+        changes.append([figure_in_words(value), place_in_words(place), f"{mark}{100 * change:.2g} %"])
+    more = f" (the {CHANGES_SHOWN} largest of {len(known)})" if len(known) > CHANGES_SHOWN else ""
+    yield table(Cells(("value", "of", "change"), changes, f"Change of every value with the finer model{more}"))
+    packages = ", ".join(f"{name} {version}" for name, version in result.provenance.items())
+    yield labelled([("made with", f"beamsim {result.beamsim_version}, {packages}"), ("created", result.created)])

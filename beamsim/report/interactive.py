@@ -1,105 +1,46 @@
-"""Plots of a page that can be zoomed and read, made from the numbers of a result: descriptions for plotly.
-
-What is not here is shown as the picture that the command draws. Curves of many points are thinned to what a screen
-shows: the lowest and highest value of every few samples.
+"""Pictures that can be zoomed and read, from the same charts and maps as those that matplotlib draws: descriptions for
+plotly. Curves of many points are thinned to what a screen shows: the lowest and highest value of every few samples.
 """
 
 from __future__ import annotations
 
 import math
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_hex
 
-from beamsim.analyses.compare.result import Comparison
-from beamsim.analyses.compare_modes import ModeComparison
-from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.designs.result import DesignsResult
-from beamsim.analyses.identify.result import IdentificationResult
-from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.analyses.result import Result
-from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.sweep.result import SweepResult
-from beamsim.plots import comparison, continuation, designs, identification, nnm, run, sweep
-from beamsim.plots.drawing import Axis, Chart, Curve, curve_style, scales_of, with_unit
-from beamsim.plots.style import scale_for
+from beamsim.plots.drawing import Axis, Chart, Curve, HeatMap, Picture, curve_style, with_unit
+from beamsim.plots.style import Scale, scale_for
 from beamsim.typing import Floats
 
 MOST_POINTS = 3000  # of a curve
-Plots = dict[str, dict[str, Any]]
 
 
-@singledispatch
-def interactive_plots(result: Result) -> Plots:
-    """The plots by the names of the pictures whose place they take."""
-    return {}
+def interactive(picture: Picture) -> list[dict[str, Any]]:
+    """The panels of a picture; none where one is neither chart nor map, or a curve too long cannot be thinned."""
+    described: list[dict[str, Any]] = []
+    for panel in picture.panels:
+        if isinstance(panel, HeatMap):
+            described.append(heat_map(panel))
+        elif isinstance(panel, Chart) and all(_readable(curve) for curve in (*panel.drawn, *panel.marks)):
+            described.append(plot(panel))
+        else:
+            return []
+    return described
 
 
-@interactive_plots.register
-def _(result: RunResult) -> Plots:
-    charts = {"displacement": run.displacements(result), "acceleration": run.accelerations(result)}
-    charts |= {"contact_force": run.contact_forces(result), "spectrum": run.spectra(result)}
-    return {name: plot(chart) for name, chart in charts.items() if chart.curves}
-
-
-@interactive_plots.register
-def _(result: SweepResult) -> Plots:
-    return {name: plot(chart) for name, chart in sweep.charts(result).items()}
-
-
-@interactive_plots.register
-def _(result: ContinuationResult) -> Plots:
-    return {name: plot(chart) for name, chart in continuation.charts(result).items()}
-
-
-@interactive_plots.register
-def _(result: NormalModeResult) -> Plots:
-    return {"backbone": plot(nnm.backbone(result))}
-
-
-@interactive_plots.register
-def _(result: Comparison) -> Plots:
-    plots = {f"history of {c.place}": plot(comparison.histories(c)) for c in result.channels}
-    return plots | {f"{c.place}_{c.quantity}": plot(comparison.swept_responses(c)) for c in result.sweeps}
-
-
-@interactive_plots.register
-def _(result: DesignsResult) -> Plots:
-    quantities = designs.shown_quantities(result)
-    if len(result.coordinates) == 1 or result.kind != "grid":
-        charts = {quantity: designs.response_chart(result, quantity) for quantity in quantities}
-        return {quantity.replace("_", " "): plot(chart) for quantity, chart in charts.items()}
-    if len(result.coordinates) != 2 or not all(c.numeric for c in result.coordinates):
-        return {}
-    across, up = ((c.label, c.unit) for c in result.coordinates)
-    x, y = (c.values.astype(float) for c in result.coordinates)
-    plots = {}
-    for response in result.responses.values():
-        words = f"{response.quantity.replace('_', ' ')} {response.place}".strip()
-        if response.quantity in quantities and response.values.shape == result.shape:
-            plots[f"map of {words}"] = heat_map(across, up, (words, response.unit), x, y, response.values.T)
-    return plots
-
-
-@interactive_plots.register
-def _(result: IdentificationResult) -> Plots:
-    return {"frequencies": plot(identification.frequencies(result))} if result.curves else {}
-
-
-@interactive_plots.register
-def _(result: ModeComparison) -> Plots:
-    rows, columns = (np.arange(1.0, 1 + size) for size in result.mac.shape)
-    return {"mac": heat_map(("Computed mode", ""), ("Measured mode", ""), ("MAC", ""), columns, rows, result.mac)}
+def _readable(curve: Curve) -> bool:
+    """Whether few points show it: those of a loop are no extremes."""
+    return curve.x.size <= MOST_POINTS or bool(np.all(np.diff(curve.x) >= 0.0))
 
 
 def plot(chart: Chart) -> dict[str, Any]:
     """A chart as data and layout for plotly; levels that curves are compared with are lines across it."""
-    x, y = scales_of(chart.across, chart.up, chart.curves)
-    drawn = list(chart.curves)
+    x, y = chart.scales
+    drawn = [*chart.drawn, *chart.marks]
     ends = [float(pick(c.x)) for pick in (np.min, np.max) for c in drawn if c.x.size]
-    for level in chart.levels:
+    for level in chart.levels if ends else ():
         style = {"color": "0.35", **level.style}
         drawn.append(Curve(level.label, np.array([min(ends), max(ends)]), np.full(2, level.value), style))
     data: list[dict[str, Any]] = []
@@ -118,7 +59,15 @@ def plot(chart: Chart) -> dict[str, Any]:
              "marker": {"color": colour, "size": 7}, "legendgroup": group, "showlegend": bool(curve.label),
              "hovertemplate": "%{x:.6~g}, %{y:.5~g}"}
         )  # fmt: skip
-    return {"data": data, "layout": _layout(with_unit(chart.across[0], x), with_unit(chart.up[0], y), chart.log)}
+    layout = _layout(with_unit(chart.across[0], x), with_unit(chart.up[0], y), chart.log)
+    for letter, scale, shown in (("x", x, chart.x_ends), ("y", y, chart.y_ends)):
+        known = [end * scale.factor for end in shown if end is not None]
+        if len(known) == 2 and all(math.isfinite(end) for end in known):
+            layout[f"{letter}axis"]["range"] = [math.log10(end) for end in known] if letter in chart.log else known
+    if chart.note:
+        at = {"xref": "paper", "yref": "paper", "x": 1, "y": 1, "align": "right", "showarrow": False}
+        layout["annotations"] = [{"text": plain(chart.note), **at}]
+    return {"data": data, "layout": layout}
 
 
 def thinned(x: Floats, y: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floats]:
@@ -144,27 +93,22 @@ def thinned(x: Floats, y: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floa
     return x[pick], y[pick]
 
 
-def heat_map(across: Axis, up: Axis, of: Axis, x: Floats, y: Floats, values: Floats) -> dict[str, Any]:
-    """Values over two axes for plotly.
-
-    Parameters
-    ----------
-    across, up, of : words and SI unit of the axes and of the values.
-    x, y, values : (nx,), (ny,) and (ny, nx) in SI units.
-
-    Returns
-    -------
-    Data and layout, which JSON can hold.
-    """
-    scales = [scale_for(str(unit), known) for (_, unit), known in ((across, x), (up, y), (of, values))]
-    labels = [with_unit(words, scale) for (words, _), scale in zip((across, up, of), scales, strict=True)]
+def heat_map(panel: HeatMap) -> dict[str, Any]:
+    """Values over two axes as data and layout for plotly, which JSON can hold."""
+    axes = ((panel.across, panel.x), (panel.up, panel.y), (panel.of, panel.values))
+    x, y, of = (_scale(axis, known) for axis, known in axes)
+    labels = [with_unit(words, scale) for ((words, _), _), scale in zip(axes, (x, y, of), strict=True)]
     data = {
-        "type": "heatmap", "x": numbers(x * scales[0].factor), "y": numbers(y * scales[1].factor),
-        "z": [numbers(row * scales[2].factor) for row in values], "colorscale": "Cividis",
+        "type": "heatmap", "x": numbers(panel.x * x.factor), "y": numbers(panel.y * y.factor),
+        "z": [numbers(row * of.factor) for row in panel.values], "colorscale": "Cividis",
         "colorbar": {"title": {"text": plain(labels[2]), "side": "right"}},
         "hovertemplate": "%{x:.6~g}, %{y:.6~g}: %{z:.5~g}<extra></extra>",
     }  # fmt: skip
     return {"data": [data], "layout": _layout(labels[0], labels[1], "")}
+
+
+def _scale(axis: Axis, known: Floats) -> Scale:
+    return axis[1] if isinstance(axis[1], Scale) else scale_for(axis[1], known)
 
 
 def _layout(xlabel: str, ylabel: str, log: str) -> dict[str, Any]:

@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from beamsim.errors import MethodError
 from beamsim.plots.animation import Scene
-from beamsim.plots.save import draw
+from beamsim.plots.drawing import Picture
+from beamsim.plots.save import write
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,15 @@ class Page:
         if any(parts):
             self.sections.append((heading, "\n".join(part for part in parts if part)))
 
-    def plot(self, name: str, described: dict[str, Any]) -> str:
-        """A plot that can be zoomed, by its description for plotly; returns the HTML."""
-        self.plots.append(described)
-        place = f'<div id="plot-{len(self.plots) - 1}" style="height:{described["layout"]["height"]}px"></div>'
-        return captioned(name, place)
+    def plot(self, name: str, panels: Sequence[dict[str, Any]], columns: int) -> str:
+        """Plots that can be zoomed, by their descriptions for plotly; those of several columns beside each other."""
+        first = len(self.plots)
+        self.plots += panels
+        places = "".join(
+            f'<div id="plot-{first + k}" style="height:{panel["layout"]["height"]}px"></div>'
+            for k, panel in enumerate(panels)
+        )
+        return captioned(name, f'<div class="beside">{places}</div>' if columns > 1 else places)
 
     def animated(self, scene: dict[str, Any], note: str) -> str:
         """A canvas that plays a scene; a page has one. Returns the HTML."""
@@ -184,10 +188,10 @@ def listing(text: str) -> str:
     return f"<pre>{escape(text)}</pre>"
 
 
-def picture(figure: Figure, name: str) -> str:
-    """A figure as a picture within the page."""
+def picture(drawn: Picture, name: str) -> str:
+    """A picture within the page."""
     stream = BytesIO()
-    draw(figure, stream)
+    write(drawn, stream)
     coded = base64.b64encode(stream.getvalue()).decode()
     return f'<img alt="{escape(name.replace("_", " "))}" src="data:image/png;base64,{coded}">'
 

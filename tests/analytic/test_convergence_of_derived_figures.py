@@ -8,7 +8,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.result import ALLOWED_CHANGE, STATISTICS
 from beamsim.cli.report import table_rows
-from beamsim.plots.run import DOUBTFUL_LINES, run_figures
+from beamsim.plots.run import DOUBTFUL_LINES
 from beamsim.scenario import load_scenario
 
 BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.1}}
@@ -73,7 +73,7 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     np.testing.assert_array_equal(*([line.relative_change for line in s.lines] for s in (kept, spectrum)))
     assert stored.summary["convergence"] == result.summary["convergence"]
     assert "tip" in stored.summary["convergence"]["rms_acceleration_g"]
-    above = run_figures(stored)["spectrum"].axes[0]
+    above = stored.plot()["spectrum"].axes[0]
     marks = next(line for line in above.lines if line.get_label() == DOUBTFUL_LINES)
     changed = [line for line in spectrum.lines if line.relative_change > ALLOWED_CHANGE]
     within = [line for line in changed if line.frequency_hz <= above.get_xlim()[1] * spectrum.excitation_hz]
@@ -83,7 +83,7 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
 
 def test_a_good_model_has_none(shaken):
     assert not any("spectral_lines" in name or "rms" in name for name in shaken.summary["doubtful"])
-    below = run_figures(shaken)["spectrum"].axes[1]
+    below = shaken.plot()["spectrum"].axes[1]
     assert DOUBTFUL_LINES not in {line.get_label() for line in below.lines}
     assert not below.texts
 

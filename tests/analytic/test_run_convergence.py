@@ -15,7 +15,6 @@ from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.cli.report import table_rows
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeKind, exit_code
-from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from tests.helpers.observed import accelerations
@@ -98,9 +97,9 @@ def test_status_table_file_and_pictures_say_so(damped, tmp_path):
     assert stored.outcome == damped.outcome
     assert stored.summary["convergence"] == damped.summary["convergence"]
     assert stored.summary["convergence"]["peak_displacement_m"]["below_1.2"] < 1e-4
-    texts = [text.get_text() for text in run_figures(stored)["acceleration"].axes[0].texts]
+    texts = [text.get_text() for text in stored.plot()["acceleration"].axes[0].texts]
     assert any("not converged" in text for text in texts)
-    assert not any("not converged" in t.get_text() for t in run_figures(stored)["displacement"].axes[0].texts)
+    assert not any("not converged" in t.get_text() for t in stored.plot()["displacement"].axes[0].texts)
 
 
 def test_an_undamped_step_force():

@@ -16,8 +16,6 @@ from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.failures import STOPPING, interruptible
 from beamsim.measurements.channels import read_tests
 from beamsim.outcomes import COMPLETE, exit_code
-from beamsim.plots.nnm import nnm_figures
-from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.store import results as result_files
 from beamsim.store.results import open_result
@@ -59,7 +57,7 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
     assert part.backbone.parameter.size == points < mode.backbone.parameter.size
     np.testing.assert_array_equal(part.backbone.initial_displacement, mode.backbone.initial_displacement[:points])
     assert len([branch.motion for branch in part.branches if branch.motion is not None]) == 1
-    nnm_figures(part)
+    part.plot()
 
 
 @pytest.mark.parametrize(
@@ -95,7 +93,7 @@ def test_a_run_stopped_at_any_stage_keeps_its_motion(stage, left_out, monkeypatc
         for entry in ("peak_displacement_m", "peak_force_n", "energy_error", "contacts"):
             assert kept.summary[entry] == whole.summary[entry]
         assert set(kept.spectra) == (set() if stage == "exact_motion_of" else set(whole.spectra))
-        run_figures(kept)
+        kept.plot()
 
 
 def test_a_stepped_sine_keeps_the_frequencies_it_has():
@@ -334,7 +332,7 @@ def test_a_second_signal_while_the_file_is_written_ends_at_once(number, code, in
 def test_a_signal_while_a_picture_is_written_keeps_it_and_leaves_out_the_others(number, code, invoked, monkeypatch):
     from beamsim.plots import save
 
-    whole = save.draw
+    whole = save.write
 
     def half(figure, path, *given):
         if pictures:
@@ -344,7 +342,7 @@ def test_a_signal_while_a_picture_is_written_keeps_it_and_leaves_out_the_others(
         whole(figure, path, *given)
 
     pictures = []
-    monkeypatch.setattr(save, "draw", half)
+    monkeypatch.setattr(save, "write", half)
     done = invoked("run", "--json")
     assert done.exit_code == code, done.output
     assert "the whole result is in case.h5; `beamsim plot case.h5` plots it" in done.stderr

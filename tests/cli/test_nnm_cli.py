@@ -11,7 +11,6 @@ from sampling import slow_after
 from shipped import PATHS, shipped
 
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.plots.nnm import nnm_figures
 from beamsim.scenario import load_scenario
 from tests.helpers.commands import invoke
 
@@ -39,7 +38,7 @@ def test_every_mode_config(path):
     assert backbone.parameter.size >= 75
     assert backbone.residual.max() < 1e-10
     assert backbone.share.min() > 0.5
-    nnm_figures(result)
+    result.plot()
 
 
 def test_nnm_writes_a_file_and_pictures(tmp_path):

@@ -13,7 +13,6 @@ from beamsim.analyses.nnm import phase_resonance
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
-from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result
 from tests.helpers.commands import invoke
@@ -198,10 +197,9 @@ def test_a_force_at_a_node_is_refused():
 
 
 def test_pictures_and_table(held):
-    result = held.phase_resonance
-    figures = phase_resonance_figures(result, held.title, held.stations)
+    figures = held.plot()
     held_pictures = {"held_departure", "held_shapes", "held_spectrum"}
-    assert set(figures) == {"phase_resonance", "phase_resonance_level"} | held_pictures
+    assert {"phase_resonance", "phase_resonance_level"} | held_pictures <= set(figures)
     ax = figures["phase_resonance"].axes[0]
     assert {"nonlinear mode", "predicted", "phase resonance"} <= {line.get_label() for line in ax.lines}
     assert {text.get_text() for text in ax.texts} == {"0.8 g", "1.4 g"}  # with leaders to the curves' peaks

@@ -13,7 +13,6 @@ from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import read_signals
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal
-from beamsim.plots.comparison import comparison_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 from tests.helpers.commands import invoke
@@ -252,7 +251,7 @@ def test_stored_and_drawn(swept, tmp_path):
     qualities = [[peak.measured_q for peak in each.sweeps[0].peaks] for each in (stored, comparison)]
     assert np.isfinite(qualities[1][0])
     np.testing.assert_array_equal(*qualities)
-    figures = comparison_figures(comparison)
+    figures = comparison.plot()
     assert set(figures) == {"first_absolute_acceleration", "second_absolute_acceleration", "fdac"}
     for name, figure in figures.items():
         figure.savefig(tmp_path / f"{name}.png")

@@ -107,7 +107,7 @@ def test_pictures(name, picture, tmp_path):
 def test_limited_quantities_come_first_and_their_limit_is_drawn():
     result = fabricated("curve")
     assert shown_quantities(result)[:2] == ["peak_force", "bending_stress"]
-    figure = design_figures(result)["curves"]
+    figure = result.plot()["curves"]
     ax = figure.axes[0]
     assert ax.get_ylabel() == "Peak force (N)"
     flat = [line for line in ax.lines if len(set(line.get_ydata())) == 1]

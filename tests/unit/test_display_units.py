@@ -132,7 +132,7 @@ def test_run_info_and_plots_use_them_and_json_does_not(tmp_path, monkeypatch):
     assert above.get_ylabel() == "Relative displacement (um)"
     assert np.abs(above.lines[0].get_ydata()).max() == pytest.approx(1e6 * peak, rel=1e-3)
     assert f"{1e6 * peak:.4g} um" in result._repr_html_()
-    below = run_figures(result)["displacement"].axes[1]
+    below = run_figures(result)["displacement"].figure().axes[1]
     assert below.get_xlabel() == "Time (s)"
 
     drawn = []

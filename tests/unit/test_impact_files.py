@@ -7,8 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import beamsim
-from beamsim.plots.impacts import plot_cycles, plot_impact_map, plot_peak_forces
-from beamsim.plots.run import run_figures
+from beamsim.plots.impacts import cycles, impact_map, plot_peak_forces
 from beamsim.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -21,17 +20,17 @@ def result():
 
 
 def test_every_impact_is_in_the_pictures(result):
-    impacts, (map_, histogram, cycles) = result.impacts, Figure().subplots(3)
-    plot_impact_map(impacts, map_, end=40.0)
-    assert map_.get_xlim() == pytest.approx((-0.8, 40.8))  # the run, not what lies between two impacts
-    drawn = np.concatenate([np.stack([line.get_xdata(), line.get_ydata()], axis=1) for line in map_.lines])
+    impacts, histogram = result.impacts, Figure().subplots()
+    chart = impact_map(impacts, end=40.0)
+    assert chart.x_ends == pytest.approx((-0.8, 40.8))  # the run, not what lies between two impacts
+    drawn = np.concatenate([np.stack([curve.x, curve.y], axis=1) for curve in chart.curves])
     both = np.stack([impacts.peak_time, impacts.peak_force], axis=1)
     np.testing.assert_allclose(np.sort(drawn, axis=0), np.sort(both, axis=0), rtol=1e-14)
     plot_peak_forces(impacts, histogram)
     assert sum(patch.get_xy()[1:-1:2, 1].sum() for patch in histogram.patches) == impacts.begin.size
     counted = {name: snubber.rainflow for name, snubber in impacts.snubbers.items()}
-    plot_cycles(counted, cycles, "Force range", "snubbers")
-    for line, rainflow in zip(cycles.lines, counted.values(), strict=True):
-        assert line.get_xdata()[-1] == rainflow.count.sum()
-        assert np.all(np.diff(line.get_ydata()) <= 0.0)
-    assert {"impact_map", "impact_histogram"} <= set(run_figures(result))
+    curves = cycles(counted, "Force range", "snubbers").curves
+    for curve, rainflow in zip(curves, counted.values(), strict=True):
+        assert curve.x[-1] == rainflow.count.sum()
+        assert np.all(np.diff(curve.y) <= 0.0)
+    assert {"impact_map", "impact_histogram"} <= set(result.plot())

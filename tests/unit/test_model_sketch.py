@@ -21,7 +21,7 @@ BEAM = {"length": 0.4, "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9
 
 def sketched(scenario):
     system = build_system(scenario)
-    return model_figure(scenario, system.stations, {stop.name: stop for stop in system.snubbers})
+    return model_figure(scenario, system.stations, {stop.name: stop for stop in system.snubbers}).figure()
 
 
 def faces(figure):

@@ -7,7 +7,6 @@ import pytest
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.report import table_rows
-from beamsim.plots.multiple_scales import expansion_figures
 from beamsim.scenario import load_scenario
 
 
@@ -24,6 +23,6 @@ def test_comparison_of_a_chain():
     rows = [text for _, text in table_rows("nnm", result) if text.startswith("observed order frequency")]
     assert len(rows) == 1
     summary["observed_order_frequency"][0] = 1.23
-    shown = expansion_figures(replace(result, summary={**result.summary, "multiple_scales": summary}))
+    shown = replace(result, summary={**result.summary, "multiple_scales": summary}).plot()
     labels = [text.get_text() for text in shown["multiple_scales"].axes[1].get_legend().get_texts()]
     assert labels == ["order 1: observed 1.23", f"order 2: observed {summary['observed_order_frequency'][1]:.2f}"]

@@ -10,8 +10,8 @@ from matplotlib.text import Text
 
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.report import table_rows
-from beamsim.plots.drawing import name_beside
-from beamsim.plots.nnm import plot_configuration
+from beamsim.plots.drawing import Chart, Curve, draw
+from beamsim.plots.nnm import configuration
 from beamsim.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -29,8 +29,7 @@ def test_names_beside_a_panel_stay_clear_of_each_other_and_of_curves():
     names = {f"{n}:1, mode {n % 4}": (0.1 * k, 60 + 20 * np.tanh(0.1 * k)) for k, n in enumerate((17, 6, 16, 15, 5))}
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     ax = figure.add_subplot()
-    ax.plot(x, 60 + 20 * np.tanh(x))
-    name_beside(ax, names)
+    draw(ax, Chart(("Time", "s"), ("Frequency", "Hz"), [Curve("", x, 60 + 20 * np.tanh(x))], names=names))
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     boxes = [Text.get_window_extent(text) for text in ax.texts]  # the name alone, without its leader
@@ -42,10 +41,7 @@ def test_names_beside_a_panel_stay_clear_of_each_other_and_of_curves():
 
 def test_a_motion_that_goes_back_the_way_it_came_is_drawn_once(result):
     chain = nnm(load_scenario(CONFIGS / "nnm_chain_mass_5.yaml"))
-    lengths = []
-    for one in (result, chain):
-        ax = plot_configuration(one, Figure().add_subplot())
-        lengths.append(ax.lines[0].get_xdata().size / one.motion.time.size)
+    lengths = [configuration(one).curves[0].x.size / one.motion.time.size for one in (result, chain)]
     assert lengths == pytest.approx([1.0, 0.5], abs=1e-3)
 
 

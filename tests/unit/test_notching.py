@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.sweep.analysis import sweep
-from beamsim.plots.sweep import sweep_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 from tests.helpers.commands import invoke
@@ -134,7 +133,7 @@ def test_limits_that_impacts_exceed_are_an_outcome():
 
 
 def test_the_command_prints_the_notches_and_draws_them(tmp_path, notched):
-    figure = sweep_figures(notched)["notching_up_0"]
+    figure = notched.plot()["notching_up_0"]
     level, *responses = (ax.get_ylabel().split(" (")[0] for ax in figure.axes)
     assert level == "Level"
     assert set(responses) == {"second acceleration", "base force"}

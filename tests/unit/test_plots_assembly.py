@@ -64,7 +64,7 @@ def test_instant_of_the_largest_contact_force(result, tmp_path):
 
 
 def test_sketch_puts_bodies_joints_and_stops_in_place(result):
-    ax = body_figures(result)["assembly_contact"].axes[0]
+    ax = body_figures(result)["assembly_contact"].figure().axes[0]
     # the tip begins where the arm ends, with the hinge between them; the plate is a row above
     hinge = line(ax, "hinge joint")[0]
     arm, tip, *edges = (each.get_xydata() for each in ax.lines if each.get_zorder() == 3)
@@ -102,7 +102,7 @@ def test_plate_pictures_fill_their_figure_and_name_the_snubbers():
         for name, y, side in (("a", 0.0, "below"), ("b", 0.3, "above"))
     ]
     case = {**SHAKEN, "bodies": {"plate": PLATE}, "snubbers": snubbers, "gravity": 9.81}
-    figure = body_figures(beamsim.run(load_scenario(case)))["plate_deflections"]
+    figure = body_figures(beamsim.run(load_scenario(case)))["plate_deflections"].figure()
     figure.canvas.draw()
     panels = [ax for ax in figure.axes if ax.get_title(loc="left")]
     assert len(panels) == 3
@@ -111,7 +111,7 @@ def test_plate_pictures_fill_their_figure_and_name_the_snubbers():
     texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert texts == ["snubber below", "snubber above"]
     straight = body_figures(beamsim.run(load_scenario({**case, "gravity": 0.0})))["plate_deflections"]
-    assert len([ax for ax in straight.axes if ax.get_title(loc="left")]) == 2  # nothing bends it at rest
+    assert len(straight.panels) == 2  # nothing bends it at rest
 
 
 def test_a_body_with_nodes_alone_has_its_pictures(tmp_path):

@@ -4,8 +4,6 @@ import numpy as np
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
-from beamsim.plots.run import run_figures
-from beamsim.plots.sweep import sweep_figures
 from beamsim.scenario import load_scenario
 
 CASE = {
@@ -30,7 +28,7 @@ def test_of_a_run():
     ]
     limits = {**CASE["limits"], "peak_displacement": 1.5, "peak_force": 1e6}
     result = beamsim.run(load_scenario(CASE, {"run": RUN, "snubbers": stops, "limits": limits}))
-    figures = run_figures(result)
+    figures = result.plot()
     figure = figures["outputs"]
     assert labels(figure) == ["wall (kN)", "mass (g)"]
     drawn, *bounds = (line.get_ydata() for line in figure.axes[0].lines)
@@ -50,7 +48,7 @@ def test_of_a_run():
 def test_of_a_sweep():
     sweep = {"kind": "stepped", "from": 2.0, "to": 2.5, "points": 3}
     result = sweep_alone(load_scenario(CASE, {"sweep": sweep}))
-    figure = sweep_figures(result)["outputs"]
+    figure = result.plot()["outputs"]
     assert labels(figure) == ["Peak of wall (kN)", "Peak of mass (g)"]
     peaks, limit = (line.get_ydata() for line in figure.axes[0].lines)
     np.testing.assert_allclose(np.asarray(peaks) * 1e3, result.curves["up_0"].outputs["wall"].peak, rtol=1e-15)

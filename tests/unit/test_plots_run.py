@@ -6,12 +6,11 @@ import os
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from sampling import slow_after
 
 import beamsim
 from beamsim.plots import run as plots
-from beamsim.plots.run import run_figures
+from beamsim.plots.drawing import HERTZ
 from beamsim.plots.save import save_figures
 from beamsim.report.interactive import thinned
 from beamsim.scenario import load_scenario
@@ -25,11 +24,6 @@ EVERYTHING = {
     "phase_portrait",
     "deflected_shapes",
 }
-
-
-@pytest.fixture
-def ax():
-    return Figure().subplots()
 
 
 @pytest.mark.parametrize(
@@ -52,9 +46,9 @@ def test_every_kind_of_result_gets_its_pictures(how, missing, fabricated_run, tm
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in files)
 
 
-def test_curves_are_the_result_with_units(ax, fabricated_run):
+def test_curves_are_the_result_with_units(fabricated_run):
     result = fabricated_run()
-    plots.plot_displacement(result, ax)
+    ax = result.plot()["displacement"].axes[0]
     np.testing.assert_allclose(ax.lines[0].get_ydata(), 1e3 * result.probes["tip"].displacement)
     assert ax.get_ylabel().endswith("(mm)")
     assert ax.get_xlabel() == "Time (s)"
@@ -62,29 +56,26 @@ def test_curves_are_the_result_with_units(ax, fabricated_run):
     assert len({line.get_linestyle() for line in ax.lines}) == 2  # told apart without colour
 
 
-def test_force_is_over_penetration_in_contact_alone(ax, fabricated_run):
+def test_force_is_over_penetration_in_contact_alone(fabricated_run):
     result = fabricated_run()
-    plots.plot_force_deflection(result, ax)
-    (stop, *_), line = result.snubbers.values(), ax.lines[0]
-    np.testing.assert_array_equal(np.isfinite(line.get_ydata()), stop.closed)
+    (stop, *_), curve = result.snubbers.values(), plots.force_deflection(result).curves[0]
+    np.testing.assert_array_equal(np.isfinite(curve.y), stop.closed)
     assert np.any(stop.closed)
 
 
-def test_spectrum_is_over_the_excitation_frequency(ax, fabricated_run):
+def test_spectrum_is_over_the_excitation_frequency(fabricated_run):
     result = fabricated_run()
-    plots.plot_spectrum(result, ax)
+    chart = plots.spectrum(result)
     spectrum = result.spectra["tip", "absolute_acceleration"]
-    np.testing.assert_allclose(ax.lines[0].get_xdata(), spectrum.frequency_hz / 65.0)
-    np.testing.assert_allclose(ax.lines[0].get_ydata(), spectrum.amplitude_db)
-    assert "excitation frequency" in ax.get_xlabel()
-    free = Figure().subplots()
-    plots.plot_spectrum(fabricated_run(frequency=math.nan), free)
-    assert free.get_xlabel() == "Frequency (Hz)"
+    np.testing.assert_allclose(chart.curves[0].x, spectrum.frequency_hz / 65.0)
+    np.testing.assert_allclose(chart.curves[0].y, spectrum.amplitude_db)
+    assert "excitation frequency" in chart.across[0]
+    assert plots.spectrum(fabricated_run(frequency=math.nan)).across == ("Frequency", HERTZ)
 
 
 @pytest.mark.parametrize("how", slow_after(1, [{"snubbers": tuple("abcdefgh")}, {}]))
 def test_labels_lie_in_the_figure_and_panels_do_not_overlap(how, fabricated_run):
-    for figure in plots.run_figures(fabricated_run(**how)).values():
+    for figure in fabricated_run(**how).plot().values():
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         boxes = [ax.get_tightbbox(canvas.get_renderer()) for ax in figure.axes if ax.get_visible()]
@@ -120,7 +111,7 @@ def test_a_shock_is_shown_whole_with_its_input():
             }
         )
     )
-    figures = run_figures(result)
+    figures = result.plot()
     (ax,) = figures["displacement"].axes
     assert ax.get_xlim() == pytest.approx((0.0, result.time[-1]))
     above, below = figures["acceleration"].axes

@@ -10,7 +10,6 @@ from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.random_response import LEVELS, crossing_rates, rms_interval
 from beamsim.cli.report import table_rows
 from beamsim.inputs.excitation import noise
-from beamsim.plots.run import run_figures
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 
@@ -135,7 +134,7 @@ def test_a_measured_shock_that_ends_before_the_densities_begin_is_drawn(tmp_path
     excitation = {"kind": "sampled", "applied_to": "base", "file": str(tmp_path / "a.csv"), "unit": "g"}
     result = beamsim.run(load_scenario(OSCILLATOR | {"excitation": excitation, "run": {"duration": "4 s"}}))
     assert result.random.input.density.max() < 1e-30
-    figure = run_figures(result)["random"]
+    figure = result.plot()["random"]
     FigureCanvasAgg(figure).draw()
     (density,) = figure.axes  # there is no transmissibility of an input that is over
     assert density.get_yscale() == "log"

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.sweep.analysis import sweep
-from beamsim.plots.sweep import sweep_figures
 from beamsim.scenario import load_scenario
 
 CASE = {
@@ -30,7 +29,7 @@ def swept():
 def test_transmissibility_of_every_probe_with_its_quality():
     """The first mode has 2 % of damping: Q is 25 where the sweep is slow."""
     slow = result(rate="0.6 oct/min", **{"from": "24 Hz", "to": "29 Hz"})
-    above, below = sweep_figures(slow)["acceleration"].axes
+    above, below = slow.plot()["acceleration"].axes
     labels = [text.get_text() for text in below.get_legend().get_texts()]
     assert [label.split(",")[0] for label in labels[:2]] == ["first", "second"]
     for label in labels[:2]:
@@ -41,11 +40,11 @@ def test_transmissibility_of_every_probe_with_its_quality():
 def test_a_force_has_no_transmissibility():
     excitation = {**CASE["excitation"], "applied_to": {"mass": 2}, "level": "1 N"}
     driven = sweep(load_scenario({**CASE, "excitation": excitation}))
-    assert len(sweep_figures(driven)["acceleration"].axes) == 1
+    assert len(driven.plot()["acceleration"].axes) == 1
 
 
 def test_a_spectrogram_follows_the_sweep(swept):
-    axes = sweep_figures(swept)["spectrogram_0"].axes[0]
+    axes = swept.plot()["spectrogram_0"].axes[0]
     (image,) = axes.images
     level = image.get_array()
     left, right, low, high = image.get_extent()
@@ -62,7 +61,7 @@ def test_a_spectrogram_follows_the_sweep(swept):
 
 def test_levels_are_compared_in_the_units_that_are_shown(swept):
     """Displacement in mm per g; the harmonics have a panel for each level."""
-    figures = sweep_figures(swept)
+    figures = swept.plot()
     axes = figures["levels"].axes[0]
     assert axes.get_ylabel().endswith("(mm per g)")
     curve = swept.curves["up_0"]
@@ -78,7 +77,7 @@ def test_levels_are_compared_in_the_units_that_are_shown(swept):
 
 def test_a_stop_that_just_touches_has_no_line_on_a_logarithmic_axis():
     """Its share of contact is that of any level, which is drawn once."""
-    figures = sweep_figures(result({"snubbers": [{**STOP, "gap": 0.0}]}, rate="20 oct/min", levels=[0.5, 9.80665]))
+    figures = result({"snubbers": [{**STOP, "gap": 0.0}]}, rate="20 oct/min", levels=[0.5, 9.80665]).plot()
     lines = figures["contact_levels"].axes[0].lines
     (touched,) = (line for line in lines if str(line.get_label()).startswith("stop"))
     levels = [line for line in lines if line is not touched]
