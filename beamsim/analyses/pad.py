@@ -17,6 +17,7 @@ A measured loop from zero to the deflection X and back is a cycle of the amplitu
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,20 +31,6 @@ from beamsim.typing import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
-class PadInput:
-    """What is known, in SI units."""
-
-    modulus: float | None = None  # Pa
-    shape_factor: float = 0.0
-    area: float | None = None  # m^2
-    height: float | None = None  # m
-    curve: Path | None = None  # measured force over deflection
-    segments: int = 5
-    loss_factor: float | None = None
-    frequency: float | None = None  # Hz, of the loss factor
-
-
-@dataclass(frozen=True, kw_only=True)
 class PadNumbers:
     """The numbers of a snubber, in SI units; None where they are not known."""
 
@@ -54,51 +41,75 @@ class PadNumbers:
     loss_factor: float | None = None  # as given, or of the measured loop
 
 
-def pad(known: PadInput) -> PadNumbers:
+def pad(
+    *,
+    modulus: float | None = None,
+    shape_factor: float = 0.0,
+    area: float | None = None,
+    height: float | None = None,
+    curve: Path | None = None,
+    segments: int = 5,
+    loss_factor: float | None = None,
+    frequency: float | None = None,
+) -> PadNumbers:
     """The snubber that has what is known.
+
+    Parameters
+    ----------
+    modulus : Young's modulus of the material, Pa.
+    shape_factor : see above.
+    area, height : of the block, m^2 and m.
+    curve : file of measured forces over deflections.
+    segments : of the line that is fitted to it.
+    loss_factor, frequency : for the dashpot, at which frequency, Hz.
+
+    Returns
+    -------
+    PadNumbers
 
     Raises
     ------
     ScenarioError
         Where too little or too much is known.
     """
-    _check(known)
-    loss_factor, points, misfit = known.loss_factor, None, None
-    if known.curve is not None:
-        curve, misfit, of_loop = _measured(known.curve, known.segments)
-        stiffness = 2.0 * _work(curve.deflection, curve.force) / float(curve.deflection[-1]) ** 2
-        if curve.slopes.size > 1:
-            points = tuple(zip(curve.deflection.tolist(), curve.force.tolist(), strict=True))
+    known = {"area": area, "height": height, "loss_factor": loss_factor, "frequency": frequency}
+    _check(modulus, curve, known)
+    points, misfit = None, None
+    if curve is not None:
+        fitted, misfit, of_loop = _measured(curve, segments)
+        stiffness = 2.0 * _work(fitted.deflection, fitted.force) / float(fitted.deflection[-1]) ** 2
+        if fitted.slopes.size > 1:
+            points = tuple(zip(fitted.deflection.tolist(), fitted.force.tolist(), strict=True))
         loss_factor = of_loop if loss_factor is None else loss_factor
     else:
-        assert known.modulus is not None
-        assert known.area is not None
-        assert known.height is not None
-        stiffness = known.modulus * (1.0 + 2.0 * known.shape_factor**2) * known.area / known.height
+        assert modulus is not None
+        assert area is not None
+        assert height is not None
+        stiffness = modulus * (1.0 + 2.0 * shape_factor**2) * area / height
     dashpot = 0.0
-    if loss_factor is not None and known.frequency is not None:
-        dashpot = loss_factor * stiffness / (2.0 * math.pi * known.frequency)
+    if loss_factor is not None and frequency is not None:
+        dashpot = loss_factor * stiffness / (2.0 * math.pi * frequency)
     return PadNumbers(stiffness=stiffness, dashpot=dashpot, points=points, misfit=misfit, loss_factor=loss_factor)
 
 
-def _check(known: PadInput) -> None:
+def _check(modulus: float | None, curve: Path | None, others: Mapping[str, float | None]) -> None:
     """One source of the stiffness, and what it and the loss factor need.
 
     Raises
     ------
     ScenarioError
     """
-    problems = []
-    if known.modulus is None and known.curve is None:
+    problems, known = [], {"modulus": modulus, **others}
+    if modulus is None and curve is None:
         problems.append(Problem("--modulus", "is missing", "give --modulus, --area and --height, or --curve"))
-    elif known.modulus is not None and known.curve is not None:
+    elif modulus is not None and curve is not None:
         problems.append(Problem("--modulus", "and --curve exclude each other", "give one of them"))
     needs = [("modulus", "area", "'4 cm^2'"), ("modulus", "height", "'6 mm'"), ("loss_factor", "frequency", "'65 Hz'")]
     for name, other, example in needs:
-        if getattr(known, name) is not None and getattr(known, other) is None:
+        if known[name] is not None and known[other] is None:
             what = f"is missing, which {option(name)} needs"
             problems.append(Problem(option(other), what, f"give for example {option(other)} {example}"))
-    if known.frequency is not None and known.modulus is not None and known.loss_factor is None:
+    if known["frequency"] is not None and modulus is not None and known["loss_factor"] is None:
         problems.append(Problem("--loss-factor", "is missing, which --frequency needs", "give for example 0.1"))
     if problems:
         raise ScenarioError(problems)

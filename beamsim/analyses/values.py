@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,19 +52,17 @@ def largest_pulls(forces: Extreme) -> Floats:
     return np.where(-low > ROUND_OFF_PULL * high, np.maximum(-low, 0.0), 0.0)
 
 
-def lowest(extreme: Extreme) -> Floats:
-    """(k,)."""
-    return np.asarray(extreme[0])
-
-
-def highest(extreme: Extreme) -> Floats:
-    """(k,)."""
-    return np.asarray(extreme[2])
-
-
 def openings(penetrations: Extreme) -> Floats:
     """(m,) largest openings of contacts, m."""
     return np.asarray(np.maximum(-penetrations[0], 0.0))
+
+
+def outer(before: Extreme | None, new: Extreme) -> Extreme:
+    """The lowest and the highest of two extremes, with their times."""
+    if before is None:
+        return new
+    return np.vstack([np.where(new[0] < before[0], new[:2], before[:2]),
+                      np.where(new[2] > before[2], new[2:], before[2:])])  # fmt: skip
 
 
 class Value(NamedTuple):
@@ -109,7 +108,7 @@ class Value(NamedTuple):
 
 
 VALUES = (
-    Value("peak_force", "peak_force_n", *FORCE, highest, "N", "largest contact force of a snubber",
+    Value("peak_force", "peak_force_n", *FORCE, itemgetter(2), "N", "largest contact force of a snubber",
           "peak contact force", "peak_force"),
     Value("largest_pull", "largest_pull_n", *FORCE, largest_pulls, "N",
           "largest tensile force of a snubber, 0 where it never pulls"),
@@ -118,9 +117,9 @@ VALUES = (
     Value("peak_displacement", "peak_displacement_m", *DISPLACEMENT, largest, "m",
           "largest magnitude of a probe's displacement relative to the base", "peak displacement",
           "peak_displacement"),
-    Value("min_displacement", "min_displacement_m", *DISPLACEMENT, lowest, "m",
+    Value("min_displacement", "min_displacement_m", *DISPLACEMENT, itemgetter(0), "m",
           "smallest relative displacement of a probe"),
-    Value("max_displacement", "max_displacement_m", *DISPLACEMENT, highest, "m",
+    Value("max_displacement", "max_displacement_m", *DISPLACEMENT, itemgetter(2), "m",
           "largest relative displacement of a probe"),
     Value("peak_acceleration", "peak_acceleration_g", *ACCELERATION, largest, "m/s^2",
           "largest magnitude of a probe's absolute acceleration", "peak acceleration", "peak_acceleration",
@@ -133,8 +132,8 @@ VALUES = (
           "largest magnitude of a friction contact's force", "peak friction force"),
     Value("peak_output", "peak_output", "outputs", "", largest, "",
           "largest magnitude of an output, in its output_unit", "outputs"),
-    Value("min_output", "min_output", "outputs", "", lowest, "", "smallest value of an output"),
-    Value("max_output", "max_output", "outputs", "", highest, "", "largest value of an output"),
+    Value("min_output", "min_output", "outputs", "", itemgetter(0), "", "smallest value of an output"),
+    Value("max_output", "max_output", "outputs", "", itemgetter(2), "", "largest value of an output"),
     Value("bending_stress", "largest_bending_stress_pa", *STRESS, largest, "Pa",
           "largest bending stress at any time and place", "largest bending stress", "bending_stress"),
     Value("contact_share", "contact_share", "snubbers", "", None, "1", "share of the time in contact of a snubber",

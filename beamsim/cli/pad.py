@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from beamsim.analyses.pad import PadInput, PadNumbers, option
+from beamsim.analyses.pad import PadNumbers, option
 from beamsim.analyses.pad import pad as designed
 from beamsim.cli.printing import print_json
 from beamsim.errors import Problem, ScenarioError
@@ -48,7 +48,7 @@ def pad(texts: Mapping[str, str | None], curve: Path | None, segments: int, *, a
         With every text that is no such quantity, or if a scenario does not take what was found.
     """
     numbers = _read_numbers({name: text for name, text in texts.items() if text is not None})
-    found = designed(PadInput(curve=curve, segments=segments, **numbers))
+    found = designed(curve=curve, segments=segments, **numbers)
     _check_found(found)
     lines = list(_snubber(found))
     if as_json:

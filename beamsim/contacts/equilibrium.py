@@ -68,6 +68,10 @@ class CubicSprings:
         """(nc,) stretch for a unit displacement of the base."""
         return np.ones(self.count) if self.ground is None else self.ground
 
+    def stretch(self, q: Floats, base: Floats | float) -> Floats:
+        """(..., nc) m, with coordinates (..., n) and displacements of the base (...,), m."""
+        return np.asarray(q @ self.shape.T + np.multiply.outer(base, self.felt))
+
 
 @dataclass(frozen=True)
 class Equilibrium:

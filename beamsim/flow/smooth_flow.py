@@ -168,7 +168,7 @@ class SmoothFlow(PeriodicFlow):
     def cubic_stretch(self, y: Floats, times: Floats) -> Floats:
         """(nt, nc) stretch of the cubic springs at states (nt, N)."""
         d, _ = self.loads.base_motion(self.omega, self.level, times)
-        return np.asarray(y[:, : self.system.size] @ self.springs.shape.T + np.multiply.outer(d, self.springs.felt))
+        return self.springs.stretch(y[:, : self.system.size], d)
 
     @property
     def fastest(self) -> float:

@@ -27,9 +27,9 @@ import numpy as np
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.exact_motion import motion_in_stretches
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
-from beamsim.analyses.run.motion import Histories, RunMotion
+from beamsim.analyses.run.motion import Histories, RunMotion, output_times
 from beamsim.analyses.run.random_response import statistics_of
-from beamsim.analyses.run.records import Record, SampledRecord
+from beamsim.analyses.run.records import SampledRecord
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, RunResult, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of
 from beamsim.analyses.run.summary import (
@@ -191,8 +191,8 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     def solve(case: Scenario) -> Model:
         system = build_system(case, shared)
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
-        again = settings.model_copy(update={"max_events": most, "method": "exact", "impacts": None})
-        return Model(settings, system, motion_of(case.model_copy(update={"run": again}), system, None, stop))
+        again = settings.model_copy(update={"max_events": most, "method": "exact"})
+        return Model(settings, system, motion_of(system, again, output_times(case), None, stop))
 
     if keeps_all(scenario, modes):
         changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
@@ -443,17 +443,12 @@ class DerivedValues:
             for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
         if self.shock is not None:
-            shock = _highest(self._shock_response(system, motion))
+            assert self.scenario.run is not None
+            assert self.scenario.run.srs is not None
+            shock = _highest(shock_response(self.scenario.run.srs, system, motion))
             for figures in of_parts:
                 figures["srs"] = shock
         return of_parts
-
-    def _shock_response(self, system: StructuralSystem, motion: Trajectory | Histories) -> ShockResponse:
-        assert self.scenario.run is not None
-        assert self.scenario.run.srs is not None
-        if isinstance(motion, Histories):
-            return shock_response(self.scenario.run.srs, system, (motion.time, motion.of(ACCELERATION)))
-        return shock_response(self.scenario.run.srs, system, motion)
 
     def parts(self, most: int) -> int:
         """Into how many parts a motion can be divided, each long enough for the lines of a spectrum."""
@@ -463,7 +458,7 @@ class DerivedValues:
 
     def _records(
         self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
-    ) -> Iterator[Mapping[SpectrumKey, Record]]:
+    ) -> Iterator[Mapping[SpectrumKey, SampledRecord]]:
         s, channels = next(iter(self.spectra.values())), system.channels.of_keys(ACCELERATION, DISPLACEMENT)
         keys = [(channel.name, channel.quantity) for channel in channels.channels]
         if isinstance(motion, Histories):
@@ -473,7 +468,7 @@ class DerivedValues:
             yield {key: SampledRecord(motion.time[inside], x, rate) for key, x in zip(keys, samples.T, strict=True)}
             return
         span = s.start_s, min(s.start_s + s.duration_s, motion.end)
-        records = [record for record, _ in records_of(self.scenario, system, motion, channels, span)]
+        records = records_of(self.scenario, system, motion, channels, span)
         if parts == 1:
             yield dict(zip(keys, records, strict=True))
             return

@@ -12,7 +12,7 @@ import numpy as np
 from beamsim.analyses.doubts import compressed_beyond_tables, deflection_warnings, reduction_checked
 from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, shock_response
-from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of
+from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of, impacts_of
 from beamsim.analyses.run.motion import (
     Histories,
     RunMotion,
@@ -27,10 +27,10 @@ from beamsim.analyses.run.result import RunResult, ShockResponse
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, PENETRATION, STRESS, largest
+from beamsim.analyses.values import DISPLACEMENT, PENETRATION, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import Stop, interruption
-from beamsim.scenario import Scenario
+from beamsim.scenario import Run, Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.build import build_system
@@ -54,14 +54,14 @@ class Solution(NamedTuple):
 
 
 def motion_of(
-    scenario: Scenario, system: StructuralSystem, progress: Callable[[float], None] | None, stop: Stop
+    system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None, stop: Stop
 ) -> RunMotion:
     """The motion of a built system, in closed form or by time stepping.
 
     Parameters
     ----------
-    scenario : with a ``run`` section.
-    system : built from it.
+    system, settings : of the run.
+    times : (nt,) s, at which it is asked for.
     progress, stop : as of `solved`.
 
     Returns
@@ -73,10 +73,8 @@ def motion_of(
     ScenarioError
         If it needs more memory or steps than there may be.
     """
-    settings = scenario.run
-    assert settings is not None
     solve = stepped_motion_of if steps_in_time(system, settings) else exact_motion_of
-    return solve(system, settings, output_times(scenario), progress, stop)
+    return solve(system, settings, times, progress, stop)
 
 
 def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: Stop, shared: SharedBuilds) -> Solution:
@@ -109,7 +107,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         scenario, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared))
     else:
         system = build_system(scenario, shared)
-    motion = motion_of(scenario, system, progress, stop)
+    motion = motion_of(system, settings, output_times(scenario), progress, stop)
     histories, left_out = motion.sampled(), list[str]()
 
     def goes_on(to: str) -> bool:  # from then on each step is left out
@@ -149,8 +147,10 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         from beamsim.analyses.run.random_response import random_response
 
         fields["random"] = random_response(result, system)
-    if motion.impacts is not None:
-        fields["impacts"] = motion.impacts.statistics(stationary=scenario.excitation.kind == "random")
+    closed_form = motion.trajectory is not None
+    if settings.impacts is not None and closed_form and goes_on("statistics of impacts"):
+        stationary = scenario.excitation.kind == "random"
+        fields["impacts"] = impacts_of(system, motion.parts(), settings.impacts, stationary=stationary)
     if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
         fields["fatigue"] = fatigue_of(
             system, motion.parts, motion.marched.end, largest(motion.extremes[STRESS]), settings.fatigue
@@ -177,7 +177,7 @@ def _shock_response(
     if motion.trajectory is not None:
         return shock_response(settings, system, motion.trajectory), []
     time, least = histories.time, SAMPLES_OF_OSCILLATOR * settings.to
-    shock = shock_response(settings, system, (time, histories.of(ACCELERATION)))
+    shock = shock_response(settings, system, histories)
     if (time.size - 1) / time[-1] >= least:
         return shock, []
     return shock, [

@@ -14,15 +14,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.branch import OrbitMotion
-from beamsim.analyses.run.exact_motion import exact_flow
+from beamsim.analyses.run.analysis import motion_of
 from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.values import FORCE
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.transient import simulate
+from beamsim.outcomes import never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.structures.assembly import snubber_site
-from beamsim.structures.places import Place, ends_of
+from beamsim.structures.places import Place, Site, ends_of
 from beamsim.structures.stations import IN_PLANE, StationPart, Stations
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds, reduced_parts
@@ -108,36 +109,18 @@ def frames_of_run(
     """
     scenario, (system, shared) = _solved(result, model)
     times, slow = instants(result)
-    settings = scenario.run
-    assert settings is not None
-    duration = max(float(times[-1]), 1e-9)
-    flow = exact_flow(system, duration, settings.most_contact_states, memory=settings.memory)
-    if result.method == "exact":
-        trajectory = simulate(flow, system.initial_state, progress=progress)
-        kept = times <= trajectory.end
-        times, slow = times[kept], slow[kept]
-        q = trajectory.states_at(times)[:, : system.dynamics.size]
-        forces = trajectory.sample(times, flow.contact_forces)
-    else:
-        from beamsim.flow.reference import TimeStepping, integrate
-
-        rtol = min(settings.rtol, 1e-8)
-        stepping = TimeStepping(flow, "DOP853", rtol=rtol, atol=settings.atol, cubic=system.cubic)
-        stepped = integrate(stepping, system.initial_state, times, progress=progress)
-        q, times, slow = stepped.y[:, : system.dynamics.size], stepped.time, slow[: stepped.time.size]
-        output = result.time
-        forces = np.array([np.interp(times, output, force) for force in _forces(result)]).reshape(-1, times.size).T
+    assert scenario.run is not None
+    until = {"duration": max(float(times[-1]), 1e-9), "low_pass": None, "srs": None}
+    motion = motion_of(system, scenario.run.model_copy(update=until), times, progress, never)
+    known = motion.sampled()
+    times, slow = known.time, slow[: known.time.size]
+    q = np.array([motion.state_at(float(t))[: system.dynamics.size] for t in times])
     lines = drawn_lines(system.stations, scenario)
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
     shape = _shape_of(scenario, system, lines, shared)
     at_stops = _rows(scenario, [end for site in sites.values() for end in ends_of(site)], shared)
-    ends, first = {}, 0
-    for name, site in sites.items():
-        count = len(ends_of(site))
-        ends[name] = q @ at_stops[first : first + count].T
-        first += count
-    force = {name: forces[:, k] for k, name in enumerate(sites)}
-    return Frames(lines, times, slow, q @ shape.T, ends, force)
+    force = {name: known.of(FORCE)[:, k] for k, name in enumerate(sites)}
+    return Frames(lines, times, slow, q @ shape.T, _of_stops(sites, q @ at_stops.T), force)
 
 
 def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion) -> Frames:
@@ -176,13 +159,15 @@ def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion)
     places = [end for site in sites.values() for end in ends_of(site)]
     nearest = [_nearest(stations, place) for place in places]
     of_ends = at(motion.stations[:, nearest]) if nearest else np.zeros((times.size, 0))
-    ends, first = {}, 0
-    for name, site in sites.items():
-        count = len(ends_of(site))
-        ends[name] = of_ends[:, first : first + count]
-        first += count
+    ends = _of_stops(sites, of_ends)
     force = {name: np.interp(times, motion.time, values) for name, values in motion.force.items()}
     return Frames(tuple(lines), times, slow, at(motion.stations[:, np.concatenate(columns)]), ends, force)
+
+
+def _of_stops(sites: Mapping[str, Site], values: Floats) -> dict[str, Floats]:
+    """By stop the values (nf, 1 or 2) of the places that it acts on, from those of all (nf, places)."""
+    last = np.cumsum([len(ends_of(site)) for site in sites.values()])
+    return dict(zip(sites, np.split(values, last[:-1], axis=1), strict=False))  # of no stop one empty part
 
 
 def _nearest(stations: Stations, place: Place) -> int:

@@ -7,25 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.exact_motion import StretchFigures, motion_in_stretches
+from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.impacts import SKIPPED
-from beamsim.analyses.run.motion import with_limit
+from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
-from beamsim.analyses.run.summary import by_name, motion_figures, static_figures
-from beamsim.analyses.values import BY_ENTRY, STRESS, VALUES, Value, largest, searched
+from beamsim.analyses.run.summary import by_name, figures_of_motion
+from beamsim.analyses.values import BY_ENTRY, STRESS, VALUES, Value, largest
 from beamsim.flow.channels import Observed
-from beamsim.flow.exact import ExactFlow
-from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
 
 SAMPLES_A_PART = 100_000  # of those whose squares are added up
-
-ROOT_MEAN_SQUARES = {entry: value.key for entry, value in BY_ENTRY.items() if entry.startswith("rms_")}
-"""By entry the channels whose root mean square it is, of a random or sampled input."""
 _PLACE = "largest_bending_stress_position_m"
 
 
@@ -64,7 +58,7 @@ def asked_figures(
     system : of the scenario.
     scenario : for which `gives_figures`.
     asked : entries of `beamsim.analyses.values.VALUES`; what the system does not have (a stress, snubbers) is left out.
-    stop : asked between blocks of events whether to end; then only what does not need the whole motion is found.
+    stop : asked between blocks of events whether to end.
 
     Returns
     -------
@@ -78,58 +72,40 @@ def asked_figures(
     """
     settings = scenario.run
     assert settings is not None
-    motion, _ = motion_in_stretches(system, settings, most_events=settings.max_events, stop=stop)
-    figures = StretchFigures(Observed(motion.flow, searched(system.channels, _values(asked))))
-    squares = MeanSquares(system, motion.flow, scenario, asked)
-    for stretch in motion.stretches():
-        figures.add(stretch)
-        squares.add(stretch)
-    outcome = figures.balance.checked(with_limit(motion.outcome))
-    found = {**static_figures(system), "energy_error": figures.balance.error}
-    closings = np.bincount(motion.event_contact[motion.event_closing], minlength=motion.flow.system.contacts.count)
-    extremes = figures.extremes if outcome.complete else {}
-    found |= motion_figures(system, extremes, motion.contact_share(), closings)
-    if STRESS in extremes and system.stress is not None:
-        found[_PLACE] = float(system.stress.stations.position[largest(extremes[STRESS]).argmax()])
-    if outcome.complete:
-        found |= squares.root_mean_squares()
-    return {entry: value for entry, value in found.items() if entry in asked}, outcome
+    motion = exact_motion_of(system, settings, np.zeros(0), None, stop, values=_values(asked))
+    found = {**figures_of_motion(system, motion), "energy_error": motion.balance.error}
+    if STRESS in motion.extremes and system.stress is not None:
+        found[_PLACE] = float(system.stress.stations.position[largest(motion.extremes[STRESS]).argmax()])
+    if motion.outcome.complete:
+        found |= _root_mean_squares(system, scenario, motion, asked)
+    return {entry: value for entry, value in found.items() if entry in asked}, motion.outcome
 
 
-class MeanSquares:
-    """Mean squares of samples without the first part of a run, as `beamsim.analyses.run.random_response` has them.
+def _root_mean_squares(
+    system: StructuralSystem, scenario: Scenario, motion: RunMotion, asked: Collection[str]
+) -> dict[str, Any]:
+    """Those of samples without the first part of a run, as `beamsim.analyses.run.random_response` has them.
 
     Parameters
     ----------
-    system, flow : of the motion.
-    scenario : of the run.
-    asked : entries, of which those of `ROOT_MEAN_SQUARES` count.
+    system, scenario, motion : of the run.
+    asked : entries, of which those of a random or sampled input count.
     """
-
-    def __init__(self, system: StructuralSystem, flow: ExactFlow, scenario: Scenario, asked: Collection[str]) -> None:
-        self._names = {entry: key for entry, key in ROOT_MEAN_SQUARES.items() if entry in asked}
-        self._observed = Observed(flow, system.channels.of_keys(*self._names.values()))
-        assert scenario.run is not None
-        self._rate = scenario.sample_rate
-        self._last = int(np.floor(scenario.run.duration * self._rate * (1 + 1e-12))) + 1
-        self._first = self._reached = int(SKIPPED * self._last)
-        if self._last - self._first < LEAST_SAMPLES:
-            self._names = {}
-        self._squares: Floats | float = 0.0
-
-    def add(self, stretch: Trajectory) -> None:
-        """Include the samples of the next stretch."""
-        upto = min(int(stretch.end * (1 + 1e-12) * self._rate) + 1, self._last) if self._names else 0
-        for begin in range(self._reached, upto, SAMPLES_A_PART):
-            times = np.arange(begin, min(begin + SAMPLES_A_PART, upto)) / self._rate
-            self._squares = self._squares + np.sum(self._observed.values(stretch, times) ** 2, axis=0)
-        self._reached = max(upto, self._reached)
-
-    def root_mean_squares(self) -> dict[str, Any]:
-        """By entry and name."""
-        if not self._names:
-            return {}
-        channels = self._observed.channels
-        roots = channels.split(np.sqrt(self._squares / (self._last - self._first)))
-        names = {key: [c.name for c in channels.channels if c.key == key] for key in roots}
-        return {entry: by_name(names[key], roots[key]) for entry, key in self._names.items() if key in roots}
+    keys = {entry: value.key for entry, value in BY_ENTRY.items() if entry.startswith("rms_") and entry in asked}
+    assert scenario.run is not None
+    rate = scenario.sample_rate
+    number = int(np.floor(scenario.run.duration * rate * (1 + 1e-12))) + 1
+    first = reached = int(SKIPPED * number)
+    if not keys or number - first < LEAST_SAMPLES:
+        return {}
+    observed = Observed(motion.marched.flow, system.channels.of_keys(*keys.values()))
+    squares = np.zeros(observed.channels.order.size)
+    for stretch in motion.parts():
+        upto = min(int(stretch.end * (1 + 1e-12) * rate) + 1, number)
+        for begin in range(reached, upto, SAMPLES_A_PART):
+            times = np.arange(begin, min(begin + SAMPLES_A_PART, upto)) / rate
+            squares += np.sum(observed.values(stretch, times) ** 2, axis=0)
+        reached = max(upto, reached)
+    roots = observed.channels.split(np.sqrt(squares / (number - first)))
+    names = {key: [c.name for c in observed.channels.channels if c.key == key] for key in roots}
+    return {entry: by_name(names[key], roots[key]) for entry, key in keys.items() if key in roots}

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance, energies, energies_of_segments, power_factors
-from beamsim.analyses.run.filters import LowPassFilter, filtered
+from beamsim.analyses.run.filters import LowPassed, filtered
 from beamsim.analyses.run.friction import friction_contacts
-from beamsim.analyses.run.impacts import ImpactRecord
-from beamsim.analyses.run.motion import Histories, RunMotion, breakpoints, events_of, memory_of, with_limit
+from beamsim.analyses.run.motion import Histories, RunMotion, memory_of, reached, with_limit
 from beamsim.analyses.run.result import EnergyHistory, Work
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, STRESS, Extreme, searched
+from beamsim.analyses.values import (
+    ACCELERATION,
+    BY_ENTRY,
+    DISPLACEMENT,
+    STRESS,
+    VALUES,
+    Extreme,
+    Value,
+    outer,
+    searched,
+)
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
-from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import CHECKPOINT_PIECES, MotionInStretches
@@ -32,7 +40,6 @@ COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that
 SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
 VALUES_AT_ONCE = 2**22  # outputs and states at the times that are computed together
 COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
-ROUND_OFF = 1e-12  # relative, of the last output time
 _STRESSES_AT_ONCE = 256  # samples
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
 MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
@@ -104,6 +111,7 @@ def exact_motion_of(
     times: Floats,
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
+    values: Iterable[Value] | None = None,
 ) -> RunMotion:
     """The motion in closed form, with its figures, evaluated and forgotten stretch by stretch.
 
@@ -112,6 +120,7 @@ def exact_motion_of(
     system, settings : of the run.
     times : (nt,) s, at which it is asked for.
     progress, stop : see `beamsim.flow.transient.simulate`.
+    values : that are asked for beside displacements of probes, and nothing else; by default all that a run reports.
 
     Returns
     -------
@@ -125,25 +134,22 @@ def exact_motion_of(
         has too many pieces, or the filter of the accelerations would need too many panels.
     """
     motion, limit = motion_in_stretches(system, settings, progress=progress, stop=stop)
-    if not motion.one_stretch:
+    if not motion.one_stretch and values is None:
         _refuse_what_needs_all(system, settings)
-    figures = StretchFigures.of_run(system, settings, motion.flow, times)
+    figures = StretchFigures(system, settings, motion.flow, times, values)
     for stretch in motion.stretches():
         figures.add(stretch)
-    balance, extremes = figures.balance, figures.extremes
-    of_first_probe = np.array([extremes[DISPLACEMENT][k][0] for k in (1, 3)])
-    order = np.argsort(of_first_probe)
+    at = figures.extremes[DISPLACEMENT][1::2, 0]
+    order = np.argsort(at)
     return RunMotion(
+        system=system,
         method="exact",
-        outcome=balance.checked(with_limit(motion.outcome, limit)),
+        outcome=figures.balance.checked(with_limit(motion.outcome, limit)),
         sampled=lambda: histories_of(motion, system.channels.without(STRESS), times),
-        balance=balance,
-        events=events_of(system, motion),
+        balance=figures.balance,
         marched=motion,
-        breakpoints=breakpoints(system, motion),
-        extremes=extremes,
-        extreme_times=of_first_probe,
-        extreme_states=motion.states_at(of_first_probe[order])[order],
+        extremes=figures.extremes,
+        extreme_states=motion.states_at(at[order])[order],
         state_at=lambda time: motion.states_at(np.array([time]))[0],
         contact_share=motion.contact_share(),
         work=Work(
@@ -153,11 +159,10 @@ def exact_motion_of(
             states=len(motion.flow.visited),
             processor_time_s=motion.processor_time_s,
         ),
-        low_passed=None if figures.low_passed is None else figures.low_passed.reached,
-        trajectory=_analysed(motion, settings),
+        low_passed=None if figures.low_passed is None else figures.low_passed.values,
+        last=lambda: motion.within(_last_begin(motion, settings), motion.end),
         parts=motion.again,
         von_mises=partial(_von_mises, system, motion, times),
-        impacts=figures.impacts,
         memory=memory_of(motion.flow, settings),
         compared_s=None if motion.one_stretch else COMPARED_SHARE * _kept_s(motion, settings),
         warnings=() if motion.one_stretch else (_forgotten(motion, settings),),
@@ -170,12 +175,12 @@ def _kept_s(motion: MotionInStretches, settings: Run) -> float:
     return settings.memory / BYTES_A_PIECE * motion.flow.record.step
 
 
-def _analysed(motion: MotionInStretches, settings: Run) -> Trajectory:
-    """The last part of the motion, of which there are spectra; all of one stretch."""
+def _last_begin(motion: MotionInStretches, settings: Run) -> float:
+    """Where the part of the motion begins of which there are spectra, s; all of one stretch."""
     if motion.one_stretch:
-        return motion.within(0.0, motion.end)
+        return 0.0
     room = SPECTRUM_SHARE * _kept_s(motion, settings)
-    return motion.within(max(motion.end - min(room, settings.spectrum.last or room), 0.0), motion.end)
+    return max(motion.end - min(room, settings.spectrum.last or room), 0.0)
 
 
 def _forgotten(motion: MotionInStretches, settings: Run) -> str:
@@ -183,7 +188,7 @@ def _forgotten(motion: MotionInStretches, settings: Run) -> str:
     kept = f"the motion is kept {motion.stretch_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
     if motion.outcome.interrupted:
         return kept
-    last = motion.end - float(_analysed(motion, settings).time[0])
+    last = motion.end - _last_begin(motion, settings)
     kept += f"; spectra and rms_* are those of the last {last:.3g} s"
     if settings.convergence != "off":
         compared = COMPARED_SHARE * _kept_s(motion, settings)
@@ -193,20 +198,21 @@ def _forgotten(motion: MotionInStretches, settings: Run) -> str:
 
 def _von_mises(system: StructuralSystem, motion: MotionInStretches, times: Floats) -> dict[str, Floats]:
     """(nx,) largest von Mises stress at the surface of every plate at its stations, of the samples, Pa."""
-    plates = {body.body for body in system.bodies if body.moments == COMPONENTS}
-    stress = system.stress
+    stress, plates = system.stress, {body.body for body in system.bodies if body.moments == COMPONENTS}
     if stress is None or not plates:
         return {}
-    observed, times = Observed(motion.flow, system.channels.of_keys(STRESS)), reached(motion, times)
-    parts = {
-        part.body if len(stress.stations.parts) > 1 else stress.bodies[0]: part.stations for part in stress.stations
-    }
-    return {name: _largest_von_mises(motion, times, observed, parts[name]) for name in plates & set(parts)}
-
-
-def reached(motion: MotionInStretches | Trajectory, times: Floats) -> Floats:
-    """The times up to the end of a motion."""
-    return times[: np.searchsorted(times, motion.end * (1.0 + ROUND_OFF), side="right")]
+    alone = len(stress.stations.parts) == 1
+    named = {stress.bodies[0] if alone else part.body: part.stations for part in stress.stations}
+    parts = {name: stations for name, stations in named.items() if name in plates}
+    times, of_all = reached(motion.end, times), Observed(motion.flow, system.channels.of_keys(STRESS)).linear
+    few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
+    squares = {name: np.zeros((part.stop - part.start) // COMPONENTS) for name, part in parts.items()}
+    for first in range(0, few.size, _STRESSES_AT_ONCE):
+        sampled = motion.sample(few[first : first + _STRESSES_AT_ONCE], of_all)
+        for name, part in parts.items():
+            x, y, shear = np.moveaxis(sampled[:, part].reshape(sampled.shape[0], COMPONENTS, -1), 1, 0)
+            squares[name] = np.maximum(squares[name], (x**2 - x * y + y**2 + 3 * shear**2).max(axis=0))
+    return {name: np.sqrt(largest) for name, largest in squares.items()}
 
 
 def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats) -> Histories:
@@ -223,7 +229,7 @@ def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats)
     Histories
     """
     flow, observed = motion.flow, Observed(motion.flow, channels)
-    times = reached(motion, times)
+    times = reached(motion.end, times)
     columns, contacts = channels.order.size, flow.system.contacts
     values = np.empty((columns, times.size)).T  # each column in one piece
     touching = np.empty((contacts.count, times.size), dtype=bool).T
@@ -231,7 +237,7 @@ def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats)
     factors, at_once = power_factors(flow), max(VALUES_AT_ONCE // (columns + flow.size), 1)
     first = 0
     for stretch in motion.again():
-        begin, last = float(stretch.time[0]), reached(stretch, times).size
+        begin, last = float(stretch.time[0]), reached(stretch.end, times).size
         for number in range(first, max(last, first + 1), at_once):
             part = slice(number, min(number + at_once, last))
             at = np.minimum(times[part], stretch.end)
@@ -245,112 +251,45 @@ def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats)
     return Histories(times, channels, values, touching, EnergyHistory(*energy))
 
 
-def _largest_von_mises(motion: MotionInStretches, times: Floats, stress: Observed, of_body: slice) -> Floats:
-    """(nx,) largest von Mises stress of samples of a motion, Pa.
-
-    Parameters
-    ----------
-    motion : as far as it was marched.
-    times : (nt,) of the output, s, of which some are taken.
-    stress : sigma_x, sigma_y and tau_xy of all stations.
-    of_body : which of them.
-    """
-    few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
-    largest = np.zeros((of_body.stop - of_body.start) // COMPONENTS)
-    for first in range(0, few.size, _STRESSES_AT_ONCE):
-        sampled = motion.sample(few[first : first + _STRESSES_AT_ONCE], stress.linear)[:, of_body]
-        x, y, shear = np.moveaxis(sampled.reshape(sampled.shape[0], COMPONENTS, -1), 1, 0)
-        largest = np.maximum(largest, (x**2 - x * y + y**2 + 3 * shear**2).max(axis=0))
-    return np.sqrt(largest)
-
-
 class StretchFigures:
-    """Peaks and energy balance of a motion that is given stretch by stretch.
+    """What a run reports of a motion that is given stretch by stretch: peaks and energy balance.
 
     Parameters
     ----------
-    observed : channels whose extremes are searched for.
-    impacts : record that the stretches are added to.
-    low_passed : the filter that they are led through; the extremes of accelerations are those behind it.
+    system, settings : of the run.
+    flow : of the motion.
+    times : (nt,) s, all output times.
+    values : that are asked for, and nothing else; by default all.
     """
 
     def __init__(
-        self, observed: Observed, impacts: ImpactRecord | None = None, low_passed: LowPassed | None = None
+        self,
+        system: StructuralSystem,
+        settings: Run,
+        flow: ExactFlow,
+        times: Floats,
+        values: Iterable[Value] | None = None,
     ) -> None:
-        self.observed, self.impacts, self.low_passed = observed, impacts, low_passed
         self.balance, self.extremes = EnergyBalance(), dict[Key, Extreme]()
-
-    @classmethod
-    def of_run(cls, system: StructuralSystem, settings: Run, flow: ExactFlow, times: Floats) -> StretchFigures:
-        """Those that a run reports.
-
-        Parameters
-        ----------
-        system, settings : of the run.
-        flow : of the motion.
-        times : (nt,) s, all output times.
-
-        Returns
-        -------
-        StretchFigures
-            Of no stretch so far.
-        """
-        channels, low_passed = searched(system.channels), None
-        if settings.low_pass is not None:
-            channels, accelerations = channels.without(ACCELERATION), system.channels.of_keys(ACCELERATION)
-            low_passed = LowPassed(Observed(flow, accelerations).linear, settings.low_pass, times, len(system.probes))
-        impacts = None if settings.impacts is None else ImpactRecord(system, settings.impacts)
-        return cls(Observed(flow, channels), impacts, low_passed)
+        self.low_passed = None
+        channels = searched(system.channels, VALUES if values is None else (BY_ENTRY["peak_displacement_m"], *values))
+        if values is None and settings.low_pass is not None:  # extremes of accelerations are those behind the filter
+            channels = channels.without(ACCELERATION)
+            self.low_passed = LowPassed(settings.low_pass, times, len(system.probes))
+        self._observed = Observed(flow, channels)
+        self._accelerations = Observed(flow, system.channels.of_keys(ACCELERATION)).linear
 
     def add(self, stretch: Trajectory) -> None:
         """Include the next stretch."""
         balance = energies_of_segments(stretch)
-        found = self.observed.extremes(stretch) if self.observed.channels.channels else {}
-        if self.impacts is not None:
-            self.impacts.add(stretch)
-        if self.low_passed is not None:
-            found[ACCELERATION] = self.low_passed.add(stretch)
+        found = self._observed.extremes(stretch)
+        if (low := self.low_passed) is not None:
+            hz, through = low.frequency_hz, low.filter
+            low.add(stretch.end, lambda times: filtered(stretch, self._accelerations, hz, times, through))
         self.balance.add(*balance)
         self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
-
-
-class LowPassed:
-    """Accelerations behind the filter at all output times, led through it stretch by stretch.
-
-    Parameters
-    ----------
-    output_of : accelerations of the probes.
-    frequency_hz : of the filter.
-    times : (nt,) s, all output times.
-    probes : number of accelerations.
-    """
-
-    def __init__(self, output_of: OutputOf, frequency_hz: float, times: Floats, probes: int) -> None:
-        self._output_of, self._frequency_hz, self._times = output_of, frequency_hz, times
-        self._through, self._begin, self._reached = LowPassFilter(frequency_hz, probes), 0.0, 0
-        self.values = np.empty((times.size, probes))
-
-    def add(self, stretch: Trajectory) -> Extreme:
-        """Go on through the next stretch, and return its lowest and highest values."""
-        upto = max(reached(stretch, self._times).size, self._reached)
-        times = np.minimum(self._times[self._reached : upto], stretch.end)
-        behind = filtered(stretch, self._output_of, self._frequency_hz, times, self._through)
-        self.values[self._reached : upto] = behind.at(times)
-        begin, self._begin, self._reached = self._begin, stretch.end, upto
-        return np.array(behind.extremes(begin, stretch.end))
-
-    @property
-    def reached(self) -> Floats:
-        """(nt, probes) up to where the motion is evaluated."""
-        return self.values[: self._reached]
-
-
-def outer(before: Extreme | None, new: Extreme) -> Extreme:
-    """The lowest and the highest of two extremes, with their times."""
-    if before is None:
-        return new
-    return np.vstack([np.where(new[0] < before[0], new[:2], before[:2]),
-                      np.where(new[2] > before[2], new[2:], before[2:])])  # fmt: skip
+        if low is not None and low.extremes is not None:
+            self.extremes[ACCELERATION] = low.extremes
 
 
 def events_in_memory(flow: ExactFlow, memory: float) -> int:

@@ -25,8 +25,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.motion import Histories, reached
 from beamsim.analyses.run.result import MAIN_QUANTITY, ShockResponse, ShockSpectrum
-from beamsim.analyses.values import ACCELERATION
+from beamsim.analyses.values import ACCELERATION, outer
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.contact_state import OutputOf
@@ -81,10 +82,9 @@ class Panels:
     values: Floats
 
 
-def _panels(times: Floats, signal: Signal, longest: float) -> tuple[Iterator[Panels], Ints]:
-    """Blocks of panels no longer than ``longest`` from the first to the last of increasing ``times``.
-
-    Also returns the index of each of these times among all ends of panels.
+def _panels(times: Floats, signal: Signal, longest: float) -> Iterator[Panels]:
+    """Blocks of panels no longer than ``longest`` from the first to the last of increasing ``times``, which are ends of
+    panels.
 
     Raises
     ------
@@ -104,21 +104,17 @@ def _panels(times: Floats, signal: Signal, longest: float) -> tuple[Iterator[Pan
             )
         )
     steps = np.maximum(np.ceil(np.diff(times) / longest), 1).astype(np.int64)
-    of_times = np.concatenate([[0], np.cumsum(steps)])
+    begun = np.concatenate([[0], np.cumsum(steps)])
     lengths = np.diff(times) / steps
-    number = np.arange(steps.sum()) - np.repeat(of_times[:-1], steps)  # of a panel between two of the times
+    number = np.arange(begun[-1]) - np.repeat(begun[:-1], steps)  # of a panel between two of the times
     ends = np.append(np.repeat(times[:-1], steps) + number * np.repeat(lengths, steps), times[-1])
     of_panel = np.repeat(np.arange(steps.size), steps)
-
-    def blocks() -> Iterator[Panels]:
-        for first in range(0, ends.size - 1, BLOCK):
-            block, part = ends[first : first + BLOCK + 1], of_panel[first : first + BLOCK]
-            length = lengths[part[0] : part[-1] + 1]
-            which = part - part[0]
-            nodes = (block[:-1, None] + length[which, None] * _NODE).ravel()
-            yield Panels(block, length, which, signal(nodes).reshape(which.size, NODES, -1))
-
-    return blocks(), of_times
+    for first in range(0, ends.size - 1, BLOCK):
+        block, part = ends[first : first + BLOCK + 1], of_panel[first : first + BLOCK]
+        length = lengths[part[0] : part[-1] + 1]
+        which = part - part[0]
+        nodes = (block[:-1, None] + length[which, None] * _NODE).ravel()
+        yield Panels(block, length, which, signal(nodes).reshape(which.size, NODES, -1))
 
 
 class LinearFilter:
@@ -133,8 +129,35 @@ class LinearFilter:
     def __init__(self, poles: Complexes, residues: Complexes, signals: int) -> None:
         self.poles, self.residues = poles, residues
         self.state: Complexes = np.zeros((poles.size, signals), dtype=np.complex128)
-        none = np.zeros(signals)
+        self.value = self.slope = none = np.zeros(signals)  # reached
         self.extremes: Extreme = (none, none, none, none)
+
+    def panels(self, times: Floats, signal: Signal, longest: float) -> FilteredPanels:
+        """The output from the time that was reached on.
+
+        Parameters
+        ----------
+        times : (nt,) increasing, s; the first is the end of the part before. Between two of them the signal is smooth.
+        signal : times (nt,) -> (nt, k).
+        longest : a panel may be, s.
+
+        Returns
+        -------
+        FilteredPanels
+            Known at the times and at the ends of all panels.
+
+        Raises
+        ------
+        ScenarioError
+            If there would be too many panels.
+        """
+        ends, values, slopes = [times[:1]], [self.value[None]], [self.slope[None]]
+        for block in _panels(times, signal, longest):
+            value, slope = self.through(block)
+            ends.append(block.ends[1:])
+            values.append(value)
+            slopes.append(slope)
+        return FilteredPanels(np.concatenate(ends), np.vstack(values), np.vstack(slopes))
 
     def through(self, block: Panels) -> tuple[Floats, Floats]:
         """(P, k) the output at the ends of panels, and its slope."""
@@ -154,11 +177,8 @@ class LinearFilter:
             begin += slope[:-1]
             end += slope[1:]
             self.state[j] = z[-1]
-        low, low_time, high, high_time = self.extremes
-        self.extremes = (
-            *_lower(block.ends, output, begin, end, low, low_time),
-            *_higher(block.ends, output, begin, end, high, high_time),
-        )
+        self.extremes = _peaks(block.ends, output, (begin, end), self.extremes)
+        self.value, self.slope = output[-1], end[-1]
         return output[1:], end
 
 
@@ -185,12 +205,6 @@ def _cubic_factors(left: Floats, right: Floats, begin: Floats, end: Floats) -> t
     return 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise
 
 
-def _lower(ends: Floats, y: Floats, begin: Floats, end: Floats, lowest: Floats, when: Floats) -> tuple[Floats, Floats]:
-    """As `_higher`, for the lowest values."""
-    value, at = _higher(ends, -y, -begin, -end, -lowest, when)
-    return -value, at
-
-
 def _higher(
     ends: Floats, y: Floats, begin: Floats, end: Floats, highest: Floats, when: Floats
 ) -> tuple[Floats, Floats]:
@@ -212,66 +226,12 @@ def _higher(
     return np.where(better, top[best, column], highest), np.where(better, at[best, column], when)
 
 
-class LowPassFilter:
-    """The low-pass in front of an accelerometer, led through k signals from t = 0 on part by part.
-
-    It is a Butterworth filter of four poles, -3 dB at its frequency, causal, and zero before the run:
-    ``H(s) = Omega^4 / prod(s - p_j)`` with ``p_j = Omega exp(i pi (2 j + 3) / 8)``, ``j = 1 ... 4``. It
-    keeps the extremes of its output.
-    """
-
-    def __init__(self, frequency_hz: float, signals: int) -> None:
-        self._filter = LinearFilter(*butterworth(frequency_hz), signals)
-        self._longest = 1.0 / (PANELS_A_PERIOD * frequency_hz)
-        self._value = self._slope = np.zeros(signals)
-
-    @property
-    def extremes(self) -> Extreme:
-        """Lowest and highest output so far, with their times."""
-        return self._filter.extremes
-
-    def through(self, times: Floats, signal: Signal) -> Floats:
-        """(nt, k) the output at increasing ``times``, the first of which is the end of the part before.
-
-        Between two of them the signal is smooth.
-        """
-        _, value, _, of_times = self.curve(times, signal)
-        return value[of_times]
-
-    def curve(self, times: Floats, signal: Signal, longest: float = np.inf) -> tuple[Floats, Floats, Floats, Ints]:
-        """The output at the ends of all panels, and its slope.
-
-        Parameters
-        ----------
-        times : (nt,) increasing, s; the first is the end of the part before. Between two of them the signal is smooth.
-        signal : times (nt,) -> (nt, k).
-        longest : a panel may be, s.
-
-        Returns
-        -------
-        ends, value, slope
-            (P + 1,) s; (P + 1, k) in the unit of the signal, and per s.
-        of_times
-            (nt,) index of each of the times among the ends.
-
-        Raises
-        ------
-        ScenarioError
-            If there would be too many panels.
-        """
-        blocks, of_times = _panels(times, signal, min(longest, self._longest))
-        ends, values, slopes = [times[:1]], [self._value[None]], [self._slope[None]]
-        for block in blocks:
-            value, slope = self._filter.through(block)
-            ends.append(block.ends[1:])
-            values.append(value)
-            slopes.append(slope)
-        self._value, self._slope = values[-1][-1], slopes[-1][-1]
-        return np.concatenate(ends), np.vstack(values), np.vstack(slopes), of_times
-
-
 def butterworth(frequency_hz: float) -> tuple[Complexes, Complexes]:
-    """Poles with a positive imaginary part, rad/s, and their residues; the others are their conjugates."""
+    """Poles with a positive imaginary part, rad/s, and their residues, of the low-pass in front of an accelerometer.
+
+    It has four poles and -3 dB at its frequency, and is causal: ``H(s) = Omega^4 / prod(s - p_j)`` with
+    ``p_j = Omega exp(i pi (2 j + 3) / 8)``, ``j = 1 ... 4``. The others are conjugates.
+    """
     omega = 2 * np.pi * frequency_hz
     poles = omega * np.exp(1j * np.pi * (2 * np.arange(1, POLES + 1) + POLES - 1) / (2 * POLES))
     others = poles[:, None] - poles + np.eye(POLES)
@@ -285,7 +245,7 @@ def filtered(
     output_of: OutputOf,
     frequency_hz: float,
     times: Floats,
-    before: LowPassFilter | None = None,
+    before: LinearFilter | None = None,
 ) -> FilteredMotion:
     """Outputs of a motion behind the Butterworth low-pass of a frequency.
 
@@ -311,10 +271,41 @@ def filtered(
     if trajectory.exponentials and not _near_poles(trajectory, butterworth(frequency_hz)[0]):
         return FilteredSegments.of(trajectory, output_of, frequency_hz)
     known = np.unique(np.concatenate([trajectory.time, times[times <= trajectory.end], [trajectory.end]]))
-    fastest = trajectory.flow.largest_exponent
-    longest = LONGEST_TURN / fastest if fastest > 0 else np.inf
-    through = before or LowPassFilter(frequency_hz, output_of(trajectory.flow.system.contacts.start).row.shape[0])
-    return FilteredPanels(*through.curve(known, lambda at: trajectory.sample(at, output_of), longest)[:3])
+    outputs = output_of(trajectory.flow.system.contacts.start).row.shape[0]
+    through = before or LinearFilter(*butterworth(frequency_hz), outputs)
+    longest = longest_panel(trajectory.flow.largest_exponent, PANELS_A_PERIOD * frequency_hz)
+    return through.panels(known, lambda at: trajectory.sample(at, output_of), longest)
+
+
+def longest_panel(fastest: float, rate: float) -> float:
+    """Length of a panel, s: short against the fastest motion, rad/s, and no less than a number a second."""
+    return min(LONGEST_TURN / fastest if fastest > 0 else np.inf, 1.0 / rate)
+
+
+class LowPassed:
+    """Accelerations behind the low-pass filter at all output times, led through it part by part.
+
+    Parameters
+    ----------
+    frequency_hz : of the filter.
+    times : (nt,) s, all output times.
+    probes : number of accelerations.
+    """
+
+    def __init__(self, frequency_hz: float, times: Floats, probes: int) -> None:
+        self.frequency_hz, self.filter = frequency_hz, LinearFilter(*butterworth(frequency_hz), probes)
+        self._times, self._begin, self._reached = times, 0.0, 0
+        self.values = np.zeros((times.size, probes))  # zero where it did not come
+        self.extremes: Floats | None = None  # (4, probes) lowest, its time, highest, its time
+
+    def add(self, end: float, behind: Callable[[Floats], FilteredMotion]) -> None:
+        """Go on to the end of the next part; ``behind`` gives it where it is to be known at output times (nt,)."""
+        upto = max(reached(end, self._times).size, self._reached)
+        times = np.minimum(self._times[self._reached : upto], end)
+        motion = behind(times)
+        self.values[self._reached : upto] = motion.at(times)
+        self.extremes = outer(self.extremes, np.array(motion.extremes(self._begin, end)))
+        self._begin, self._reached = end, upto
 
 
 @dataclass(frozen=True)
@@ -338,12 +329,10 @@ class FilteredPanels:
         part = slice(first + 1, last)
         edges = np.array([begin, end])
         value, slope = self._inside(np.clip([first, last - 1], 0, self.ends.size - 2), edges)
-        return _peaks(
-            np.concatenate([edges[:1], inside, edges[1:]]),
-            np.vstack([value[:1], self.value[part], value[1:]]),
-            np.vstack([slope[:1], self.slope[part], slope[1:]]),
-            *_unknown(self.value.shape[1]),
-        )
+        value = np.vstack([value[:1], self.value[part], value[1:]])
+        slope = np.vstack([slope[:1], self.slope[part], slope[1:]])
+        ends = np.concatenate([edges[:1], inside, edges[1:]])
+        return _peaks(ends, value, (slope[:-1], slope[1:]), _unknown(value.shape[1]))
 
     def _inside(self, panel: Ints, times: Floats) -> tuple[Floats, Floats]:
         """(nt, k) values and slopes of the cubics of panels."""
@@ -428,7 +417,7 @@ class FilteredSegments:
             number = np.arange(first, min(first + AT_ONCE, count) + 1)
             at: Floats = begin + (end - begin) / count * number.astype(float)
             value, slope = self._at(at, slopes=True)
-            found = _peaks(at, value, slope, *found)
+            found = _peaks(at, value, (slope[:-1], slope[1:]), found)
         return found
 
     def _fourth(self, begin: float, end: float) -> Floats:
@@ -523,14 +512,19 @@ def _unknown(count: int) -> Extreme:
     return low, nothing, -low, nothing
 
 
-def _peaks(
-    ends: Floats, value: Floats, slope: Floats, low: Floats, low_time: Floats, high: Floats, high_time: Floats
-) -> Extreme:
-    """Extremes of cubics through values and slopes (P + 1, k) at the ends of panels, and of what is known before."""
-    return (
-        *_lower(ends, value, slope[:-1], slope[1:], low, low_time),
-        *_higher(ends, value, slope[:-1], slope[1:], high, high_time),
-    )
+def _peaks(ends: Floats, value: Floats, slopes: tuple[Floats, Floats], known: Extreme) -> Extreme:
+    """Extremes of cubics, and of what is known before.
+
+    Parameters
+    ----------
+    ends : (P + 1,) of panels, s.
+    value : (P + 1, k) there.
+    slopes : (P, k) at the beginning and at the end of each panel.
+    known : extremes so far.
+    """
+    low, low_time, high, high_time = known
+    least, when = _higher(ends, -value, -slopes[0], -slopes[1], -low, low_time)
+    return (-least, when, *_higher(ends, value, *slopes, high, high_time))
 
 
 def frequencies_of(settings: ShockSpectrumSettings) -> Floats:
@@ -564,11 +558,10 @@ def shock_spectra(settings: ShockSpectrumSettings, times: Floats, signal: Signal
         If there would be too many panels.
     """
     frequency = frequencies_of(settings)
-    longest = min(LONGEST_TURN / fastest if fastest > 0 else np.inf, 1.0 / (PANELS_OF_OSCILLATOR * frequency[-1]))
+    longest = longest_panel(fastest, PANELS_OF_OSCILLATOR * frequency[-1])
     count = signal(times[:1]).shape[1]
     oscillators = [LinearFilter(*_oscillator(hz, settings.quality), count) for hz in frequency]
-    blocks, _ = _panels(times, signal, longest)
-    for block in blocks:
+    for block in _panels(times, signal, longest):
         for oscillator in oscillators:
             oscillator.through(block)
     peaks = np.empty((count, 4, frequency.size))
@@ -580,7 +573,7 @@ def shock_spectra(settings: ShockSpectrumSettings, times: Floats, signal: Signal
 
 
 def shock_response(
-    settings: ShockSpectrumSettings, system: StructuralSystem, motion: Trajectory | tuple[Floats, Floats]
+    settings: ShockSpectrumSettings, system: StructuralSystem, motion: Trajectory | Histories
 ) -> ShockResponse:
     """Spectra of the base's acceleration, where it moves, and of the absolute acceleration of every probe.
 
@@ -588,7 +581,7 @@ def shock_response(
     ----------
     settings : natural frequencies and Q of the oscillators.
     system : with the probes.
-    motion : in closed form; or output times (nt,) and accelerations (nt, probes), which a cubic spline joins.
+    motion : in closed form; or at output times, between which a cubic spline joins the accelerations.
 
     Returns
     -------
@@ -608,8 +601,8 @@ def shock_response(
         accelerations = Observed(motion.flow, system.channels.of_keys(ACCELERATION)).linear
         responses: Signal = lambda at: motion.sample(at, accelerations)  # noqa: E731
     else:
-        times, fastest = motion[0], 0.0
-        responses = CubicSpline(*motion)
+        times, fastest = motion.time, 0.0
+        responses = CubicSpline(times, motion.of(ACCELERATION))
     times = np.unique(times)
     if (base := system.base_acceleration) is not None:
         end = _end(base, float(times[-1]))

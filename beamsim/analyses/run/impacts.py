@@ -10,7 +10,7 @@ Of random inputs the figures have intervals (`jackknife`), from blocks with many
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -25,7 +25,6 @@ from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.scenario.run import ImpactSettings, StressLife
-from beamsim.structures.stations import StressRows
 from beamsim.system.equations import Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints
@@ -39,53 +38,47 @@ Sums = Mapping[str, Floats]  # (BLOCKS,) by name
 LEAST_RANGE = 1e-11  # of the largest value, of a cycle
 
 
-class ImpactRecord:
-    """Contacts of a motion that is given part by part, and the statistics of the impacts that they make up.
+def impacts_of(
+    system: StructuralSystem, parts: Iterable[Trajectory], settings: ImpactSettings, *, stationary: bool
+) -> Impacts:
+    """Impacts at all snubbers.
 
     Parameters
     ----------
     system : whose snubbers are looked at.
+    parts : the motion, part after part.
     settings : what counts as an impact.
+    stationary : whether the input is random, so that figures have intervals.
+
+    Returns
+    -------
+    Impacts
     """
+    end, of_parts = 0.0, []
+    for part in parts:
+        of_parts.append([_contacts(part, j) for j in range(len(system.snubbers))])
+        end = part.end
+    each, statistics = [], {}
+    for snubber, of_snubber in zip(system.snubbers, zip(*of_parts, strict=True), strict=True):
+        contacts = _joined(of_snubber)
+        every = _impacts(contacts, settings.minimum_rest)
+        counted = every.taken(every.peak_force >= settings.force_threshold)
+        statistics[snubber.name] = _statistics(snubber.name, end, every, counted, contacts, stationary=stationary)
+        each.append(counted)
+    snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
+    order = np.lexsort((snubber_of, np.concatenate([impacts.begin for impacts in each])))
 
-    def __init__(self, system: StructuralSystem, settings: ImpactSettings) -> None:
-        self._system, self._settings = system, settings
-        self._parts: list[list[_Contacts]] = [[] for _ in system.snubbers]
-        self.end = 0.0  # s
+    def column(name: str) -> Any:
+        return np.concatenate([getattr(impacts, name) for impacts in each])[order]
 
-    def add(self, part: Trajectory) -> None:
-        """Include the next part."""
-        contacts = [_contacts(part, j) for j in range(len(self._parts))]
-        for of_snubber, new in zip(self._parts, contacts, strict=True):
-            of_snubber.append(new)
-        self.end = part.end
-
-    def statistics(self, *, stationary: bool) -> Impacts:
-        """Impacts at all snubbers; figures have intervals where the input is random, ``stationary``."""
-        settings, each, statistics = self._settings, [], {}
-        for snubber, parts in zip(self._system.snubbers, self._parts, strict=True):
-            contacts = _joined(parts)
-            every = _impacts(contacts, settings.minimum_rest)
-            counted = every.taken(every.peak_force >= settings.force_threshold)
-            statistics[snubber.name] = _statistics(
-                snubber.name, self.end, every, counted, contacts, stationary=stationary
-            )  # fmt: skip
-            each.append(counted)
-        snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
-        begin = np.concatenate([impacts.begin for impacts in each])
-        order = np.lexsort((snubber_of, begin))
-
-        def column(name: str) -> Any:
-            return np.concatenate([getattr(impacts, name) for impacts in each])[order]
-
-        columns = (field.name for field in fields(_Impacts) if field.name != "square")
-        return Impacts(
-            minimum_rest_s=settings.minimum_rest,
-            force_threshold_n=settings.force_threshold,
-            snubber=snubber_of[order],
-            snubbers=statistics,
-            **{name: column(name) for name in columns},
-        )
+    columns = (field.name for field in fields(_Impacts) if field.name != "square")
+    return Impacts(
+        minimum_rest_s=settings.minimum_rest,
+        force_threshold_n=settings.force_threshold,
+        snubber=snubber_of[order],
+        snubbers=statistics,
+        **{name: column(name) for name in columns},
+    )
 
 
 @dataclass(frozen=True)
@@ -150,7 +143,7 @@ def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
     return _Contacts(rows, forces, float(lost[~since].sum()), goes_on, bool(touching[-1]))
 
 
-def _joined(parts: list[_Contacts]) -> _Contacts:
+def _joined(parts: Sequence[_Contacts]) -> _Contacts:
     """The contacts of all parts in a row; one that goes on in the next part is one contact."""
     rows = _Impacts(*map(np.concatenate, zip(*(vars(part.rows).values() for part in parts), strict=True)))
     starts = np.cumsum([0, *(part.rows.begin.size for part in parts)])[:-1]  # number of the first contact of each part
@@ -282,7 +275,7 @@ def _statistics(
         rms_force_n=float(np.sqrt(square / duration)) if duration > 0 else np.nan,
         mean_force_in_contact_n=impulse / contact if contact > 0 else np.nan,
         rms_force_in_contact_n=float(np.sqrt(square / contact)) if contact > 0 else np.nan,
-        rainflow=_counted(_with_rests(contacts), "N"),
+        rainflow=Rainflow("N", *_cycles(_with_rests(contacts)).T),
         intervals=_intervals(every, counted, duration) if stationary else (),
     )
 
@@ -305,11 +298,6 @@ def _with_rests(contacts: _Contacts) -> Floats:
     parts = [each for force in contacts.forces for each in (rest, force)]
     parts = parts[1:] if contacts.goes_on else parts
     return np.concatenate([*parts, rest[:0] if contacts.lasts else rest])
-
-
-def _counted(values: Floats, unit: str) -> Rainflow:
-    span, mean, count = _cycles(values).T
-    return Rainflow(unit, span, mean, count)
 
 
 def _cycles(values: Floats) -> Floats:
@@ -376,12 +364,24 @@ def fatigue_of(
     """
     stress, rows = system.stress, system.channels.of_keys(STRESS).linear
     assert stress is not None
-    fatigue = {}
+    fatigue, limit, across = {}, settings.endurance_limit or 0.0, stress.stations.across
     for name in dict.fromkeys(stress.bodies):
-        station = max(_stations(stress, name), key=lambda k: largest[k])
+        station = max((k for k, body in enumerate(stress.bodies) if body == name), key=lambda k: largest[k])
         one = rows.some(np.array([station]))
         turns = np.concatenate([_stress_turns(part, one) for part in parts()])
-        fatigue[name] = _fatigue(name, turns, end, stress, station, settings)
+        cycles = _cycles(turns)
+        done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
+        fatigue[name] = Fatigue(
+            name=name,
+            position=float(stress.stations.position[station]),
+            across=None if across is None or np.isnan(across[station]) else float(across[station]),
+            cycles=float(cycles[:, 2].sum()),
+            largest_range_pa=float(cycles[:, 0].max(initial=0.0)),
+            equivalent_range_pa=equivalent_range(cycles, settings.exponent, limit),
+            damage=done,
+            life_s=end / done if done > 0.0 else float("inf"),
+            rainflow=Rainflow("Pa", *cycles.T),
+        )
     return fatigue
 
 
@@ -394,29 +394,6 @@ def fatigue_doubts(bodies: Mapping[str, Fatigue], settings: StressLife) -> Itera
                 f"{body.largest_range_pa:.3g} Pa, and run.fatigue.stress_range is {settings.stress_range:.3g} Pa for "
                 f"{settings.cycles:.3g} cycles; a unit such as MPa may be missing"
             )
-
-
-def _stations(stress: StressRows, body: str) -> list[int]:
-    return [k for k, name in enumerate(stress.bodies) if name == body]
-
-
-def _fatigue(name: str, turns: Floats, end: float, stress: StressRows, station: int, settings: StressLife) -> Fatigue:
-    cycles = _cycles(turns)
-    span, mean, count = cycles.T
-    limit = settings.endurance_limit or 0.0
-    done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
-    across = stress.stations.across
-    return Fatigue(
-        name=name,
-        position=float(stress.stations.position[station]),
-        across=None if across is None or np.isnan(across[station]) else float(across[station]),
-        cycles=float(count.sum()),
-        largest_range_pa=float(span.max(initial=0.0)),
-        equivalent_range_pa=equivalent_range(cycles, settings.exponent, limit),
-        damage=done,
-        life_s=end / done if done > 0.0 else float("inf"),
-        rainflow=Rainflow("Pa", span, mean, count),
-    )
 
 
 def _stress_turns(part: Trajectory, stress: Rows) -> Floats:

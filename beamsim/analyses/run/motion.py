@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance
 from beamsim.analyses.run.friction import friction_contacts, sliding_figures
-from beamsim.analyses.run.impacts import ImpactRecord
 from beamsim.analyses.run.result import (
     ONLY_BEAM,
     BodyResult,
@@ -36,9 +36,10 @@ from beamsim.flow.transient import MotionInStretches
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Run, Scenario
 from beamsim.system.equations import ChannelSet, Key
-from beamsim.system.structural import StructuralSystem
+from beamsim.system.structural import SnubberNumbers, StructuralSystem
 from beamsim.typing import Bools, Floats
 
+ROUND_OFF = 1e-12  # relative, of the last output time
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 
 
@@ -55,20 +56,6 @@ class Histories:
     def of(self, key: Key) -> Floats:
         """(nt, k) of the channels of a section and quantity."""
         return np.asarray(self.values[:, self.channels.places[key]])
-
-    def column(self, section: str, quantity: str, index: int) -> Floats:
-        """One channel of those that are alike.
-
-        Parameters
-        ----------
-        section, quantity : of the channels.
-        index : which of them.
-
-        Returns
-        -------
-        (nt,) in the unit of the channel.
-        """
-        return np.asarray(self.values[:, self.channels.places[section, quantity][index]])
 
 
 def history_fields(
@@ -102,27 +89,54 @@ def history_fields(
 class RunMotion:
     """The motion of a run, from the closed form or from time stepping."""
 
+    system: StructuralSystem
     method: str
     marched: MotionInStretches | ReferenceTrajectory
     outcome: Outcome
     sampled: Callable[[], Histories]  # what it is at the output times
     balance: EnergyBalance
-    events: EventLog
-    breakpoints: int  # of piecewise-linear springs that were passed, the start left out
     extremes: Extremes
-    extreme_times: Floats  # (2,) of the lowest and highest point of the first probe
-    extreme_states: Floats  # (2, 2n) there
+    extreme_states: Floats  # (2, 2n) at `extreme_times`
     state_at: Callable[[float], Floats]  # (2n or more,) at a time; of a time-stepped motion at the nearest output time
     contact_share: Floats
     work: Work
-    low_passed: Floats | None = None  # (nt, probes) acceleration behind the filter, where there is one
-    trajectory: Trajectory | None = None  # of the closed form, the last part where not all is kept
+    low_passed: Floats | None = None  # (nt or more, probes) acceleration behind the filter, where there is one
+    last: Callable[[], Trajectory | None] = lambda: None  # see `trajectory`
     parts: Callable[[], Iterable[Trajectory]] = tuple  # all of it, one after the other
     von_mises: Callable[[], Mapping[str, Floats]] = dict  # (nx,) Pa, largest of the samples, by plate
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
-    impacts: ImpactRecord | None = None  # of the closed form, where it is evaluated
     compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
     warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def trajectory(self) -> Trajectory | None:
+        """That of the closed form, its last part where not all is kept."""
+        return self.last()
+
+    @cached_property
+    def events(self) -> EventLog:
+        """Contacts of the snubbers made and ended, without breakpoints of their tables; contacts with higher numbers
+        are piecewise-linear springs."""
+        of, count = self.marched, len(self.system.snubbers)
+        of_snubber = (of.event_contact < count) & (of.touch_changes != 0)
+        return EventLog(of.event_time[of_snubber], of.event_contact[of_snubber], of.event_closing[of_snubber])
+
+    @property
+    def breakpoints(self) -> int:
+        """Number of breakpoints of piecewise-linear springs that are passed, the start left out."""
+        rubbing = np.isin(self.marched.event_contact, friction_contacts(self.system))
+        of_spring = (self.marched.event_contact >= len(self.system.snubbers)) & ~rubbing
+        return int(np.sum(of_spring & (self.marched.event_time > 0)))
+
+    @property
+    def extreme_times(self) -> Floats:
+        """(2,) s, of the lowest and highest point of the first probe."""
+        return self.extremes[DISPLACEMENT][1::2, 0]
+
+
+def reached(end: float, times: Floats) -> Floats:
+    """The times up to the end of a motion, s."""
+    return times[: np.searchsorted(times, end * (1.0 + ROUND_OFF), side="right")]
 
 
 def output_times(scenario: Scenario) -> Floats:
@@ -183,9 +197,9 @@ def _probes(system: StructuralSystem, motion: RunMotion, histories: Histories) -
             across=probe.across,
             displacement=displacement[:, i],
             absolute_displacement=displacement[:, i] + system.carried[i] * base,
-            velocity=histories.column("probes", "velocity", i),
-            absolute_acceleration=histories.column("probes", "absolute_acceleration", i),
-            low_passed_acceleration=None if motion.low_passed is None else motion.low_passed[:, i],
+            velocity=histories.of(("probes", "velocity"))[:, i],
+            absolute_acceleration=histories.of(("probes", "absolute_acceleration"))[:, i],
+            low_passed_acceleration=None if motion.low_passed is None else motion.low_passed[: base.size, i],
         )
         for i, probe in enumerate(system.probes)
     }
@@ -196,23 +210,15 @@ def _snubbers(system: StructuralSystem, motion: RunMotion, histories: Histories)
     crushed = _crushed(system, motion)
     return {
         s.name: SnubberHistory(
-            name=s.name,
-            position=s.position,
+            **{field.name: getattr(s, field.name) for field in fields(SnubberNumbers)},
             across=s.across,
-            side=s.side,
-            stiffness=s.stiffness,
-            dashpot=s.dashpot,
-            gap=s.gap,
-            preload=s.preload,
-            blocked_force=s.blocked_force,
-            stiffness_ratio=s.stiffness_ratio,
             table_misfit=s.table_misfit,
             residual_crush=crushed.get(j),
-            force=histories.column("snubbers", "force", j),
-            penetration=histories.column("snubbers", "penetration", j),
+            force=histories.of(("snubbers", "force"))[:, j],
+            penetration=histories.of(("snubbers", "penetration"))[:, j],
             closed=histories.touching[:, j],
-            displacement=histories.column("snubbers", "displacement", j),
-            velocity=histories.column("snubbers", "velocity", j),
+            displacement=histories.of(("snubbers", "displacement"))[:, j],
+            velocity=histories.of(("snubbers", "velocity"))[:, j],
         )
         for j, s in enumerate(system.snubbers)
     }
@@ -234,12 +240,11 @@ def _crushed(system: StructuralSystem, motion: RunMotion) -> dict[int, float]:
 
 
 def _springs(system: StructuralSystem, histories: Histories) -> dict[str, SpringHistory]:
-    return {
-        s.name: SpringHistory(
-            s.name, s.kind, s.masses, histories.column("springs", "stretch", i), histories.column("springs", "force", i)
-        )
-        for i, s in enumerate(spring for spring in system.springs if spring.kind != FRICTION)
-    }
+    springs = [spring for spring in system.springs if spring.kind != FRICTION]
+    if not springs:
+        return {}
+    stretch, force = histories.of(("springs", "stretch")), histories.of(("springs", "force"))
+    return {s.name: SpringHistory(s.name, s.kind, s.masses, stretch[:, i], force[:, i]) for i, s in enumerate(springs)}
 
 
 def _friction(
@@ -258,8 +263,8 @@ def _friction(
             sliding_force=c.sliding_force,
             stiffness=c.stiffness or np.inf,
             start_force=c.start_force,
-            displacement=histories.column("friction", "stretch", i),
-            force=histories.column("friction", "force", i),
+            displacement=histories.of(("friction", "stretch"))[:, i],
+            force=histories.of(("friction", "force"))[:, i],
             stuck=histories.touching[:, j],
             **{"sliding_share": 1.0 - float(motion.contact_share[j]), **of_contact},
         )
@@ -284,25 +289,10 @@ def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, Output
     met: Counter[str] = Counter()
     outputs = {}
     for output in system.outputs:
-        value = histories.column("outputs", output.quantity, met[output.quantity])
+        value = histories.of(output.key)[:, met[output.quantity]]
         outputs[output.name] = OutputHistory(output.name, output.quantity, output.unit, output.at, value)
         met[output.quantity] += 1
     return outputs
-
-
-def events_of(system: StructuralSystem, trajectory: MotionInStretches | ReferenceTrajectory) -> EventLog:
-    """Contacts of the snubbers made and ended, without breakpoints of their tables; contacts with higher numbers are
-    piecewise-linear springs."""
-    of_snubber = (trajectory.event_contact < len(system.snubbers)) & (trajectory.touch_changes != 0)
-    times, snubbers, closing = trajectory.event_time, trajectory.event_contact, trajectory.event_closing
-    return EventLog(times[of_snubber], snubbers[of_snubber], closing[of_snubber])
-
-
-def breakpoints(system: StructuralSystem, trajectory: MotionInStretches | ReferenceTrajectory) -> int:
-    """Number of breakpoints of piecewise-linear springs that the motion passes."""
-    rubbing = np.isin(trajectory.event_contact, friction_contacts(system))
-    of_spring = (trajectory.event_contact >= len(system.snubbers)) & ~rubbing
-    return int(np.sum(of_spring & (trajectory.event_time > 0)))
 
 
 def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:

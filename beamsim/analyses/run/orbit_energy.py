@@ -15,7 +15,6 @@ from beamsim.analyses.branch import MotionBranch
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors, stored_energy
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance, HarmonicMotion
@@ -140,16 +139,12 @@ def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Float
 def _work_and_loss(flow: PeriodicFlow, passage: Passage) -> tuple[float, float]:
     """Work in and dissipated energy over a passage, J."""
     if isinstance(flow, VariationalFlow):
-        return _in_closed_form(flow.motion(passage))
+        orbit = flow.motion(passage)
+        lost, work = orbit.segment_integrals(*power_factors(orbit.flow)).sum(axis=0)
+        return float(work), float(lost + orbit.event_losses().sum())
     edges = np.append(passage.time, passage.time[0] + passage.duration)
     known = _Known(edges, passage.phases, lambda times: flow.states_at(passage, times))
     return _by_quadrature(flow, known, flow.fastest)
-
-
-def _in_closed_form(orbit: Trajectory) -> tuple[float, float]:
-    """The same of a motion that is known in closed form."""
-    lost, work = orbit.segment_integrals(*power_factors(orbit.flow)).sum(axis=0)
-    return float(work), float(lost + orbit.event_losses().sum())
 
 
 def _by_quadrature(flow: PeriodicFlow, motion: _Known, fastest: float) -> tuple[float, float]:

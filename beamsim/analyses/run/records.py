@@ -158,10 +158,8 @@ class SampledRecord:
     def halves(self) -> tuple[SampledRecord, SampledRecord]:
         """Half of the samples each."""
         half = self.x.size // 2
-        return self._part(slice(0, half)), self._part(slice(half, None))
-
-    def _part(self, part: slice) -> SampledRecord:
-        return replace(self, time=self.time[part], x=self.x[part])
+        early = replace(self, time=self.time[:half], x=self.x[:half])
+        return early, replace(self, time=self.time[half:], x=self.x[half:])
 
     def band(self, lines: int) -> int:
         """How many of the lines from 0 to half the rate belong to the spectrum: all."""
@@ -174,53 +172,45 @@ class SampledRecord:
 
 
 @dataclass(frozen=True)
-class MotionRecord:
-    """One output of a motion in closed form, with samples for the curve.
+class MotionRecord(SampledRecord):
+    """One output of a motion in closed form, with samples for the curve, which divide its duration.
 
     Parameters
     ----------
     part : outputs on the part that is analysed, of which this is number ``column``.
-    begin, duration : s, of that part.
-    time, x, rate : samples that divide the duration, see `SampledRecord`.
     highest_hz : end of the spectrum.
     """
 
     part: MotionPart
     column: int
-    begin: float
-    duration: float
-    time: Floats
-    x: Floats
-    rate: float
     highest_hz: float
 
     @property
-    def _sampled(self) -> SampledRecord:
-        return SampledRecord(self.time, self.x, self.rate)
+    def duration(self) -> float:
+        """Of the part, s."""
+        return self.x.size / self.rate
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
         """The same by integrals; by sums over the samples where a motion has very many pieces (a sampled input)."""
         window = window or RECTANGULAR
         frequencies = (2 * window.cosines.size - 1) * (1 + np.size(frequency_hz))
         if self.part.segments * self.part.table.shape[1] * frequencies > MOST_TERMS:
-            return self._sampled.project(frequency_hz, window)
+            return super().project(frequency_hz, window)
         omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
         normal, total = _normal_equations(window, omega.tobytes(), self.duration)
         moved = window.weigh(lambda nu: self.part.integrals(nu, self.column), np.append(0.0, omega), self.duration)
         right = np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real])
         fit = normal.solution(right / total)
         c = fit[1 : 1 + omega.size] + 1j * fit[1 + omega.size :]
-        return float(fit[0]), c * np.exp(-1j * omega * self.begin)
+        return float(fit[0]), c * np.exp(-1j * omega * self.time[0])
 
     def halves(self) -> tuple[MotionRecord, MotionRecord]:
         """Both halves of the duration."""
-        half, size = 0.5 * self.duration, self.x.size // 2
-        early, late = self.part.halves
-        first = replace(self, part=early, duration=half, time=self.time[:size], x=self.x[:size])
-        second = replace(
-            self, part=late, begin=self.begin + half, duration=half, time=self.time[size:], x=self.x[size:]
+        (early, late), half = self.part.halves, self.x.size // 2
+        return (
+            replace(self, part=early, time=self.time[:half], x=self.x[:half]),
+            replace(self, part=late, time=self.time[half:], x=self.x[half:]),
         )
-        return first, second
 
     def band(self, lines: int) -> int:
         """Up to the highest frequency."""
@@ -229,12 +219,8 @@ class MotionRecord:
     def rms(self) -> float:
         """In closed form where the motion is made of exponentials alone, else of the samples."""
         if not self.part.motion.exponentials:
-            return self._sampled.rms()
+            return super().rms()
         return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
-
-
-Record = SampledRecord | MotionRecord
-"""The part of a signal that is analysed."""
 
 
 @lru_cache(maxsize=4)

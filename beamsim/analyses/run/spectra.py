@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from beamsim.analyses.run.motion import RunMotion
-from beamsim.analyses.run.records import MotionRecord, Record, SampledRecord, Window
+from beamsim.analyses.run.records import MotionRecord, SampledRecord, Window
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import MotionPart, Observed
@@ -72,10 +72,11 @@ def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) 
     residual = (*system.open_frequencies_hz[kept:], *system.closed_frequencies_hz[kept:])
     spectra = {}
     records = records_of(scenario, system, trajectory, channels, (begin, trajectory.end))
-    for of, (record, at_end) in zip(labels, records, strict=True):
+    for of, record in zip(labels, records, strict=True):
         window = settings.window or _suited_window(scenario, record.x)
         if window == "rectangular":
-            record.x[0] = 0.5 * (record.x[0] + at_end)  # both ends of the part are one sample of the periodic record
+            # both ends of the part are one sample of the periodic record
+            record.x[0] = 0.5 * (record.x[0] + record.part.at_end()[record.column])
         spectra[of[:2]] = spectrum_of(record, window, excitation_hz, *of, residual, settings.frequencies)
     return spectra
 
@@ -112,7 +113,7 @@ def records_of(
     trajectory: Trajectory,
     channels: ChannelSet,
     span: tuple[float, float],
-) -> Iterator[tuple[MotionRecord, float]]:
+) -> list[MotionRecord]:
     """Records of a part of a motion; samples cover the modes kept.
 
     Parameters
@@ -122,9 +123,9 @@ def records_of(
     channels : linear ones.
     span : s, begin and end of the part.
 
-    Yields
-    ------
-    A record of each channel, and its value at the end of the part.
+    Returns
+    -------
+    A record of each channel.
     """
     assert scenario.run is not None
     begin, end = span
@@ -136,11 +137,8 @@ def records_of(
     rate = size / duration
     highest = min(highest, rate / SAMPLES_OF_A_PERIOD)
     part = MotionPart.of(trajectory, Observed(trajectory.flow, channels).linear, begin, end, np.pi * rate)
-    samples, at_end = part.samples(size), part.at_end()
-    time = begin + np.arange(size) / rate
-    for column, last in enumerate(at_end):
-        x = np.ascontiguousarray(samples[:, column])
-        yield MotionRecord(part, column, begin, duration, time, x, rate, highest), float(last)
+    time, columns = begin + np.arange(size) / rate, np.ascontiguousarray(part.samples(size).T)
+    return [MotionRecord(time, x, rate, part, k, highest) for k, x in enumerate(columns)]
 
 
 def _duration(settings: SpectrumSettings, available: float, excitation_hz: float) -> float:
@@ -249,7 +247,7 @@ def spectrum(
 
 
 def spectrum_of(
-    record: Record,
+    record: SampledRecord,
     window: str,
     excitation_hz: float,
     probe: str,
@@ -328,7 +326,7 @@ def spectrum_of(
     )
 
 
-def found_again(record: Record, known: Spectrum) -> tuple[Floats, Floats]:
+def found_again(record: SampledRecord, known: Spectrum) -> tuple[Floats, Floats]:
     """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a spectrum, the mean first, in another record.
 
     Orders of the excitation keep their frequency. Any other line is sought near its own, since a natural frequency
@@ -364,7 +362,7 @@ def _nearby_peak(amplitude: Floats, near: float, size: float, least: float, most
     return float(j + _parabola_top(amplitude[j - 1 : j + 2]))
 
 
-def _examined(record: Record, excitation_hz: float, one_sided: bool) -> Window | None:
+def _examined(record: SampledRecord, excitation_hz: float, one_sided: bool) -> Window | None:
     """The window through which lines are seen; None where the record holds a few periods of the excitation alone."""
     short = np.isfinite(excitation_hz) and 0 < excitation_hz * record.x.size / record.rate < 2 * LOBE
     return None if short else Window("blackmanharris", one_sided)
@@ -403,7 +401,7 @@ class _Candidate:
 
 
 def _lines(
-    record: Record,
+    record: SampledRecord,
     excitation_hz: float,
     peak: float,
     one_sided: bool,
@@ -444,7 +442,7 @@ def _lines(
     return tuple(lines)
 
 
-def _with_chosen(candidates: list[_Candidate], chosen_hz: tuple[float, ...], record: Record) -> list[_Candidate]:
+def _with_chosen(candidates: list[_Candidate], chosen_hz: tuple[float, ...], record: SampledRecord) -> list[_Candidate]:
     """Chosen frequencies instead of what is nearer than a bin; an order that has one is that line."""
     bin_hz = record.rate / record.x.size
     added = [
@@ -456,7 +454,7 @@ def _with_chosen(candidates: list[_Candidate], chosen_hz: tuple[float, ...], rec
     return apart + added
 
 
-def _peaks(record: Record, window: Window, excitation_hz: float, peak: float) -> list[_Candidate]:
+def _peaks(record: SampledRecord, window: Window, excitation_hz: float, peak: float) -> list[_Candidate]:
     """Local maxima that are lines, strongest first, each with the order its frequency suggests."""
     x, rate = record.x, record.rate
     amplitude = _windowed_amplitude(x, window)
@@ -508,7 +506,7 @@ def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fra
     return None
 
 
-def _only_locked(record: Record, candidates: list[_Candidate]) -> list[_Candidate]:
+def _only_locked(record: SampledRecord, candidates: list[_Candidate]) -> list[_Candidate]:
     """Take the order away from what does not keep its amplitude and phase relative to the excitation."""
     frequency = np.array([k.frequency_hz for k in candidates])
     (_, early), (_, late) = (half.project(frequency) for half in record.halves())
@@ -526,7 +524,7 @@ def _sinusoids(begin: float, rate: float, size: int, frequency_bytes: bytes) -> 
     return np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
 
 
-def _orders_of_short_record(record: Record, excitation_hz: float, peak: float) -> list[_Candidate]:
+def _orders_of_short_record(record: SampledRecord, excitation_hz: float, peak: float) -> list[_Candidate]:
     time, x, rate = record.time, record.x, record.rate
     highest = min(_ORDERS_OF_A_SHORT_RECORD, int(0.49 * rate / excitation_hz), (x.size - 1) // 4)
     frequency = excitation_hz * np.arange(1, highest + 1, dtype=np.float64)

@@ -9,8 +9,8 @@ import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance, power_factors, stored_energy
 from beamsim.analyses.run.exact_motion import exact_flow
-from beamsim.analyses.run.filters import LowPassFilter
-from beamsim.analyses.run.motion import Histories, RunMotion, breakpoints, events_of, with_limit
+from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
+from beamsim.analyses.run.motion import Histories, RunMotion, with_limit
 from beamsim.analyses.run.result import EnergyHistory, Work
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, STRESS, Extreme, searched
 from beamsim.flow.channels import Observed
@@ -88,7 +88,9 @@ def stepped_motion_of(
     penetration = flow.outputs_of_states(at, trajectory.y, trajectory.phases, lambda _: flow.penetrations[0])
     stored = stored_energy(flow.system, trajectory.y, penetration, trajectory.phases)
     if system.cubic.count:
-        stored = stored + 0.25 * cubic_stretch(system, at, trajectory.y) ** 4 @ system.cubic.stiffness
+        base = 0.0 if system.base_displacement is None else system.base_displacement(at)
+        stretch = system.cubic.stretch(trajectory.y[:, : system.dynamics.size], base)
+        stored = stored + 0.25 * stretch**4 @ system.cubic.stiffness
     energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
     exchanged = float(np.abs(np.diff(trajectory.work_in)).sum())
     balance = EnergyBalance()
@@ -96,15 +98,13 @@ def stepped_motion_of(
     extremes = outputs.extremes(trajectory)
     histories = Histories(at, sampled.channels, values, flow.system.contacts.touching(trajectory.phases), energy)
     return RunMotion(
+        system=system,
         method=f"reference ({integrator}, rtol {rtol:g})",
         outcome=balance.checked(with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
         sampled=lambda: histories,
         balance=balance,
-        events=events_of(system, trajectory),
         marched=trajectory,
-        breakpoints=breakpoints(system, trajectory),
         extremes=extremes,
-        extreme_times=np.array([extremes[DISPLACEMENT][k][0] for k in (1, 3)]),
         extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
         state_at=lambda time: trajectory.y[np.abs(at - time).argmin()],
         contact_share=trajectory.contact_share,
@@ -115,7 +115,7 @@ def stepped_motion_of(
             states=len(np.unique(trajectory.phases, axis=0)),
             processor_time_s=trajectory.processor_time_s,
         ),
-        low_passed=None if outputs.low_passed is None else outputs.low_passed[: at.size],
+        low_passed=None if outputs.low is None else outputs.low.values,
         warnings=warnings,
     )
 
@@ -159,31 +159,12 @@ class SteppedChannels(Observed):
     def _beside(self, rows: Rows, times: Floats, y: Floats) -> Floats | float:
         """(nt, k) what the flow does not know: cubic springs, and a motion of the base that no contact feels."""
         system, flow = self._system, self._flow
-        base = None if system.base_displacement is None else system.base_displacement(times)
-        known = flow.base_channel >= 0
-        beside = 0.0 if base is None or known else np.multiply.outer(base, rows.base_displacement)
+        base = 0.0 if system.base_displacement is None else system.base_displacement(times)
+        beside = 0.0 if flow.base_channel >= 0 else np.multiply.outer(base, rows.base_displacement)
         if not system.cubic.count:
             return beside
-        pull = system.cubic.stiffness * cubic_stretch(system, times, y) ** 3
+        pull = system.cubic.stiffness * system.cubic.stretch(y[:, : system.dynamics.size], base) ** 3
         return beside + pull @ (rows.cubic - rows.acceleration @ system.cubic.shape.T).T
-
-
-def cubic_stretch(system: StructuralSystem, times: Floats, y: Floats) -> Floats:
-    """Stretches of the cubic springs in some states.
-
-    Parameters
-    ----------
-    system : with the springs.
-    times : (nt,) s, for the motion of the base.
-    y : (nt, N) states then.
-
-    Returns
-    -------
-    (nt, springs) m.
-    """
-    cubic, base = system.cubic, system.base_displacement
-    d = np.zeros(times.size) if base is None else base(times)
-    return np.asarray(y[:, : system.dynamics.size] @ cubic.shape.T + d[:, None] * cubic.felt)
 
 
 class SteppedOutputs:
@@ -198,12 +179,11 @@ class SteppedOutputs:
     """
 
     def __init__(self, system: StructuralSystem, flow: ExactFlow, times: Floats, low_pass: float | None = None) -> None:
-        self.flow, self.times = flow, times
+        self.flow = flow
         self.searched = SteppedChannels(system, flow, searched(system.channels))
         self.dense = DenseExtremes()
         self.acceleration = SteppedChannels(system, flow, system.channels.of_keys(ACCELERATION))
-        self.filter = None if low_pass is None else LowPassFilter(low_pass, len(system.probes))
-        self.low_passed = None if low_pass is None else np.zeros((times.size, len(system.probes)))  # at the times
+        self.low = None if low_pass is None else LowPassed(low_pass, times, len(system.probes))
         self.lowest_state = self.highest_state = np.zeros(flow.size)  # at the extremes of the first probe
 
     def observe(self, solution: Any, phases: Ints) -> None:
@@ -215,8 +195,8 @@ class SteppedOutputs:
             return self.searched.of_states(times, y[:, : self.flow.size], each, begin)
 
         self.dense.add(solution, values)
-        if self.filter is not None and self.low_passed is not None:
-            self._filter_piece(self.filter, self.low_passed, solution, phases)
+        if self.low is not None:
+            self._filter_piece(self.low, solution, phases)
         found, first = self.dense.extrema(), self.searched.channels.places[DISPLACEMENT][0]
         lowest, highest = found.when_low[first], found.when_high[first]
         if begin <= lowest <= end:
@@ -224,18 +204,18 @@ class SteppedOutputs:
         if begin <= highest <= end:
             self.highest_state = solution.sol(highest)[: self.flow.size]
 
-    def _filter_piece(self, low_pass: LowPassFilter, out: Floats, solution: Any, phases: Ints) -> None:
+    def _filter_piece(self, low: LowPassed, solution: Any, phases: Ints) -> None:
         """Lead the filter through the integrator's dense output; panels end at its steps and at the output times."""
-        begin, end = float(solution.t[0]), float(solution.t[-1])
+        begin, longest = float(solution.t[0]), 1.0 / (PANELS_A_PERIOD * low.frequency_hz)
 
         def acceleration(times: Floats) -> Floats:
             y = solution.sol(times)[: self.flow.size].T
             return self.acceleration.of_states(times, y, np.broadcast_to(phases, (times.size, phases.size)), begin)
 
-        here = (self.times >= begin) & (self.times <= end)
-        known = np.union1d(solution.t, self.times[here])
-        history = low_pass.through(known, acceleration)
-        out[here] = history[np.searchsorted(known, self.times[here])]
+        low.add(
+            float(solution.t[-1]),
+            lambda times: low.filter.panels(np.union1d(solution.t, times), acceleration, longest),
+        )
 
     def extremes(self, trajectory: ReferenceTrajectory) -> dict[Key, Extreme]:
         """Of the continuous motion; of a motion without length those of its start."""
@@ -247,4 +227,6 @@ class SteppedOutputs:
             each, lowest, highest = np.arange(values.shape[1]), values.argmin(axis=0), values.argmax(axis=0)
             of_all = values[lowest, each], trajectory.time[lowest], values[highest, each], trajectory.time[highest]
         extremes = channels.split(np.array(of_all))
-        return extremes if self.filter is None else extremes | {ACCELERATION: np.array(self.filter.extremes)}
+        if self.low is None or self.low.extremes is None:
+            return extremes
+        return extremes | {ACCELERATION: self.low.extremes}
