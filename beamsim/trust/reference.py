@@ -16,7 +16,6 @@ from beamsim.analyses.values import DISPLACEMENT, VALUES
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind, never
 from beamsim.system.build import build_system
-from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import ContactEvents, divergence, places
 
 RTOL, ATOL = 1e-8, 1e-12  # by default
@@ -80,7 +79,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
         return result.interrupted("the comparison with the reference integrator")
     if motion.outcome.cut_short:
         return _without(result, f"the reference integrator is {motion.outcome.text}")
-    compared = _compared(result, system, motion)
+    compared = _compared(result, motion)
     return _judged(
         replace(result, against=compared, summary={**result.summary, "against": _summary(compared)}), compared
     )
@@ -106,8 +105,8 @@ def _without(result: RunResult, reason: str) -> RunResult:
     return replace(result, warnings=(*result.warnings, f"no comparison with the reference integrator: {reason}"))
 
 
-def _compared(result: RunResult, system: StructuralSystem, motion: RunMotion) -> Against:
-    exact, stepped = result.summary, figures_of_motion(system, motion)
+def _compared(result: RunResult, motion: RunMotion) -> Against:
+    exact, stepped = result.summary, figures_of_motion(motion)
     histories, end = motion.sampled(), motion.marched.end
     ours, theirs = _events(result.events, end), _events(motion.events, end)
     diverged = min(divergence(ours, theirs), end)

@@ -84,13 +84,17 @@ class Model:
     """A model of a case with its motion."""
 
     settings: Run
-    system: StructuralSystem
     motion: RunMotion
+
+    @property
+    def system(self) -> StructuralSystem:
+        """That moves."""
+        return self.motion.system
 
     @cached_property
     def values(self) -> Values:
         """Those of the whole motion, and of the model itself; frequencies of static vectors are none of these."""
-        values, modes = figures_of_motion(self.system, self.motion), self.system.kept_modes
+        values, modes = figures_of_motion(self.motion), self.system.kept_modes
         return compared({name: x[:modes] if isinstance(x, Sequence) else x for name, x in values.items()})
 
     @cached_property
@@ -184,7 +188,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     """
     begin, scenario, settings = processor_time(), solution.scenario, solution.scenario.run
     assert settings is not None
-    first, derived = Model(settings, solution.system, solution.motion), DerivedValues.of(solution.result)
+    first, derived = Model(settings, solution.motion), DerivedValues.of(solution.result)
     disturbed = None if first.motion.trajectory is None else partial(_disturbed, first, stop)
     modes = first.system.kept_modes
 
@@ -192,7 +196,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
         system = build_system(case, shared)
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
-        return Model(settings, system, motion_of(system, again, output_times(case), None, stop))
+        return Model(settings, motion_of(system, again, output_times(case), None, stop))
 
     if keeps_all(scenario, modes):
         changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
@@ -319,7 +323,7 @@ def _of_first_part(solution: Solution, compared_s: float, shared: SharedBuilds, 
         return Convergence(reason=part.motion.outcome.text)
     part = part._replace(result=replace(part.result, random=None, srs=None))
     checked = replace(convergence_of(part, shared, stop), compared_s=compared_s, lines={})
-    whole, times = Model(settings, solution.system, solution.motion), checked.sensitivity
+    whole, times = Model(settings, solution.motion), checked.sensitivity
     if not times.sensitive:
         times = sensitivity(whole.events, compared_s, partial(_disturbed, whole, stop))
     if not times.sensitive:

@@ -48,7 +48,6 @@ class Solution(NamedTuple):
     """A run, and what it came from."""
 
     scenario: Scenario  # with what its start resolves to
-    system: StructuralSystem
     motion: RunMotion
     result: RunResult
 
@@ -92,7 +91,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     Returns
     -------
     Solution
-        The result, with the system and the motion that it came from.
+        The result, with the motion that it came from.
 
     Raises
     ------
@@ -167,7 +166,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     result = replace(result, **fields, warnings=tuple(warnings))
     result = result.with_summary(**summary, **figures_of_parts(result))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
-    return Solution(scenario, system, motion, result)
+    return Solution(scenario, motion, result)
 
 
 def _shock_response(

@@ -73,7 +73,7 @@ def asked_figures(
     settings = scenario.run
     assert settings is not None
     motion = exact_motion_of(system, settings, np.zeros(0), None, stop, values=_values(asked))
-    found = {**figures_of_motion(system, motion), "energy_error": motion.balance.error}
+    found = {**figures_of_motion(motion), "energy_error": motion.balance.error}
     if STRESS in motion.extremes and system.stress is not None:
         found[_PLACE] = float(system.stress.stations.position[largest(motion.extremes[STRESS]).argmax()])
     if motion.outcome.complete:

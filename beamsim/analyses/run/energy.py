@@ -199,19 +199,11 @@ def _velocities(flow: ExactFlow, shape: Floats) -> LinearOutput:
     return output
 
 
-def _principal(damping: Floats) -> tuple[Floats, Floats]:
-    """(n,) eigenvalues of a symmetric matrix and (n, n) its eigenvectors; those of a diagonal one in its order."""
-    diagonal = damping.diagonal()
-    if np.count_nonzero(damping) == np.count_nonzero(diagonal):
-        return diagonal, np.eye(diagonal.size)
-    return np.linalg.eigh(damping)
-
-
 def power_factors(flow: ExactFlow) -> PowerFactors:
     """Factors of the dissipated power (column 0 of the weights) and of the power in (column 1)."""
     system, contacts, sources = flow.system, flow.system.contacts, flow.sources
     m, loads = contacts.count, flow.forcing.load
-    rate_of_damping, direction = _principal(system.damping)
+    rate_of_damping, direction = np.linalg.eigh(system.damping)
     used = np.flatnonzero(rate_of_damping)
     moving = _velocities(flow, direction[:, used].T)
     signals = flow.empty_output(loads.shape[0] + 1)

@@ -7,7 +7,6 @@ the static force the slider moves by what the spring springs back; this counts a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -53,34 +52,23 @@ def sliding_figures(
     duration = trajectory.end if trajectory.end > 0.0 else np.inf
     return [
         {
-            "sliding_share": float(sums.time[-1, k]) / duration,
-            "sliding_distance": float(sums.distance[-1, k]),
-            "slides": int(sums.slides[-1, k]),
-            "dissipated_energy": float(sums.lost[-1, k]),
-            "dissipated_power": float(sums.lost[-1, k]) / duration,
-            "wear_power": float(sums.wear[-1, k]) / duration,
-            "worn_volume": None if contact.wear_rate is None else contact.wear_rate * float(sums.wear[-1, k]),
-            "intervals": sums.intervals(k, times) if random else (),
+            "sliding_share": float(sums["time"][-1, k]) / duration,
+            "sliding_distance": float(sums["distance"][-1, k]),
+            "slides": int(sums["slides"][-1, k]),
+            "dissipated_energy": float(sums["lost"][-1, k]),
+            "dissipated_power": float(sums["lost"][-1, k]) / duration,
+            "wear_power": float(sums["wear"][-1, k]) / duration,
+            "worn_volume": None if contact.wear_rate is None else contact.wear_rate * float(sums["wear"][-1, k]),
+            "intervals": _intervals({name: of[:, k] for name, of in sums.items()}, times) if random else (),
         }
         for k, contact in enumerate(contacts)
     ]
 
 
-@dataclass(frozen=True)
-class _Sliding:
-    """Sums until some times, (nt, f) each."""
-
-    time: Floats  # s, of sliding
-    distance: Floats  # m
-    wear: Floats  # J, of normal force times distance
-    lost: Floats  # J
-    slides: Floats
-
-    def intervals(self, k: int, times: Floats) -> tuple[FigureInterval, ...]:
-        """Intervals of one contact's figures from the sums between times; none where it slides too rarely."""
-        blocks = {name: np.diff(getattr(self, name)[:, k]) for name in ("time", "distance", "wear", "lost", "slides")}
-        blocks["duration"] = np.diff(times)
-        return jackknife(blocks, _FIGURES) if blocks["slides"].sum() >= LEAST else ()
+def _intervals(sums: Sums, times: Floats) -> tuple[FigureInterval, ...]:
+    """Intervals of one contact's figures from the sums until some times; none where it slides too rarely."""
+    blocks = {name: np.diff(of) for name, of in sums.items()} | {"duration": np.diff(times)}
+    return jackknife(blocks, _FIGURES) if blocks["slides"].sum() >= LEAST else ()
 
 
 def _rate(name: str) -> Callable[[Sums], Floats]:
@@ -129,7 +117,9 @@ def _normal_forces(flow: ExactFlow, contacts: Sequence[FrictionBase], which: Int
 
 def _sliding(
     system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase], times: Floats
-) -> _Sliding:
+) -> dict[str, Floats]:
+    """Sums until some times, (nt, f) each: time of sliding, s, distance, m, wear as normal force times distance, J,
+    energy lost, J, and slides."""
     flow, which = trajectory.flow, friction_contacts(system)
     phases = trajectory.phases_of(trajectory.state)[:, which]
 
@@ -160,10 +150,10 @@ def _sliding(
     coefficient = np.array([c.sliding_coefficient for c in contacts])
     ends = np.append(trajectory.time, trajectory.end)
     slid = np.vstack([np.zeros(which.size), np.cumsum(slides * trajectory.length[:, None], axis=0)])
-    return _Sliding(
-        time=np.column_stack([np.interp(times, ends, column) for column in slid.T]),
-        distance=distance + until(snaps),
-        wear=wear + until(snaps * normal),
-        lost=coefficient * wear + until(trajectory.event_losses()[:, which]),
-        slides=until(begins.astype(float)),
-    )
+    return {
+        "time": np.column_stack([np.interp(times, ends, column) for column in slid.T]),
+        "distance": distance + until(snaps),
+        "wear": wear + until(snaps * normal),
+        "lost": coefficient * wear + until(trajectory.event_losses()[:, which]),
+        "slides": until(begins.astype(float)),
+    }

@@ -19,7 +19,7 @@ standard deviation of the stationary linear motion is compared with :math:`\delt
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -262,7 +262,6 @@ def _of_motion(
     """Factors of the input at which the linear motion changes contact, from its extremes."""
     contacts, count = system.dynamics.contacts, len(system.snubbers)
     penetration = static_penetration(system)
-    closed = penetration > 0
     resting, pressed = contacts.resting_phases(penetration), pressed_phases(system, penetration)
     unchanged = motion.work.events == 0 and motion.extremes.keys() >= {
         key for key in _WATCHED if system.channels.of_keys(key).channels
@@ -272,24 +271,53 @@ def _of_motion(
     shut = at_rest if same else _linear_motion(system, settings, pressed, stop)
     if at_rest is None or shut is None:
         return {}
-    of_snubber = {}
     factors = _factors(system, penetration, at_rest)
+    told: list[dict[str, Any]] = [
+        {"share_of_level": factor} | ({} if level is None else {"level": factor * abs(level)}) | {"time_s": time}
+        for factor, time in factors
+    ]
+
+    def needed(linear: Extremes) -> list[float]:
+        """Contact forces at rest, N, that a linear motion just keeps positive."""
+        laws = enumerate(zip(contacts.laws[:count], penetration.tolist(), strict=False))
+        return [
+            max(law.stiffness * rest - float(linear[FORCE][0, j]), 0.0)
+            if law.parts is None
+            else law.stiffness * max(rest - float(linear[PENETRATION][0, j]), 0.0)
+            for j, (law, rest) in laws
+        ]
+
+    return _by_snubber(system, "share_of_level", told, needed(shut), None if same else needed(at_rest))
+
+
+def _by_snubber(
+    system: StructuralSystem,
+    measure: str,
+    told: Sequence[dict[str, Any]],
+    together: Sequence[float],
+    alone: Sequence[float] | None,
+) -> OfSnubbers:
+    """The entry ``gapping`` of a summary.
+
+    Parameters
+    ----------
+    system : of the contacts.
+    measure : the entry that orders the changes of contact.
+    told : of each contact what the linear motion says of its change.
+    together, alone : N, preloads that keep each snubber closed, with all closed and with the others as they are at
+        rest; None where these are the same.
+
+    Returns
+    -------
+    By snubber, without those whose law is more than a stiffness and a dashpot.
+    """
+    closed, of_snubber = static_penetration(system) > 0, {}
     for j, snubber in enumerate(system.snubbers):
-        law = contacts.laws[j]
-        if law.family is None:
-            continue
-        rest = float(penetration[j])
-        factor, time = factors[j]
-        together = _needed(law, rest, shut, j)
-        of_snubber[snubber.name] = {
-            "closed_at_rest": bool(closed[j]),
-            "share_of_level": factor,
-            **({} if level is None else {"level": factor * abs(level)}),
-            "time_s": time,
-            "preload_n": together,
-            "preload_alone_n": _needed(law, rest, at_rest, j) if closed[j] else together if same else float("nan"),
-        }
-    return in_order(of_snubber, "share_of_level", min(factor for factor, _ in factors)) if of_snubber else {}
+        if system.dynamics.contacts.laws[j].family is not None:
+            others = together[j] if alone is None else alone[j] if closed[j] else math.nan
+            preloads = {"preload_n": together[j], "preload_alone_n": others}
+            of_snubber[snubber.name] = {"closed_at_rest": bool(closed[j])} | told[j] | preloads
+    return in_order(of_snubber, measure, min(of[measure] for of in told)) if of_snubber else {}
 
 
 def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) -> list[tuple[float, float]]:
@@ -322,13 +350,6 @@ def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) ->
     return factors
 
 
-def _needed(law: ContactLaw, rest: float, linear: Extremes, j: int) -> float:
-    """Contact force at rest, N, that the linear motion just keeps positive."""
-    if law.parts is None:
-        return max(law.stiffness * rest - float(linear[FORCE][0, j]), 0.0)
-    return law.stiffness * max(rest - float(linear[PENETRATION][0, j]), 0.0)
-
-
 def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints, stop: Callable[[], bool]) -> Extremes | None:
     """Of the motion from equilibrium in which no contact leaves its phase; None if it was interrupted."""
     contacts = system.dynamics.contacts
@@ -356,31 +377,21 @@ def _of_random(scenario: Scenario, system: StructuralSystem) -> OfSnubbers:
     shut = at_rest if np.array_equal(resting, pressed) else stationary_deviations(driven, pressed)
     if at_rest is None or shut is None:  # an undamped resonance within the band
         return {}
-    sigmas = [
-        [
-            border.distance / deviation
-            if (deviation := at_rest[name, "force" if border.of_force else "penetration"]) > 0
-            else float("inf")
-            for border in law.borders(float(rest))
+    names = [snubber.name for snubber in system.snubbers]
+
+    def withstood(name: str, law: ContactLaw, rest: float) -> float:
+        """Standard deviations."""
+        of_borders = [(b.distance, at_rest[name, "force" if b.of_force else "penetration"]) for b in law.borders(rest)]
+        return min(distance / deviation if deviation > 0 else math.inf for distance, deviation in of_borders)
+
+    def needed(of: Deviations) -> list[float]:
+        """Contact forces at rest, N; a contact with tension is lost by the force of the spring alone."""
+        laws = zip(names, contacts.laws, strict=True)
+        return [
+            SIGMAS * (of[name, "force"] if law.parts is None else law.stiffness * of[name, "penetration"])
+            for name, law in laws
         ]
-        for name, law, rest in zip((s.name for s in system.snubbers), contacts.laws, penetration, strict=True)
-    ]
-    of_snubber = {}
-    for j, snubber in enumerate(system.snubbers):
-        law, closed = contacts.laws[j], bool(penetration[j] > 0)
-        if law.family is None:
-            continue
-        together = _force_deviation(law, shut, snubber.name)
-        alone = _force_deviation(law, at_rest, snubber.name) if closed else together if shut is at_rest else math.nan
-        of_snubber[snubber.name] = {
-            "closed_at_rest": closed,
-            "sigmas": min(sigmas[j]),
-            "preload_n": SIGMAS * together,
-            "preload_alone_n": SIGMAS * alone,
-        }
-    return in_order(of_snubber, "sigmas", min(map(min, sigmas))) if of_snubber else {}
 
-
-def _force_deviation(law: ContactLaw, of: Deviations, name: str) -> float:
-    """Of the force that contact is lost by: with tension that of the spring alone."""
-    return of[name, "force"] if law.parts is None else law.stiffness * of[name, "penetration"]
+    each = zip(names, contacts.laws, penetration.tolist(), strict=True)
+    told = [{"sigmas": withstood(name, law, rest)} for name, law, rest in each]
+    return _by_snubber(system, "sigmas", told, needed(shut), None if shut is at_rest else needed(at_rest))

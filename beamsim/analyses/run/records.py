@@ -116,33 +116,6 @@ RECTANGULAR = Window("rectangular")
 
 
 @dataclass(frozen=True)
-class _NormalEquations:
-    """Of a least-squares fit."""
-
-    gram: Floats  # (n, n), its diagonal 1 where there is a scale
-    scale: Floats | None  # (n,) roots of its diagonal before; None of singular equations (two lines of one frequency)
-
-    @classmethod
-    def of(cls, gram: Floats) -> _NormalEquations:
-        """Equations that are told to be singular once for all right-hand sides."""
-        scale = np.sqrt(np.diag(gram))
-        if np.all(scale > 0):
-            scaled = gram / np.outer(scale, scale)
-            try:
-                if np.diag(np.linalg.cholesky(scaled)).min() > 1e-4:
-                    return cls(scaled, scale)
-            except np.linalg.LinAlgError:
-                pass
-        return cls(gram, None)
-
-    def solution(self, right: Floats) -> Floats:
-        """(n,) the solution, that of least norm of singular equations."""
-        if self.scale is None:
-            return np.asarray(np.linalg.lstsq(self.gram, right, rcond=None)[0])
-        return np.asarray(np.linalg.solve(self.gram, right / self.scale) / self.scale)
-
-
-@dataclass(frozen=True)
 class SampledRecord:
     """Equally spaced samples."""
 
@@ -197,10 +170,10 @@ class MotionRecord(SampledRecord):
         if self.part.segments * self.part.table.shape[1] * frequencies > MOST_TERMS:
             return super().project(frequency_hz, window)
         omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
-        normal, total = _normal_equations(window, omega.tobytes(), self.duration)
+        gram, total = _normal_equations(window, omega.tobytes(), self.duration)
         moved = window.weigh(lambda nu: self.part.integrals(nu, self.column), np.append(0.0, omega), self.duration)
         right = np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real])
-        fit = normal.solution(right / total)
+        fit = np.linalg.lstsq(gram, right / total, rcond=None)[0]  # of least norm where two lines have one frequency
         c = fit[1 : 1 + omega.size] + 1j * fit[1 + omega.size :]
         return float(fit[0]), c * np.exp(-1j * omega * self.time[0])
 
@@ -224,7 +197,7 @@ class MotionRecord(SampledRecord):
 
 
 @lru_cache(maxsize=4)
-def _normal_equations(window: Window, omega_bytes: bytes, duration: float) -> tuple[_NormalEquations, float]:
+def _normal_equations(window: Window, omega_bytes: bytes, duration: float) -> tuple[Floats, float]:
     """Those of a mean and sinusoids of angular frequencies (k,) under a window, over its integral, and that.
 
     Records of one part of a motion share them, as far as they have the same lines.
@@ -244,7 +217,7 @@ def _normal_equations(window: Window, omega_bytes: bytes, duration: float) -> tu
             [alone.real[:, None], -0.5 * (along - across).imag, 0.5 * (across + along).real],
         ]
     )
-    return _NormalEquations.of(gram / total), total
+    return gram / total, total
 
 
 def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None) -> tuple[float, Complexes]:
@@ -274,6 +247,6 @@ def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None
         weighted = basis if weight is None else basis * weight[first : first + block, None]
         gram += weighted.T @ basis
         right += weighted.T @ x[first : first + block]
-    fit = _NormalEquations.of(gram).solution(right)
+    fit = np.linalg.lstsq(gram, right, rcond=None)[0]
     c = fit[1 : 1 + frequency.size] + 1j * fit[1 + frequency.size :]
     return float(fit[0]), c * np.exp(-2j * np.pi * frequency * time[0])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
 
 import numpy as np
 
@@ -194,15 +193,6 @@ def amplitude_db(amplitude: Floats, peak: float) -> Floats:
     return level
 
 
-def line_kind(order: Fraction) -> str:
-    """Name of an order of the excitation frequency: every order that is not whole is a subharmonic one."""
-    if order == 0:
-        return "mean"
-    if order.denominator > 1:
-        return "subharmonic"
-    return "fundamental" if order == 1 else "superharmonic"
-
-
 def spectrum(
     time: Floats,
     x: Floats,
@@ -239,7 +229,7 @@ def spectrum(
     if x.ndim != 1 or x.size == 0 or time.shape != x.shape:
         raise ValueError(f"a spectrum needs a time history, got shapes {time.shape} and {x.shape}")
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
-    length = _samples_analysed(time.size, rate, settings.last, settings.periods, excitation_hz)
+    length = _samples_analysed(time.size, rate, settings, excitation_hz)
     record = SampledRecord(time[-length:], x[-length:], rate)
     return spectrum_of(
         record, settings.window or "hann", excitation_hz, probe, quantity, unit, chosen_hz=settings.frequencies
@@ -368,22 +358,14 @@ def _examined(record: SampledRecord, excitation_hz: float, one_sided: bool) -> W
     return None if short else Window("blackmanharris", one_sided)
 
 
-def _samples_analysed(
-    available: int, rate: float, last: float | None, periods: int | None, excitation_hz: float
-) -> int:
-    known = np.isfinite(excitation_hz) and excitation_hz > 0
-    if periods is not None and known:
-        whole = min(periods, int(available * excitation_hz / rate * (1 + _ROUND_OFF)))
-        if whole >= 1:
-            return min(available, max(1, round(whole * rate / excitation_hz)))
-    elif last is not None:
-        return min(available, max(1, round(last * rate)))
-    if not known or available == 1:
-        return available
+def _samples_analysed(available: int, rate: float, settings: SpectrumSettings, excitation_hz: float) -> int:
+    length = min(max(round(rate * _duration(settings, available / rate, excitation_hz)), 1), available)
+    forced = np.isfinite(excitation_hz) and excitation_hz > 0
+    if length < available or settings.last is not None or not forced or available == 1:
+        return length
     # A record sampled at both of its ends holds one sample more than its periods do.
-    return min(
-        (available - 1, available), key=lambda n: abs(n * excitation_hz / rate - round(n * excitation_hz / rate))
-    )
+    periods = excitation_hz / rate
+    return min((available - 1, available), key=lambda n: abs(n * periods - round(n * periods)))
 
 
 def _windowed_amplitude(x: Floats, shape: Window) -> Floats:
@@ -428,8 +410,9 @@ def _lines(
         )
 
     def kind_of(candidate: _Candidate) -> str:
-        if candidate.order is not None:
-            return line_kind(candidate.order)
+        if candidate.order is not None:  # every order that is not whole is a subharmonic one
+            whole = "fundamental" if candidate.order == 1 else "superharmonic"
+            return "subharmonic" if candidate.order.denominator > 1 else whole
         if candidate.frequency_hz in chosen_hz:
             return "chosen"
         return "residual" if any(abs(candidate.frequency_hz - f) <= near for f in residual_hz) else "other"
@@ -517,23 +500,14 @@ def _only_locked(record: SampledRecord, candidates: list[_Candidate]) -> list[_C
     ]
 
 
-@lru_cache(maxsize=2)
-def _sinusoids(begin: float, rate: float, size: int, frequency_bytes: bytes) -> Floats:
-    """(n, 2 k) sines and then cosines of frequencies (k,), Hz, at the samples of records that share them."""
-    angle = 2.0 * np.pi * (begin + np.arange(size) / rate)[:, None] * np.frombuffer(frequency_bytes)
-    return np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
-
-
 def _orders_of_short_record(record: SampledRecord, excitation_hz: float, peak: float) -> list[_Candidate]:
-    time, x, rate = record.time, record.x, record.rate
+    x, rate = record.x, record.rate
     highest = min(_ORDERS_OF_A_SHORT_RECORD, int(0.49 * rate / excitation_hz), (x.size - 1) // 4)
     frequency = excitation_hz * np.arange(1, highest + 1, dtype=np.float64)
     if frequency.size == 0:
         return []
     mean, c = record.project(frequency)
-    residual = (
-        x - mean - _sinusoids(float(time[0]), rate, x.size, frequency.tobytes()) @ np.concatenate([c.real, c.imag])
-    )
+    residual = x - mean - (np.exp(2j * np.pi * np.outer(record.time, frequency)) @ c).imag
     floor = float(np.sqrt(np.mean(residual**2) * 2.0 / x.size))
     amplitude = np.abs(c)
     limit = max(WORTH_LISTING * float(np.max(amplitude)), _OVER_FLOOR * floor, _ROUND_OFF * peak)

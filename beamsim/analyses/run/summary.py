@@ -38,8 +38,9 @@ PRECISION = 1e-15  # of a deflection, that its computation is known to
 ALWAYS = 1e-12  # of the time: a contact that is open for no longer is closed throughout
 
 
-def figures_of_motion(system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:
+def figures_of_motion(motion: RunMotion) -> dict[str, Any]:
     """The figures of the contacts and of the motion."""
+    system = motion.system
     closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(system.snubbers))
     return {
         **motion_figures(
@@ -118,7 +119,7 @@ def summary_of_run(
     summary: dict[str, Any] = {
         "rms_displacement_m": by_name(probes, np.array([rms[p, "displacement"] for p in probes])),
         "rms_acceleration_g": by_name(probes, np.array([rms[p, MAIN_QUANTITY] for p in probes]) / STANDARD_GRAVITY),
-        **figures_of_motion(system, motion),
+        **figures_of_motion(motion),
         "events": int(motion.events.time.size),
         "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.balance.error,
