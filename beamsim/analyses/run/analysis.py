@@ -14,7 +14,6 @@ from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, shock_response
 from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of, impacts_of
 from beamsim.analyses.run.motion import (
-    Histories,
     RunMotion,
     bodies_of_run,
     contact_instant,
@@ -23,7 +22,7 @@ from beamsim.analyses.run.motion import (
     pull_warnings,
 )
 from beamsim.analyses.run.orbit_start import built_at_orbit
-from beamsim.analyses.run.result import RunResult, ShockResponse
+from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
@@ -159,8 +158,8 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     if settings.srs is not None and goes_on("shock response spectra"):
-        fields["srs"], notes = _shock_response(system, motion, histories, settings.srs)
-        warnings += notes
+        fields["srs"] = shock_response(settings.srs, system, motion.trajectory or histories)
+        warnings += [] if motion.trajectory else _coarse_samples(histories.time, settings.srs)
     if left_out and result.complete:
         fields["outcome"] = interruption(f"before {', '.join(left_out)}")
     result = replace(result, **fields, warnings=tuple(warnings))
@@ -169,17 +168,12 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     return Solution(scenario, motion, result)
 
 
-def _shock_response(
-    system: StructuralSystem, motion: RunMotion, histories: Histories, settings: ShockSpectrumSettings
-) -> tuple[ShockResponse, list[str]]:
-    """Shock response spectra, and what to say of them."""
-    if motion.trajectory is not None:
-        return shock_response(settings, system, motion.trajectory), []
-    time, least = histories.time, SAMPLES_OF_OSCILLATOR * settings.to
-    shock = shock_response(settings, system, histories)
+def _coarse_samples(time: Floats, settings: ShockSpectrumSettings) -> list[str]:
+    """A note where output times (nt,), s, of a time-stepped motion are too far apart for shock response spectra."""
+    least = SAMPLES_OF_OSCILLATOR * settings.to
     if (time.size - 1) / time[-1] >= least:
-        return shock, []
-    return shock, [
+        return []
+    return [
         f"shock response spectra of a time-stepped motion are those of its samples: raise run.sample_rate to "
         f"{least:g} Hz or more for run.srs up to {settings.to:g} Hz"
     ]
