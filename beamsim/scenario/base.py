@@ -337,18 +337,11 @@ class Variants:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         choices = {tag_of(member): handler.generate_schema(member) for member in get_args(source)}
-
-        def by_form(value: Any) -> str | None:
-            return self._by_form(get_args(source), value)
-
-        choose = self.choose or by_form
-        if not self.message:
-            return core_schema.tagged_union_schema(choices, choose)
         return core_schema.tagged_union_schema(
             choices,
-            choose,
-            custom_error_type="variants",
-            custom_error_message=self.message,
+            self.choose or (lambda value: self._by_form(get_args(source), value)),
+            custom_error_type="variants" if self.message else None,
+            custom_error_message=self.message or None,
             custom_error_context={"remedy": self.remedy},
         )
 

@@ -557,7 +557,8 @@ class BeamBody(Body):
         return "middle", AtPlace(position=self.length / 2.0)
 
     def problems(self, where: Path) -> Iterator[Problem]:
-        """Nothing left to move; point masses beyond the ends."""
+        """Nothing left to move; points beyond the ends."""
+        yield from super().problems(where)
         inside = [x for x in self.mass_points if 0.0 < x < self.length]
         alone = self.elements == 1 and len(self.stretches) == 1 and not self.nodes
         if alone and self.supports.kinds == ("clamped", "clamped") and not inside:
@@ -566,8 +567,6 @@ class BeamBody(Body):
                 "= 1 leaves no degree of freedom between two clamped ends",
                 "use 2 or more",
             )
-        for index, mass in enumerate(self.point_masses):
-            yield from self.position_problems(where, (*where, "point_masses", index, "position"), mass.position, "")
         for index, x in enumerate(self.nodes):
             yield from self.position_problems(where, (*where, "nodes", index), x, "")
 

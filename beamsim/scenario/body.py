@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, counted, distinct, path_text, problem
+from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, counted, distinct, path_text, problem, walk
 
 _REMEDY = (
     "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, mass: 2 on a chain, "
@@ -556,8 +556,10 @@ class Body(Schema):
         return ""
 
     def problems(self, where: Path) -> Iterator[Problem]:
-        """What is wrong with the body by itself."""
-        yield from ()
+        """What is wrong with the body by itself, such as points of it that are not on it."""
+        for path, part in walk(self, where) if self.sides else ():
+            if (position := getattr(part, "position", None)) is not None:
+                yield from self.position_problems(where, (*path, "position"), position, "")
 
     def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
         """What is wrong with a position on the body.

@@ -140,8 +140,7 @@ AnyShape = Annotated[
     UniformShape | LinearShape | PolynomialShape | SineShape | ModeShape | TableShape, BY_FORM
 ]  # fmt: skip
 
-_Span = tuple[q.PositionOrShare, q.PositionOrShare]
-_Corner = tuple[q.PositionOrShare, q.PositionOrShare]
+_Pair = tuple[q.PositionOrShare, q.PositionOrShare]
 
 
 class DistributedLoad(Schema):
@@ -182,7 +181,7 @@ class LineLoad(DistributedLoad):
     takes: ClassVar[tuple[Literal["force_per_length"]]] = ("force_per_length",)
     acts_on: ClassVar[str] = "beam"
 
-    line: Annotated[Literal["whole"] | _Span, Variants(
+    line: Annotated[Literal["whole"] | _Pair, Variants(
         "is not a part of a beam", "write whole, or both ends: [100 mm, 60 %]"
     )]  # fmt: skip
     """The loaded part of the beam: whole, or where it begins and ends, [100 mm, 60 %]."""
@@ -200,7 +199,7 @@ class AreaLoad(DistributedLoad):
     takes: ClassVar[tuple[Literal["pressure"]]] = ("pressure",)
     acts_on: ClassVar[str] = "plate"
 
-    area: Annotated[Literal["whole"] | tuple[_Corner, _Corner], Variants(
+    area: Annotated[Literal["whole"] | tuple[_Pair, _Pair], Variants(
         "is not a part of a plate", "write whole, or opposite corners: [[0, 0], [100 mm, 50 %]]"
     )]  # fmt: skip
     """The loaded part of the plate: whole, or its lower left and upper right corner, [[0, 0], [100 mm, 50 %]]."""

@@ -242,13 +242,7 @@ class PlateBody(Body):
                     f"side: below {SMALLEST_ELEMENT:g} round-off shows in the lowest frequencies",
                     "use a smaller grading, or fewer elements: they are small where it matters",
                 )
-        points: list[tuple[Path, WrittenPosition]] = [
-            (("supports", "points", index, "position"), point.position)
-            for index, point in enumerate(self.supports.points)
-        ]
-        points += [(("point_masses", index, "position"), mass.position) for index, mass in enumerate(self.point_masses)]
-        for at, position in points:
-            yield from self.position_problems(where, (*where, *at), position, "")
+        yield from super().problems(where)
         for index, stiffener in enumerate(self.stiffeners):
             for key, end in (("from", stiffener.from_), ("to", stiffener.to)):
                 yield from self.position_problems(where, (*where, "stiffeners", index, key), end, "")
