@@ -378,10 +378,9 @@ def _depth(own, contact, times, end):
     moved = equations.move(np.unique([*times, *own.motion.time[own.motion.time < end]]), own.step, 2 * own.most_steps)
     at = np.flatnonzero(np.isin(moved.time, times))
     depth = []
-    for y, phases, inputs in zip(moved.y[at], moved.phases[at], equations.inputs_at(moved.time[at]), strict=True):
-        guards = equations.guards(contact, phases[contact])
+    for whole, phases in zip(equations.whole(moved)[at], moved.phases[at], strict=True):
         unit = law.stiffness if forced and law.of.touching(phases[contact]) else 1.0
-        depth.append(min(abs(guard[0] @ y + guard[1] @ inputs) / unit for guard in guards))
+        depth.append(min(abs(row @ whole) / unit for row, *_ in equations.guards(contact, phases[contact])))
     return np.array(depth) / (np.linalg.norm(law.row) * own.size)
 
 
@@ -389,15 +388,13 @@ def _at_a_bend(own, contact, end, slack):
     """Whether the stretch of a spring turns, starts or ends at one of its bends, as far as the motions can tell."""
     equations = own.equations
     law = equations.model.contacts[contact]
-    row_y, row_u, rate_y, rate_u = equations.penetration(law)
     times = np.union1d(np.linspace(0.0, end, 20_000)[1:], own.motion.time[own.motion.time <= end])
     moved = equations.move(times, own.step, times.size + 2 * own.most_steps)
-    u = equations.inputs_at(moved.time)
-    stretch, rate = moved.y @ row_y + u @ row_u, moved.y @ rate_y + u @ rate_u
+    stretch, rate = (equations.whole(moved) @ row for row in equations.penetration(law))
     turns = np.flatnonzero(rate[1:] * rate[:-1] <= 0.0)
     farther = np.abs(np.diff(stretch))[turns]  # a turn between two samples is that much farther at most
     near = slack * np.linalg.norm(law.row) * own.size
-    start = float(row_y @ equations.start() + row_u @ equations.inputs_at(np.zeros(1))[0])
+    start = equations.penetration(law)[0] @ np.append(equations.start(), equations.model.inputs.at(0.0))
     ends = np.abs(np.subtract.outer([start, stretch[-1]], law.of.bends)).min() < near
     return ends or np.any(np.abs(np.subtract.outer(stretch[turns], law.of.bends)) < near + farther[:, None])
 

@@ -7,19 +7,20 @@ rises again within a step, the step is halved until its minimum is known. So not
 shared with the march of the package: neither basis functions, bounds, sources nor the start.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from scipy.linalg import matrix_balance
 
 ORDERS = 16  # derivatives of the inputs that a step takes: w dt = 2 pi / 10 leaves 0.63^16 / 16! = 3e-17
-LEVELS = 48  # halvings of the longest step for which there are tables
+LEVELS = 48  # halvings of the longest step for which there may be tables; shorter steps are Taylor series
 STEPS_A_PERIOD = 10.0
 MOST_EVENTS = 4000
-TAYLOR = 18  # terms of the matrix exponential of the shortest step
-LONG = 20  # doublings from which on tables are made in extended precision: each doubles what is lost of slow motions
+TAYLOR = 18  # terms of the matrix exponential of a step of half the inverse of the largest rate
+LONG = 8  # doublings from which on tables are made in extended precision: each doubles what is lost of slow motions
 EPS = 2.220446049250313e-16
-DONE, NEED, STEPS, EVENTS = 0, 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -28,20 +29,16 @@ class Linear:
 
     A: np.ndarray  # (N, N)
     B: np.ndarray  # (N, U)
-    guard_y: np.ndarray  # (G, N) positive while the state lasts
-    guard_u: np.ndarray  # (G, U)
+    guards: np.ndarray  # (G, N + U) over y and u, positive while the state lasts
     contact: np.ndarray  # (G,) whose guard it is
     following: np.ndarray  # (G,) phase of that contact after the event
     reset: np.ndarray  # (G,) entry of y that starts anew, -1: none
-    reset_y: np.ndarray  # (G, N) with this value
-    reset_u: np.ndarray  # (G, U)
-    watch_y: np.ndarray  # (W, N) quantities whose maxima are sought
-    watch_u: np.ndarray  # (W, U)
+    resets: np.ndarray  # (G, N + U) with this value
+    watches: np.ndarray  # (W, N + U) quantities whose maxima are sought
 
 
-@dataclass(frozen=True)
-class Inputs:
-    """Inputs in closed form: base (acceleration, velocity, displacement) or one force."""
+class Inputs(NamedTuple):
+    """Inputs in closed form: base (acceleration, velocity, displacement), one force, or forces and their rates."""
 
     kind: int  # 0 sines, 1 step, 2 half sine, 3 piecewise polynomials, 4 linear sweep
     numbers: np.ndarray
@@ -50,42 +47,70 @@ class Inputs:
     phase: np.ndarray  # (C, n)
     knots: np.ndarray  # (P + 1,)
     polynomial: np.ndarray  # (C, D, P) in powers of the time since the knot, the highest first
-    breaks: tuple[float, ...] = ()  # where a derivative jumps
+    breaks: np.ndarray = np.zeros(0)  # where a derivative jumps
 
     @property
     def count(self):
         return self.amplitude.shape[0]
 
-    @property
-    def packed(self):
-        """What compiled functions take of them."""
-        return self.kind, self.numbers, self.omega, self.amplitude, self.phase, self.knots, self.polynomial
+    def at(self, t):
+        """(1 + C,) one and the inputs at a time."""
+        u = np.empty(self.count + 1)
+        _inputs(self, t, u)
+        return u
 
 
-def rate_of_inputs(count):
-    """(U, U) matrix D with d/dt (1, inputs) = D (1, inputs) where that is linear: d' = v, v' = a; others unused.
+class State(NamedTuple):
+    """A contact state with its step tables; rows are stored as columns, over which loops are fast."""
 
-    Two or more forces are followed by their rates.
-    """
-    D = np.zeros((count + 1, count + 1))
-    if count == 3:
-        D[3, 2] = D[2, 1] = 1.0
-    elif count % 2 == 0:
-        half = count // 2
-        D[np.arange(1, half + 1), np.arange(half + 1, count + 1)] = 1.0
-    return D
+    longest: float  # s, the step of level 0; each level halves it
+    usual: int  # level of a tenth of the shortest period
+    first: int  # after an event
+    finest: int  # that steps between events may have
+    tables: np.ndarray  # (levels from the usual one on, N + Z, N) change of y by y and the series of the inputs
+    A: np.ndarray  # (N, N)
+    B: np.ndarray  # (U, N)
+    looks: np.ndarray  # (N + U, 4 R) guards, their rates, watches and their rates, R of each
+    guards: int
+    watches: int
+
+
+class Point(NamedTuple):
+    """A state with what leads on from it and what is looked at in it."""
+
+    x: np.ndarray  # (N + Z,) state, and the series of the inputs for a step that begins here
+    whole: np.ndarray  # (N + U,) state and inputs
+    look: np.ndarray  # (4 R,)
+
+
+class Step(NamedTuple):
+    """The ends of a step, and two points between them."""
+
+    start: Point
+    end: Point
+    low: Point
+    middle: Point
+
+
+class Walk(NamedTuple):
+    """What the march fills: outputs at the stops, and the largest values so far."""
+
+    y: np.ndarray  # (N,) state, the start first
+    stops: np.ndarray  # (nt,) s
+    best: np.ndarray  # (W,)
+    out_y: np.ndarray  # (nt, N)
+    out_best: np.ndarray  # (nt, W)
 
 
 @njit(cache=True)
-def _inputs(kind, numbers, omega, amplitude, phase, knots, polynomial, t, u):
+def _inputs(inputs, t, u):
+    kind, numbers, channels = inputs.kind, inputs.numbers, inputs.amplitude.shape[0]
+    u[:] = 0.0
     u[0] = 1.0
-    channels = amplitude.shape[0]
-    for c in range(channels):
-        u[c + 1] = 0.0
     if kind == 0:
         for c in range(channels):
-            for i in range(omega.size):
-                u[c + 1] += amplitude[c, i] * np.sin(omega[i] * t + phase[c, i])
+            for i in range(inputs.omega.size):
+                u[c + 1] += inputs.amplitude[c, i] * np.sin(inputs.omega[i] * t + inputs.phase[c, i])
     elif kind == 1:
         level, tau = numbers[0], t - numbers[1]
         if tau >= 0.0:
@@ -100,82 +125,83 @@ def _inputs(kind, numbers, omega, amplitude, phase, knots, polynomial, t, u):
                 u[1] = level * np.sin(w * tau)
             if channels == 3:
                 if tau < length:
-                    u[2] = level / w * (1.0 - np.cos(w * tau))
+                    u[2] = 2.0 * level / w * np.sin(0.5 * w * tau) ** 2
                     u[3] = level / w * (tau - np.sin(w * tau) / w)
                 else:
                     u[2] = 2.0 * level / w
                     u[3] = level / w * length + u[2] * (tau - length)
     elif kind == 3:
-        p = min(max(np.searchsorted(knots, t, side="right") - 1, 0), knots.size - 2)
-        tau = t - knots[p]
+        p = min(max(np.searchsorted(inputs.knots, t, side="right") - 1, 0), inputs.knots.size - 2)
+        tau = t - inputs.knots[p]
         for c in range(channels):
             value = 0.0
-            for d in range(polynomial.shape[1]):
-                value = value * tau + polynomial[c, d, p]
+            for d in range(inputs.polynomial.shape[1]):
+                value = value * tau + inputs.polynomial[c, d, p]
             u[c + 1] = value
     else:
         u[1] = numbers[0] * np.sin(2.0 * np.pi * (numbers[1] * t + 0.5 * numbers[2] * t * t) + numbers[3])
 
 
 @njit(cache=True)
-def _derivatives(inputs, t, dt, unit, w):
-    """(C, ORDERS) derivatives of the inputs at t, those of the piece that holds t + dt / 2, times powers of a unit."""
-    kind, numbers, omega, amplitude, phase, knots, polynomial = inputs
-    channels = amplitude.shape[0]
-    w[:] = 0.0
+def _entry(channels, c):
+    """Where a channel stands in the series of the inputs, and by which power of the unit it is divided there.
+
+    The series are 1, then displacement, velocity and acceleration of the base with its derivatives, or each force with
+    its derivatives: the next entry is the next derivative.
+    """
+    if channels == 3:
+        return 3 - c, c
+    half = max(channels // 2, 1)
+    return (1 + ORDERS * c, 0) if c < half else (2 + ORDERS * (c - half), -1)
+
+
+@njit(cache=True)
+def _series(inputs, t, dt, unit, u, z):
+    """(Z,) series of the inputs at t, those of the piece that holds t + dt / 2, times powers of a unit of time."""
+    kind, numbers, channels = inputs.kind, inputs.numbers, inputs.amplitude.shape[0]
+    z[:] = 0.0
+    z[0], first = 1.0, 1
+    if channels == 3:
+        _inputs(inputs, t, u)
+        z[1], z[2], first = u[3] / unit**2, u[2] / unit, 3
+    w = z[first:]
     if kind == 0:
-        for c in range(channels):
-            for i in range(omega.size):
-                angle = omega[i] * t + phase[c, i]
-                sine, cosine = amplitude[c, i] * np.sin(angle), amplitude[c, i] * np.cos(angle)
-                _add_sine(sine, cosine, omega[i] * unit, w[c])
+        for c in range((channels + 1) // 2 if channels != 3 else 1):
+            for i in range(inputs.omega.size):
+                angle = inputs.omega[i] * t + inputs.phase[c, i]
+                level, rate = inputs.amplitude[c, i], inputs.omega[i] * unit
+                if level != 0.0:
+                    _add_sine(level * np.sin(angle), level * np.cos(angle), rate, w[ORDERS * c : ORDERS * (c + 1)])
     elif kind == 1:
-        level, tau = numbers[0], t - numbers[1]
-        if tau + 0.5 * dt >= 0.0:
-            w[0, 0] = level
-            if channels == 3:
-                w[1, 0], w[1, 1] = level * tau, level * unit
-                w[2, 0], w[2, 1], w[2, 2] = 0.5 * level * tau * tau, level * tau * unit, level * unit * unit
+        if t - numbers[1] + 0.5 * dt >= 0.0:
+            w[0] = numbers[0]
     elif kind == 2:
-        level, length, rate = numbers[0], numbers[2], np.pi / numbers[2]
-        tau = t - numbers[1]
-        if 0.0 <= tau + 0.5 * dt < length:
-            sine, cosine = level * np.sin(rate * tau), level * np.cos(rate * tau)
-            _add_sine(sine, cosine, rate * unit, w[0])
-            if channels == 3:
-                _add_sine(-cosine / rate, sine / rate, rate * unit, w[1])
-                _add_sine(-sine / rate**2, -cosine / rate**2, rate * unit, w[2])
-                w[1, 0] = 2.0 * level / rate * np.sin(0.5 * rate * tau) ** 2
-                w[2, 0] += level / rate * tau
-                w[2, 1] = w[1, 0] * unit
-        elif tau + 0.5 * dt >= length and channels == 3:
-            w[1, 0] = 2.0 * level / rate
-            w[2, 0], w[2, 1] = level / rate * length + w[1, 0] * (tau - length), w[1, 0] * unit
+        level, rate, tau = numbers[0], np.pi / numbers[2], t - numbers[1]
+        if 0.0 <= tau + 0.5 * dt < numbers[2]:
+            _add_sine(level * np.sin(rate * tau), level * np.cos(rate * tau), rate * unit, w)
     elif kind == 3:
-        p = min(max(np.searchsorted(knots, t + 0.5 * dt, side="right") - 1, 0), knots.size - 2)
-        tau = t - knots[p]
-        degree = polynomial.shape[1] - 1
-        for c in range(channels):
-            factor = 1.0
-            for k in range(degree + 1):
-                value = 0.0
-                for d in range(degree + 1 - k):  # the coefficient of tau^(degree - d), derived k times
-                    share = polynomial[c, d, p]
-                    for i in range(k):
-                        share *= degree - d - i
-                    value = value * tau + share
-                w[c, k] = value * factor
-                factor *= unit
+        p = min(max(np.searchsorted(inputs.knots, t + 0.5 * dt, side="right") - 1, 0), inputs.knots.size - 2)
+        tau, factor = t - inputs.knots[p], 1.0
+        degree = inputs.polynomial.shape[1] - 1
+        for k in range(degree + 1):
+            value = 0.0
+            for d in range(degree + 1 - k):  # the coefficient of tau^(degree - d), derived k times
+                share = inputs.polynomial[0, d, p]
+                for i in range(k):
+                    share *= degree - d - i
+                value = value * tau + share
+            w[k] = value * factor
+            factor *= unit
     else:
         angle = 2.0 * np.pi * (numbers[1] * t + 0.5 * numbers[2] * t * t) + numbers[3]
-        first = 2.0 * np.pi * (numbers[1] + numbers[2] * t) * unit
-        second = 2.0 * np.pi * numbers[2] * unit * unit
+        once = 2.0 * np.pi * (numbers[1] + numbers[2] * t) * unit
+        twice = 2.0 * np.pi * numbers[2] * unit * unit
         sine, cosine = numbers[0] * np.sin(angle), numbers[0] * np.cos(angle)
         sine_before = cosine_before = 0.0
         for k in range(ORDERS):
-            w[0, k] = sine
-            following = first * cosine + k * second * cosine_before
-            cosine_after = -first * sine - k * second * sine_before
+            w[k] = sine
+            following = once * cosine + k * twice * cosine_before
+            cosine_after = -once * sine - k * twice * sine_before
             sine_before, cosine_before = sine, cosine
             sine, cosine = following, cosine_after
 
@@ -188,60 +214,44 @@ def _add_sine(sine, cosine, rate, w):
 
 
 @njit(cache=True)
-def _step(F, inputs, s, level, longest, t, y, w, out):
-    """State after longest / 2^level."""
-    N, channels = y.size, w.shape[0]
-    if channels > 0:
-        _derivatives(inputs, t, longest * 2.0**-level, longest, w)
-    table = F[s, level]
-    for i in range(N):
-        total = table[i, N]
-        for k in range(N):
-            total += table[i, k] * y[k]
-        q = N + 1
-        for c in range(channels):
-            for k in range(ORDERS):
-                total += table[i, q] * w[c, k]
-                q += 1
-        out[i] = y[i] + total
+def _look(state, inputs, t, point):
+    """Complete a point at a time from its state."""
+    N = len(state.A)
+    point.x[:N] = point.whole[:N]
+    _inputs(inputs, t, point.whole[N:])
+    np.dot(point.whole, state.looks, point.look)
 
 
 @njit(cache=True)
-def _short_step(A, B, inputs, s, t, r, y, w, out):
-    """State after a step r so short that a Taylor series of degree ten is exact."""
-    N, channels = y.size, w.shape[0]
-    for i in range(N):
-        out[i] = y[i]
-    if r <= 0.0:
-        return
-    if channels > 0:
-        _derivatives(inputs, t, r, r, w)
-    term = y.copy()  # k-th derivative of y times r^k / k!
-    following = np.empty(N)
-    factorial = 1.0
-    for k in range(10):
-        for i in range(N):
-            total = B[s, i, 0] if k == 0 else 0.0
-            for j in range(N):
-                total += A[s, i, j] * term[j]
-            for c in range(channels):
-                total += B[s, i, c + 1] * w[c, k] / factorial
-            following[i] = total * r / (k + 1.0)
-        factorial *= k + 1.0
-        for i in range(N):
-            term[i] = following[i]
-            out[i] += term[i]
+def _advance(state, inputs, level, t, dt, end, start, point):
+    """Make ``point`` what follows from ``start`` in a step of a level, by its table or a Taylor series of degree ten.
 
-
-@njit(cache=True)
-def _look(rows_y, rows_u, count, y, u, value):
-    for g in range(count):
-        total = 0.0
-        for k in range(y.size):
-            total += rows_y[g, k] * y[k]
-        for k in range(u.size):
-            total += rows_u[g, k] * u[k]
-        value[g] = total
+    ``end`` : s, t + dt, or the stop that this is but for round-off, where the inputs may jump.
+    """
+    N = len(state.A)
+    y, u, z = point.whole[:N], point.whole[N:], start.x[N:]
+    if level < state.usual + len(state.tables):
+        _series(inputs, t, dt, state.longest, u, z)
+        np.dot(start.x, state.tables[level - state.usual], y)
+        y += start.x[:N]
+    elif dt > 0.0:
+        _series(inputs, t, dt, dt, u, z)
+        term, following, factorial = start.x[:N].copy(), np.empty(N), 1.0  # k-th derivative of y times dt^k / k!
+        y[:] = term
+        for k in range(10):
+            np.dot(term, state.A, following)
+            if k == 0:
+                following += state.B[0]
+            for c in range(u.size - 1):
+                entry, power = _entry(u.size - 1, c)
+                if z[entry + k] != 0.0:
+                    following += state.B[c + 1] * (z[entry + k] * dt**power / factorial)
+            factorial *= k + 1.0
+            term[:] = following * (dt / (k + 1.0))
+            y += term
+    else:
+        y[:] = start.x[:N]
+    _look(state, inputs, end, point)
 
 
 @njit(cache=True)
@@ -284,256 +294,161 @@ def _root_of_cubic(g0, s0, g1, s1, dt):
 
 
 @njit(cache=True)
-def march(
-    F,
-    A,
-    B,
-    guards,
-    contact,
-    following,
-    reset,
-    reset_y,
-    reset_u,
-    guard_y,
-    guard_u,
-    rate_y,
-    rate_u,
-    roughness,
-    watch_y,
-    watch_u,
-    watch_rate_y,
-    watch_rate_u,
-    watched,
-    usual,
-    finest,
-    bottom,
-    first_level,
-    index,
-    radix,
-    inputs,
-    longest,
-    t,
-    y,
-    state,
-    phases,
-    fresh,
-    stops,
-    n_stop,
-    out_y,
-    out_phase,
-    out_best,
-    most_steps,
-    most_events,
-    ev_time,
-    ev_contact,
-    ev_phase,
-    n_ev,
-    best,
-):
-    """March to the last stop; returns (code, t, state, stops done, events, steps). y and phases change in place."""
-    N, U = y.size, B.shape[2]
-    G, W = guard_y.shape[1], watch_y.shape[1]
-    u, v = np.empty(U), np.empty(U)
-    w = np.empty((U - 1, ORDERS))
-    g0, s0, g1, s1, gm, sm = np.empty(G), np.empty(G), np.empty(G), np.empty(G), np.empty(G), np.empty(G)
-    q0, r0, q1, r1 = np.empty(W), np.empty(W), np.empty(W), np.empty(W)
-    ya, yb, ym = np.empty(N), np.empty(N), np.empty(N)
-    kind, numbers, omega, amplitude, phase, knots, polynomial = inputs
-    steps = 0
-    level = first_level[state] if fresh else usual[state]
-    while n_stop < stops.size:
-        n, m = guards[state], watched[state]
-        gy, gu, ry, ru = guard_y[state], guard_u[state], rate_y[state], rate_u[state]
-        _inputs(kind, numbers, omega, amplitude, phase, knots, polynomial, t, u)
-        _look(gy, gu, n, y, u, g0)
-        _look(ry, ru, n, y, u, s0)
-        _look(watch_y[state], watch_u[state], m, y, u, q0)
-        _look(watch_rate_y[state], watch_rate_u[state], m, y, u, r0)
-        for j in range(m):
-            best[j] = max(best[j], q0[j])
-        event = -1
-        while event < 0 and n_stop < stops.size:
-            if steps >= most_steps:
-                return STEPS, t, state, n_stop, n_ev, steps
-            steps += 1
-            left = stops[n_stop] - t
-            used = level
-            while used < finest[state] and longest * 2.0**-used > left * (1.0 + 1e-13):
-                used += 1
-            dt = longest * 2.0**-used
-            if dt > left * (1.0 + 1e-13):
-                dt = left
-                _short_step(A, B, inputs, state, t, dt, y, w, yb)
-                used = LEVELS
-            else:
-                _step(F, inputs, state, used, longest, t, y, w, yb)
-            lands = dt >= left * (1.0 - 1e-13)
-            tb = stops[n_stop] if lands else t + dt
-            _inputs(kind, numbers, omega, amplitude, phase, knots, polynomial, tb, v)
-            _look(gy, gu, n, yb, v, g1)
-            _look(ry, ru, n, yb, v, s1)
-            crosses = dips = False
-            for j in range(n):
-                size = 0.0
-                for k in range(N):
-                    size += abs(roughness[state, j, k] * yb[k])
-                tolerance = 64.0 * EPS * (size + abs(gu[j, 0]))
-                if g1[j] < -tolerance:
-                    crosses = True
-                elif s0[j] < 0.0 and s1[j] > 0.0 and g0[j] > 0.0 and used < LEVELS:
-                    least = _least_of_cubic(g0[j], s0[j], g1[j], s1[j], dt)
-                    dips = dips or least < 0.3 * min(g0[j], g1[j])
-            if crosses or dips:
-                # halve towards the first crossing, or towards the minimum until it is known
-                ta, ka, half = t, used, dt
-                for k in range(N):
-                    ya[k] = y[k]
-                ga, sa = g0.copy(), s0.copy()
-                deepest = used + 9 if used == LEVELS else min(max(finest[state], used + 9), bottom[state])
-                while ka < deepest:
-                    ka += 1
-                    half *= 0.5
-                    if used == LEVELS:
-                        _short_step(A, B, inputs, state, ta, half, ya, w, ym)
-                    else:
-                        _step(F, inputs, state, ka, longest, ta, ya, w, ym)
-                    _inputs(kind, numbers, omega, amplitude, phase, knots, polynomial, ta + half, v)
-                    _look(gy, gu, n, ym, v, gm)
-                    _look(ry, ru, n, ym, v, sm)
-                    below = falls = False
-                    for j in range(n):
-                        size = 0.0
-                        for k in range(N):
-                            size += abs(roughness[state, j, k] * ym[k])
-                        below = below or gm[j] < -64.0 * EPS * (size + abs(gu[j, 0]))
-                        if sa[j] < 0.0 and sm[j] > 0.0 and ga[j] > 0.0:
-                            falls = falls or _least_of_cubic(ga[j], sa[j], gm[j], sm[j], half) < 0.3 * min(ga[j], gm[j])
-                    if below or falls:  # the first half holds it
-                        crosses = crosses or below
-                        for k in range(N):
-                            yb[k] = ym[k]
-                        for j in range(n):
-                            g1[j], s1[j] = gm[j], sm[j]
-                    else:
-                        ta += half
-                        for k in range(N):
-                            ya[k] = ym[k]
-                        for j in range(n):
-                            ga[j], sa[j] = gm[j], sm[j]
-                if crosses:
-                    when = 2.0 * half
-                    for j in range(n):
-                        if g1[j] < 0.0:
-                            root = _root_of_cubic(ga[j], sa[j], g1[j], s1[j], half)
-                            if root < when:
-                                when, event = root, j
-                    if event >= 0:
-                        for _ in range(8):  # the cubic is a first guess: Newton's method on the motion itself
-                            _short_step(A, B, inputs, state, ta, when, ya, w, yb)
-                            _inputs(kind, numbers, omega, amplitude, phase, knots, polynomial, ta + when, v)
-                            _look(gy, gu, n, yb, v, gm)
-                            _look(ry, ru, n, yb, v, sm)
-                            if not (sm[event] < 0.0 and 0.0 <= when - gm[event] / sm[event] <= half):
-                                break
-                            when -= gm[event] / sm[event]
-                            if abs(gm[event]) < EPS * half * abs(sm[event]):
-                                break
-                        _short_step(A, B, inputs, state, ta, when, ya, w, yb)
-                        tb = ta + when
-                        lands = False
-                else:  # nothing happened: take the step as it was
-                    _step(F, inputs, state, used, longest, t, y, w, yb)
-            _inputs(kind, numbers, omega, amplitude, phase, knots, polynomial, tb, u)
-            _look(watch_y[state], watch_u[state], m, yb, u, q1)
-            _look(watch_rate_y[state], watch_rate_u[state], m, yb, u, r1)
-            for j in range(m):
-                top = max(q0[j], q1[j])
-                if r0[j] > 0.0 and r1[j] < 0.0:
-                    top = max(top, -_least_of_cubic(-q0[j], -r0[j], -q1[j], -r1[j], tb - t))
-                doubt = 0.05 * (tb - t) * (abs(r0[j]) + abs(r1[j]))  # of the cubic
-                if top + doubt > best[j] and r0[j] > 0.0 and r1[j] < 0.0 and used < LEVELS:
-                    ta, ka = t, used
-                    for k in range(N):
-                        ya[k] = y[k]
-                    qa, ra, qb, rb, tc = q0[j], r0[j], q1[j], r1[j], tb
-                    while ka < min(used + 8, bottom[state]):
-                        ka += 1
-                        half = longest * 2.0**-ka
-                        if ta + half >= tc:
-                            continue
-                        _step(F, inputs, state, ka, longest, ta, ya, w, ym)
-                        _inputs(kind, numbers, omega, amplitude, phase, knots, polynomial, ta + half, v)
-                        value = slope = 0.0
-                        for k in range(N):
-                            value += watch_y[state, j, k] * ym[k]
-                            slope += watch_rate_y[state, j, k] * ym[k]
-                        for k in range(U):
-                            value += watch_u[state, j, k] * v[k]
-                            slope += watch_rate_u[state, j, k] * v[k]
-                        if slope < 0.0:
-                            qb, rb, tc = value, slope, ta + half
-                        else:
-                            qa, ra, ta = value, slope, ta + half
-                            for k in range(N):
-                                ya[k] = ym[k]
-                    top = max(max(qa, qb), -_least_of_cubic(-qa, -ra, -qb, -rb, tc - ta))
-                best[j] = max(best[j], top)
-                q0[j], r0[j] = q1[j], r1[j]
-            t = tb
+def _copy(point, out):
+    out.x[:] = point.x
+    out.whole[:] = point.whole
+    out.look[:] = point.look
+
+
+@njit(cache=True)
+def _crossed(state, point):
+    """Whether a guard is below zero by more than round-off."""
+    N = len(state.A)
+    for j in range(state.guards):
+        if point.look[j] < 0.0:
+            size = abs(state.looks[N, j])
             for k in range(N):
-                y[k] = yb[k]
-            if event < 0:
-                _look(gy, gu, n, y, u, g0)
-                _look(ry, ru, n, y, u, s0)
-                if level > usual[state]:
-                    level -= 1
-                if lands:
-                    for k in range(N):
-                        out_y[n_stop, k] = y[k]
-                    for k in range(phases.size):
-                        out_phase[n_stop, k] = phases[k]
-                    for k in range(W):
-                        out_best[n_stop, k] = best[k]
-                    n_stop += 1
-                    _inputs(kind, numbers, omega, amplitude, phase, knots, polynomial, t, u)
-                    _look(ry, ru, n, y, u, s0)
-                    level = min(usual[state] + 3, first_level[state]) if first_level[state] > usual[state] else level
-        if event >= 0:
-            if n_ev >= most_events:
-                return EVENTS, t, state, n_stop, n_ev, steps
-            j = contact[state, event]
-            entry = reset[state, event]
-            if entry >= 0:
-                value = 0.0
-                for k in range(N):
-                    value += reset_y[state, event, k] * y[k]
-                for k in range(U):
-                    value += reset_u[state, event, k] * u[k]
-                y[entry] = value
-            phases[j] = following[state, event]
-            ev_time[n_ev], ev_contact[n_ev], ev_phase[n_ev] = t, j, phases[j]
-            n_ev += 1
-            code = 0
-            for k in range(phases.size):
-                code += radix[k] * phases[k]
-            if index[code] < 0:
-                return NEED, t, state, n_stop, n_ev, steps
-            state = index[code]
-            level = first_level[state]
-    return DONE, t, state, n_stop, n_ev, steps
+                size += abs(state.looks[k, j] * point.whole[k])
+            if point.look[j] < -64.0 * EPS * size:
+                return True
+    return False
 
 
-def _product(first, second):
-    """Product of two block triangular matrices, each by its upper rows (N, Q) and what takes derivatives to others.
+@njit(cache=True)
+def _dips(state, start, end, dt):
+    """Whether a guard falls and rises again within a step, and its minimum is not known by its ends."""
+    rates = start.look.size // 4
+    for j in range(state.guards):
+        g0, s0, g1, s1 = start.look[j], start.look[rates + j], end.look[j], end.look[rates + j]
+        if s0 < 0.0 and s1 > 0.0 and g0 > 0.0 and _least_of_cubic(g0, s0, g1, s1, dt) < 0.3 * min(g0, g1):
+            return True
+    return False
 
-    The lower rows of the whole matrices are those of the inputs' derivatives, which are the same for every input, and a
-    row of zeros for what is constant.
+
+@njit(cache=True)
+def _halve(state, inputs, level, t, dt, step):
+    """Halve a step towards the first crossing, or towards a minimum until it is known.
+
+    Returns the start and length of the part between ``step.low`` and ``step.end``, and whether it is the last part.
     """
-    N = first[0].shape[0]
-    upper = first[0][:, :N] @ second[0]
-    for a in range(N + 1, upper.shape[1], ORDERS):
-        upper[:, a : a + ORDERS] += first[0][:, a : a + ORDERS] @ second[1]
-    return upper, first[1] @ second[1]
+    last = True
+    tabulated = state.usual + state.tables.shape[0] - 1
+    deepest = level + 9 if level > tabulated else min(max(state.finest, level + 9), tabulated)
+    _copy(step.start, step.low)
+    while level < deepest:
+        level += 1
+        dt *= 0.5
+        _advance(state, inputs, level, t, dt, t + dt, step.low, step.middle)
+        if _crossed(state, step.middle) or _dips(state, step.low, step.middle, dt):  # the first half holds it
+            _copy(step.middle, step.end)
+            last = False
+        else:
+            t += dt
+            _copy(step.middle, step.low)
+    return t, dt, last
+
+
+@njit(cache=True)
+def _locate(state, inputs, t, dt, step):
+    """Take the end of a step to the first guard that falls through zero; returns its time and which it is."""
+    rates, event, when = step.end.look.size // 4, -1, 2.0 * dt
+    for j in range(state.guards):
+        if step.end.look[j] < 0.0:
+            root = _root_of_cubic(
+                step.low.look[j], step.low.look[rates + j], step.end.look[j], step.end.look[rates + j], dt
+            )
+            if root < when:
+                when, event = root, j
+    for _ in range(8):  # the cubic is a first guess: Newton's method on the motion itself
+        _advance(state, inputs, LEVELS, t, when, t + when, step.low, step.end)
+        value, slope = step.end.look[event], step.end.look[rates + event]
+        if not (slope < 0.0 and 0.0 <= when - value / slope <= dt):
+            return t + when, event
+        when -= value / slope
+        if abs(value) < EPS * dt * abs(slope):
+            break
+    _advance(state, inputs, LEVELS, t, when, t + when, step.low, step.end)
+    return t + when, event
+
+
+@njit(cache=True)
+def _peaks(state, inputs, level, t, end, step, best):
+    """Raise the largest values so far by those of a step, which is halved towards a maximum that may be larger."""
+    R = step.start.look.size // 4
+    tabulated = state.usual + state.tables.shape[0] - 1
+    for j in range(state.watches):
+        q, r = 2 * R + j, 3 * R + j
+        q0, r0, q1, r1 = step.start.look[q], step.start.look[r], step.end.look[q], step.end.look[r]
+        best[j] = max(best[j], q0, q1)
+        if not (r0 > 0.0 and r1 < 0.0):
+            continue
+        a, b = t, end
+        top = -_least_of_cubic(-q0, -r0, -q1, -r1, b - a)
+        doubt = 0.05 * (b - a) * (abs(r0) + abs(r1))  # of the cubic
+        if max(q0, q1, top) + doubt > best[j] and level <= tabulated:
+            _copy(step.start, step.low)
+            for finer in range(level + 1, min(level + 8, tabulated) + 1):
+                half = state.longest * 2.0**-finer
+                if a + half >= b:
+                    continue
+                _advance(state, inputs, finer, a, half, a + half, step.low, step.middle)
+                if step.middle.look[r] < 0.0:
+                    q1, r1, b = step.middle.look[q], step.middle.look[r], a + half
+                else:
+                    q0, r0, a = step.middle.look[q], step.middle.look[r], a + half
+                    _copy(step.middle, step.low)
+            top = max(q0, q1, -_least_of_cubic(-q0, -r0, -q1, -r1, b - a))
+        best[j] = max(best[j], top)
+
+
+@njit(cache=True)
+def _point(state):
+    """An empty one for a contact state; its first numbers are those of a state."""
+    return Point(np.empty(state.tables.shape[1]), np.empty(len(state.looks)), np.empty(state.looks.shape[1]))
+
+
+@njit(cache=True)
+def march(state, inputs, walk, t, done, most_steps):
+    """March to an event or the last stop; returns the time, stops done, steps, and the guard that ended it or -1."""
+    step = Step(_point(state), _point(state), _point(state), _point(state))
+    level, longest, steps = state.first, state.longest, 0
+    N = walk.y.size
+    step.start.whole[:N] = walk.y
+    _look(state, inputs, t, step.start)
+    while done < walk.stops.size and steps < most_steps:
+        steps += 1
+        left = walk.stops[done] - t
+        used = level
+        while used < state.finest and longest * 2.0**-used > left * (1.0 + 1e-13):
+            used += 1
+        dt = longest * 2.0**-used
+        if dt > left * (1.0 + 1e-13):
+            used, dt = LEVELS, left
+        lands = dt >= left * (1.0 - 1e-13)
+        end = walk.stops[done] if lands else t + dt
+        _advance(state, inputs, used, t, dt, end, step.start, step.end)
+        event = -1
+        if _crossed(state, step.end) or (used < LEVELS and _dips(state, step.start, step.end, dt)):
+            low, part, last = _halve(state, inputs, used, t, dt, step)
+            if not last:
+                lands, end = False, low + part
+            if _crossed(state, step.end):
+                lands = False
+                end, event = _locate(state, inputs, low, part, step)
+        _peaks(state, inputs, used, t, end, step, walk.best)
+        t = end
+        _copy(step.end, step.start)
+        walk.y[:] = step.end.whole[:N]
+        if event >= 0:
+            return t, done, steps, event
+        level = max(level - 1, state.usual)
+        if lands:
+            walk.out_y[done] = walk.y
+            walk.out_best[done] = walk.best
+            done += 1
+            if state.first > state.usual:
+                level = min(state.usual + 3, state.first)
+    return t, done, steps, -1
 
 
 def _halvings(ratio):
@@ -541,102 +456,103 @@ def _halvings(ratio):
     return max(int(np.ceil(np.log2(max(ratio, 1.0)))), 0)
 
 
-@dataclass
-class Tables:
-    """Step tables of the contact states visited so far."""
+def _generator(linear, channels, longest):
+    """(N, N + Z) rates of y by y and the series of the inputs, (Z, Z) of the series, which ``_entry`` orders."""
+    N, size = len(linear.A), 1 + (ORDERS + 2 if channels == 3 else ORDERS * ((channels + 1) // 2))
+    rates = np.zeros((N, N + size), dtype=np.longdouble)
+    rates[:, :N], rates[:, N] = linear.A, linear.B[:, 0]
+    for c in range(channels):
+        entry, power = _entry(channels, c)
+        rates[:, N + entry] = linear.B[:, c + 1] * longest**power
+    following = [0.0 if k == 0 or (channels != 3 and k % ORDERS == 0) else 1.0 / longest for k in range(size - 1)]
+    return rates, np.diag(following, 1)
 
-    count: int  # N
-    inputs: Inputs
-    longest: float  # s
-    phases: tuple[int, ...]  # number of phases of each contact
-    stiffest: float = 0.0  # rad/s, in any contact state: after an event steps grow from a fraction of its period
-    arrays: dict = field(default_factory=dict)
-    used: int = 0
 
-    def __post_init__(self):
-        self.radix = np.cumprod([1, *self.phases])[:-1].astype(np.int64) if self.phases else np.zeros(0, np.int64)
-        self.index = np.full(int(np.prod(self.phases, dtype=np.int64)), -1, dtype=np.int64)
+def _looks(linear, channels):
+    """(N + U, 4 R) rows of guards and watches, each followed by the rows of their rates, as columns."""
+    N, U = linear.B.shape
+    rates = np.zeros((N + U, N + U))
+    rates[:N, :N], rates[:N, N:] = linear.A, linear.B
+    if channels == 3:  # displacement, velocity and acceleration follow each other
+        rates[N + 3, N + 2] = rates[N + 2, N + 1] = 1.0
+    else:
+        half = channels // 2
+        rates[np.arange(half) + N + 1, np.arange(half) + N + 1 + half] = 1.0
+    R = max(len(linear.guards), len(linear.watches))
+    columns = np.zeros((N + U, 4, R))
+    for k, rows in ((0, linear.guards), (2, linear.watches)):
+        columns[:, k, : len(rows)], columns[:, k + 1, : len(rows)] = rows.T, (rows @ rates).T
+    return columns.reshape(N + U, 4 * R)
 
-    def add(self, phases, linear):
-        """Tabulate a contact state."""
-        N, U = self.count, self.inputs.count + 1
-        Q = N + 1 + (U - 1) * ORDERS
-        eigenvalues = np.linalg.eigvals(linear.A.astype(float))
-        fastest = max(np.abs(eigenvalues.imag).max(initial=0.0), 1e-300)
-        period = 2 * np.pi / fastest
-        usual = min(_halvings(self.longest * STEPS_A_PERIOD / period), LEVELS - 20)
-        rate = np.linalg.norm(linear.A, 1)
-        finest = min(max(_halvings(self.longest * np.abs(eigenvalues).max() / 0.05), usual + 9), LEVELS - 10)
-        first = min(max(_halvings(self.longest * max(np.abs(eigenvalues).max(), self.stiffest) * 2), usual), finest)
-        start = min(max(_halvings(self.longest * rate / 0.5), finest + 9), LEVELS - 1)
-        kind = np.longdouble if start > LONG else float
-        rates, shift = np.zeros((N, Q), dtype=kind), np.zeros((ORDERS, ORDERS), dtype=kind)
-        rates[:, :N], rates[:, N], rates[:, N + 1 :: ORDERS] = linear.A, linear.B[:, 0], linear.B[:, 1:]
-        shift[np.arange(ORDERS - 1), np.arange(1, ORDERS)] = 1.0 / self.longest
-        step = rates * (self.longest * 2.0**-start), shift * (self.longest * 2.0**-start)
-        power, total = step, step
-        for k in range(2, TAYLOR):
-            power = tuple(part / k for part in _product(power, step))
-            total = total[0] + power[0], total[1] + power[1]
-        F = np.full((LEVELS, N, Q), np.nan)  # shorter steps are Taylor series
-        for level in range(start, -1, -1):
-            F[level] = total[0]
-            if level > 0:
-                with np.errstate(over="ignore", invalid="ignore"):
-                    square = _product(total, total)
-                    total = 2 * total[0] + square[0], 2 * total[1] + square[1]
-        D = rate_of_inputs(self.inputs.count)
-        G = linear.guard_y.shape[0]
-        rows = {
-            "F": F,
-            "A": linear.A,
-            "B": linear.B,
-            "guards": G,
-            "contact": linear.contact,
-            "following": linear.following,
-            "reset": linear.reset,
-            "reset_y": linear.reset_y,
-            "reset_u": linear.reset_u,
-            "guard_y": linear.guard_y,
-            "guard_u": linear.guard_u,
-            "rate_y": linear.guard_y @ linear.A,
-            "rate_u": linear.guard_y @ linear.B + linear.guard_u @ D,
-            "roughness": linear.guard_y,
-            "watch_y": linear.watch_y,
-            "watch_u": linear.watch_u,
-            "watch_rate_y": linear.watch_y @ linear.A,
-            "watch_rate_u": linear.watch_y @ linear.B + linear.watch_u @ D,
-            "watched": linear.watch_y.shape[0],
-            "usual": usual,
-            "finest": finest,
-            "bottom": start,
-            "first_level": first,
-        }
-        for name, row in rows.items():
-            row = np.asarray(row)
-            old = self.arrays.get(name)
-            if (
-                old is None
-                or old.shape[0] <= self.used
-                or any(a < b for a, b in zip(old.shape[1:], row.shape, strict=True))
-            ):
-                shape = tuple(
-                    max(a, b) for a, b in zip((0,) * row.ndim if old is None else old.shape[1:], row.shape, strict=True)
-                )
-                room = 4 if old is None else max(old.shape[0], 2 * self.used if old.shape[0] <= self.used else 0)
-                new = np.zeros((room, *shape), dtype=np.int64 if row.dtype.kind in "iu" else float)
-                if old is not None:
-                    new[tuple(slice(0, d) for d in old.shape)] = old
-                self.arrays[name] = old = new
-            old[(self.used, *(slice(0, d) for d in row.shape))] = row
-        self.index[int(self.radix @ np.array(phases, dtype=np.int64)) if self.phases else 0] = self.used
-        self.used += 1
-        return self.used - 1
+
+def _times(first, second, shift):
+    """Upper rows of the product of block triangular matrices, the second with rows and a shift."""
+    N = len(first)
+    product = first[:, :N] @ second
+    product[:, N:] += first[:, N:] @ shift
+    return product
+
+
+def tabulate(linear, channels, longest, stiffest=0.0):
+    """Step tables of a contact state.
+
+    Parameters
+    ----------
+    channels : C, of the inputs.
+    longest : s, step of level 0.
+    stiffest : rad/s, in any contact state: after an event steps grow from a fraction of its period.
+    """
+    A, N = linear.A.astype(float), len(linear.A)
+    values = np.linalg.eigvals(A)
+    fastest, largest = max(np.abs(values.imag).max(initial=0.0), 1e-300), np.abs(values).max()
+    usual = min(_halvings(longest * STEPS_A_PERIOD * fastest / (2 * np.pi)), LEVELS - 20)
+    finest = min(max(_halvings(longest * largest / 0.05), usual + 9), LEVELS - 10)
+    first = min(max(_halvings(longest * max(largest, stiffest) * 2), usual), finest)
+    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    short = min(max(_halvings(longest * np.linalg.norm(balanced, 1) / 0.5), usual), LEVELS - 1)
+    kind = np.longdouble if short - usual > LONG else float
+    rates, shift = (part.astype(kind) * (longest * 2.0**-short) for part in _generator(linear, channels, longest))
+    whole = np.append(scale, np.ones(len(shift)))
+    rates *= whole / scale[:, None]  # by powers of two
+    powers, shifts = [rates], [shift.astype(float)]
+    for k in range(2, TAYLOR):
+        powers.append(_times(powers[-1], rates, shift) / k)
+        shifts.append(shifts[-1] @ shifts[0] / k)
+    end = min(max(short, finest + 9), LEVELS - 1) + 1
+    tables = np.empty((end - usual, rates.shape[1], N))
+    total, shift = sum(reversed(powers)), sum(reversed(shifts))
+    for level in range(short, usual - 1, -1):
+        tables[level - usual] = total.T
+        total, shift = 2 * total + _times(total, total, shift), 2 * shift + shift @ shift
+    shares = 2.0 ** -np.outer(np.arange(1, end - short), np.arange(1, TAYLOR))
+    tables[short + 1 - usual :] = np.tensordot(shares, np.array([power.T for power in powers], dtype=float), 1)
+    tables *= scale / whole[:, None]
+    return State(
+        longest,
+        usual,
+        first,
+        finest,
+        tables,
+        np.ascontiguousarray(A.T),
+        np.ascontiguousarray(linear.B.T, dtype=float),
+        _looks(linear, channels),
+        len(linear.guards),
+        len(linear.watches),
+    )
+
+
+def shortly(linear, inputs, longest, y):
+    """(N + U,) state and inputs a little after t = 0, in one contact state."""
+    state = tabulate(linear, inputs.count, longest)
+    start, point, dt = _point(state), _point(state), longest * 2.0**-state.finest
+    start.x[: len(y)] = y
+    _advance(state, inputs, state.finest, 0.0, dt, dt, start, point)
+    return point.whole
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The motion up to ``end``, or up to the stop before it where the work was limited."""
+    """The motion up to ``reached``, where the last stop or the work ended it."""
 
     time: np.ndarray  # (nt,)
     y: np.ndarray  # (nt, N)
@@ -645,98 +561,42 @@ class Motion:
     event_contact: np.ndarray
     event_phase: np.ndarray
     largest: np.ndarray  # (nt, W) of the watched quantities until then
-    steps: int
-    reached: float  # s, where the work or the last stop ended it
 
 
-ORDER = (
-    "F",
-    "A",
-    "B",
-    "guards",
-    "contact",
-    "following",
-    "reset",
-    "reset_y",
-    "reset_u",
-    "guard_y",
-    "guard_u",
-    "rate_y",
-    "rate_u",
-    "roughness",
-    "watch_y",
-    "watch_u",
-    "watch_rate_y",
-    "watch_rate_u",
-    "watched",
-    "usual",
-    "finest",
-    "bottom",
-    "first_level",
-)
-
-
-def integrate(build, count, phase_counts, inputs, longest, start, phases, stops, watches, most_steps, stiffest):
-    """March from a start through the stops, building contact states as they are visited.
+def integrate(build, inputs, longest, start, phases, stops, most_steps, stiffest):
+    """March from a start through the stops, tabulating contact states as they are visited.
 
     Parameters
     ----------
     build : phases -> `Linear`.
-    count : N. ``phase_counts`` : number of phases of each contact.
-    longest : s, longest step. ``stops`` : (nt,) increasing times that are landed on; breaks of the inputs among them.
-    watches : number of quantities whose maxima are sought. ``stiffest`` : rad/s, the largest frequency of any state.
+    longest : s, longest step.
+    stops : (nt,) increasing times that are landed on; breaks of the inputs among them.
+    stiffest : rad/s, the largest frequency of any state.
     """
-    tables = Tables(count, inputs, longest, tuple(phase_counts), stiffest)
-    phases = np.array(phases, dtype=np.int64)
-    y = np.array(start, dtype=float)
-    packed = inputs.packed
-    out_y, out_phase = np.empty((stops.size, count)), np.empty((stops.size, phases.size), dtype=np.int64)
-    out_best = np.empty((stops.size, watches))
-    ev_time, ev_contact, ev_phase = (
-        np.empty(MOST_EVENTS),
-        np.empty(MOST_EVENTS, np.int64),
-        np.empty(MOST_EVENTS, np.int64),
-    )
-    best = np.full(watches, -np.inf)
-    t, done, events, steps = 0.0, 0, 0, 0
-    state = tables.add(tuple(phases), build(tuple(phases)))
+    phases, states, walk, events = list(phases), {}, None, []
+    out_phase = np.empty((stops.size, len(phases)), dtype=np.int64)
+    t, done = 0.0, 0
     while True:
-        code, t, state, done, events, more = march(
-            *(tables.arrays[name] for name in ORDER),
-            tables.index,
-            tables.radix,
-            packed,
-            longest,
-            t,
-            y,
-            state,
-            phases,
-            True,
-            stops,
-            done,
-            out_y,
-            out_phase,
-            out_best,
-            most_steps - steps,
-            MOST_EVENTS,
-            ev_time,
-            ev_contact,
-            ev_phase,
-            events,
-            best,
-        )
-        steps += more
-        if code != NEED:
+        key = tuple(phases)
+        if key not in states:
+            linear = build(key)
+            states[key] = linear, tabulate(linear, inputs.count, longest, stiffest)
+        linear, state = states[key]
+        if walk is None:
+            N, W = len(linear.A), len(linear.watches)
+            best, outputs = np.full(W, -np.inf), (np.empty((stops.size, N)), np.empty((stops.size, W)))
+            walk = Walk(np.array(start, dtype=float), stops, best, *outputs)
+        before = done
+        t, done, steps, guard = march(state, inputs, walk, t, done, most_steps)
+        out_phase[before:done] = key
+        most_steps -= steps
+        if guard < 0 or len(events) == MOST_EVENTS:
             break
-        state = tables.add(tuple(phases), build(tuple(phases)))
-    return Motion(
-        stops[:done],
-        out_y[:done],
-        out_phase[:done],
-        ev_time[:events],
-        ev_contact[:events],
-        ev_phase[:events],
-        out_best[:done],
-        steps,
-        t,
-    )
+        entry, contact = linear.reset[guard], linear.contact[guard]
+        if entry >= 0:
+            walk.y[entry] = linear.resets[guard] @ np.append(walk.y, inputs.at(t))
+        phases[contact] = int(linear.following[guard])
+        events.append((t, contact, phases[contact]))
+    times, contacts, following = zip(*events, strict=True) if events else ((), (), ())
+    whole = np.array(contacts, dtype=np.int64), np.array(following, dtype=np.int64)
+    return Motion(stops[:done], walk.out_y[:done], out_phase[:done], np.array(times), *whole, walk.out_best[:done])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from dense_stepper import EPS, Inputs, Linear, integrate
+from dense_stepper import EPS, Inputs, Linear, integrate, shortly
 from independent import Beam
 from own_laws import Bent, Branch, Curve, Pad, RigidFriction, SpringFriction, TableStop
 from scipy.interpolate import CubicSpline, PPoly
@@ -414,7 +414,7 @@ def pieces(spline, quantity, start=(0.0, 0.0), kink=True):
     most = max(curve.c.shape[0] for curve in curves)
     table = np.array([np.vstack([np.zeros((most - curve.c.shape[0], curve.c.shape[1])), curve.c]) for curve in curves])
     empty = np.zeros((len(curves), 0))
-    return Inputs(3, np.zeros(1), np.zeros(0), empty, empty, spline.x, table, tuple(spline.x[1:-1]))
+    return Inputs(3, np.zeros(1), np.zeros(0), empty, empty, spline.x, table, spline.x[1:-1])
 
 
 def _from(curve, value):
@@ -466,10 +466,10 @@ def inputs_of(case, duration):
         return sines(columns[0], 2 * np.pi * np.array(columns[1]), columns[2], quantity)
     if kind == "step":
         numbers = np.array([spec["level"], spec.get("time", 0.0)])
-        return Inputs(1, numbers, np.zeros(0), empty, empty, np.zeros(2), np.zeros((C, 1, 1)), (numbers[1],))
+        return Inputs(1, numbers, np.zeros(0), empty, empty, np.zeros(2), np.zeros((C, 1, 1)), numbers[1:])
     if kind == "half_sine":
         numbers = np.array([spec["level"], spec.get("time", 0.0), spec["duration"]])
-        breaks = (numbers[1], numbers[1] + numbers[2])
+        breaks = np.cumsum(numbers[1:])
         return Inputs(2, numbers, np.zeros(0), empty, empty, np.zeros(2), np.zeros((C, 1, 1)), breaks)
     if kind == "swept_sine":
         rate = float(spec["rate"].split()[0]) * np.sign(spec["to"] - spec["from"])
@@ -551,101 +551,78 @@ class Equations:
         return np.sqrt(np.max(m.omega) ** 2 + sum(c.stiffness * (c.row @ c.row) for c in m.contacts))
 
     def penetration(self, contact):
-        """Rows of delta (or stretch) and its rate over y and u."""
-        n, N, U = self.n, self.N, self.U
+        """Rows of delta (or stretch) and of its rate over y and u."""
+        n, N = self.n, self.N
         sign = -contact.sign
-        y, u, rate_y, rate_u = np.zeros(N), np.zeros(U), np.zeros(N), np.zeros(U)
-        y[:n], rate_y[n : 2 * n] = sign * contact.row / self.scale, sign * contact.row
-        u[0] = -contact.gap
-        if U == 4:
-            u[3], rate_u[2] = sign * contact.felt, sign * contact.felt
-        return y, u, rate_y, rate_u
+        row, rate = np.zeros((2, N + self.U))
+        row[:n], rate[n : 2 * n] = sign * contact.row / self.scale, sign * contact.row
+        row[N] = -contact.gap
+        if self.U == 4:
+            row[N + 3] = rate[N + 2] = sign * contact.felt
+        return row, rate
 
-    def force(self, i, phase):
-        """Rows over y and u of the force along the contact's own direction (a push, or the extra pull of a spring)."""
-        return self.combined(i, self.model.contacts[i].of.force(phase))
-
-    def combined(self, i, row):
-        """Rows over y and u of a row of a contact's penetration, its rate, 1 and its own states."""
-        y, u, rate_y, rate_u = self.penetration(self.model.contacts[i])
-        y, u = row[0] * y + row[1] * rate_y, row[0] * u + row[1] * rate_u
-        u[0] += row[2]
-        y[self.inside[i]] += row[3:] / self.scale
-        return y, u
+    def combined(self, i, of_law):
+        """Row over y and u of a row of a contact's penetration, its rate, 1 and its own states."""
+        row, rate = self.penetration(self.model.contacts[i])
+        row = of_law[0] * row + of_law[1] * rate
+        row[self.N] += of_law[2]
+        row[self.inside[i]] += of_law[3:] / self.scale
+        return row
 
     def linear(self, phases):
         """The equations of one contact state."""
-        m, n, N, U, s = self.model, self.n, self.N, self.U, self.scale
+        m, n, N, s = self.model, self.n, self.N, self.scale
         # in extended precision: a stiff stop acts along its own row alone, to more than the round-off of its stiffness
-        A, B = np.zeros((N, N), dtype=np.longdouble), np.zeros((N, U), dtype=np.longdouble)
-        A[:n, n : 2 * n] = s * np.eye(n)
-        A[n : 2 * n, :n] = -np.diag(m.omega**2) / s
-        A[n : 2 * n, n : 2 * n] = -m.damping
-        B[n : 2 * n, 0] = m.constant
-        B[n : 2 * n, 1:] = m.loads.T
+        rates = np.zeros((N, N + self.U), dtype=np.longdouble)
+        rates[:n, n : 2 * n] = s * np.eye(n)
+        rates[n : 2 * n, :n] = -np.diag(m.omega**2) / s
+        rates[n : 2 * n, n : 2 * n] = -m.damping
+        rates[n : 2 * n, N] = m.constant
+        rates[n : 2 * n, N + 1 :] = m.loads.T
         for i, phase in enumerate(phases):
             c = m.contacts[i]
-            y, u = self.force(i, phase)
             direction = np.asarray(c.sign * c.row, dtype=np.longdouble)
-            A[n : 2 * n] += np.outer(direction, y)
-            B[n : 2 * n] += np.outer(direction, u)
-        for i, phase in enumerate(phases):
-            c, part = m.contacts[i], self.inside[i]
-            for k, row in enumerate(c.of.rates(phase)):
-                y, u = self.combined(i, row)
-                A[part.start + k], B[part.start + k] = s * y, s * u
+            rates[n : 2 * n] += np.outer(direction, self.combined(i, c.of.force(phase)))
+            for k, row in enumerate(c.of.rates(phase), self.inside[i].start):
+                rates[k] = s * self.combined(i, row)
         holding = {}
         stuck = [i for i, phase in enumerate(phases) if isinstance(m.contacts[i].of, RigidFriction) and phase == 0]
         if stuck:  # no acceleration along their rows
             rows = np.array([m.contacts[i].row for i in stuck])
-            share = np.linalg.solve(rows @ rows.T, rows)
-            force_y, force_u = (share @ matrix[n : 2 * n].astype(float) for matrix in (A, B))
-            A[n : 2 * n] -= rows.T @ force_y
-            B[n : 2 * n] -= rows.T @ force_u
-            holding = {i: (force_y[k], force_u[k]) for k, i in enumerate(stuck)}
+            forces = np.linalg.solve(rows @ rows.T, rows) @ rates[n : 2 * n].astype(float)
+            rates[n : 2 * n] -= rows.T @ forces
+            holding = dict(zip(stuck, forces, strict=True))
         guards = [guard for i, phase in enumerate(phases) for guard in self.guards(i, phase, holding.get(i))]
-        watches = self.watches(phases)
-        G = len(guards)
-        table = [np.array([g[k] for g in guards]).reshape(G, -1) for k in (0, 1, 5, 6)]
-        numbers = [np.array([g[k] for g in guards], dtype=np.int64) for k in (2, 3, 4)]
-        return Linear(
-            A, B, table[0].reshape(G, N), table[1].reshape(G, U), *numbers, table[2].reshape(G, N),
-            table[3].reshape(G, U),
-            np.array([w[0] for w in watches]), np.array([w[1] for w in watches]),
-        )  # fmt: skip
+        rows, *numbers, resets = zip(*guards, strict=True) if guards else ((),) * 5
+        numbers = (np.array(number, dtype=np.int64) for number in numbers)
+        rows, resets = (np.reshape(row, (-1, N + self.U)) for row in (rows, resets))
+        return Linear(rates[:, :N], rates[:, N:], rows, *numbers, resets, self.watches(phases))
 
     def guards(self, i, phase, holding=None):
-        """(row over y, over u, contact, next phase, entry reset, its row over y, over u) of each guard of a contact."""
+        """(row over y and u, contact, next phase, entry that starts anew, row of its value) of each of its guards."""
         c = self.model.contacts[i]
-        nothing = (-1, np.zeros(self.N), np.zeros(self.U))
-        one = np.eye(self.U)[0]
-        late = self.late * np.linalg.norm(c.row) * one
+        nothing, one = np.zeros(self.N + self.U), np.eye(self.N + self.U)[self.N]
         if holding is not None:  # the force that rigid friction resists with
             limit = c.of.static_limit * one
-            return [
-                (-sign * holding[0], limit - sign * holding[1], i, k, *nothing) for k, sign in ((1, 1.0), (2, -1.0))
-            ]
+            return [(limit - sign * holding, i, k, -1, nothing) for k, sign in ((1, 1.0), (2, -1.0))]
         found = []
+        late = self.late * np.linalg.norm(c.row) * one
         for leave in c.of.exits(phase):
-            row_y, row_u = self.combined(i, leave.row)
-            start = nothing
+            entry, value = -1, nothing
             if leave.state >= 0:
-                value = self.combined(i, leave.value)
-                start = (self.inside[i].start + leave.state, *(self.scale * row for row in value))
-            found.append((row_y, row_u + leave.late * late, i, leave.following, *start))
+                entry, value = self.inside[i].start + leave.state, self.scale * self.combined(i, leave.value)
+            found.append((self.combined(i, leave.row) + leave.late * late, i, leave.following, entry, value))
         return found
 
     def watches(self, phases):
         """Rows of what is sought the maximum of: each probe's displacement up and down, each one-sided force."""
         rows = []
         for row in self.model.probes.values():
-            whole = np.zeros(self.N)
+            whole = np.zeros(self.N + self.U)
             whole[: self.n] = row / self.scale
-            rows += [(whole, np.zeros(self.U)), (-whole, np.zeros(self.U))]
-        for i, c in enumerate(self.model.contacts):
-            if c.of.pushes:
-                rows.append(self.force(i, phases[i]))
-        return rows
+            rows += [whole, -whole]
+        contacts = enumerate(self.model.contacts)
+        return np.array(rows + [self.combined(i, c.of.force(phases[i])) for i, c in contacts if c.of.pushes])
 
     def start(self):
         m = self.model
@@ -655,50 +632,31 @@ class Equations:
 
     def starting_phases(self, longest):
         """From the penetration; where that is zero, from the motion a little later, the contact being open."""
-        from dense_stepper import ORDERS, Tables, _inputs, _step
+        m, y, close = self.model, self.start(), []
 
-        y, m = self.start(), self.model
-        u, packed = np.empty(self.U), m.inputs.packed
-        _inputs(*packed, 0.0, u)
-
-        def phases_of(y, u, undecided):
+        def phases_of(whole):
             found = []
             for i, c in enumerate(m.contacts):
-                row_y, row_u, rate_y, rate_u = self.penetration(c)
-                value = float(row_y @ y + row_u @ u)
-                size = float(np.abs(row_y) @ np.abs(y) + np.abs(row_u) @ np.abs(u))
-                near = [abs(value - knot) - 1e-13 * abs(knot) <= 1e-13 * size for knot in c.of.knots]
-                found.append(c.of.phase_at(value, float(rate_y @ y + rate_u @ u)))
-                if undecided is None and any(near):
+                row, rate = self.penetration(c)
+                value, size = float(row @ whole), float(np.abs(row) @ np.abs(whole))
+                if any(abs(value - knot) - 1e-13 * abs(knot) <= 1e-13 * size for knot in c.of.knots):
                     close.append(i)
+                found.append(c.of.phase_at(value, float(rate @ whole)))
             return found
 
-        close = []
-        phases = phases_of(y, u, None)
-        if not close:
-            return phases
-        tables = Tables(self.N, m.inputs, longest, tuple(c.of.phases for c in m.contacts))
-        later = list(phases)
-        for i in close:
-            if m.contacts[i].of.pushes:
-                later[i] = 0
-        tables.add(tuple(later), self.linear(later))
-        out = np.empty(self.N)
-        level = int(tables.arrays["finest"][0])
-        _step(
-            tables.arrays["F"], packed, 0, level, longest, 0.0, y, np.empty((self.U - 1, ORDERS)), out,
-        )  # fmt: skip
-        _inputs(*packed, longest * 2.0**-level, u)
-        after = phases_of(out, u, ())
-        for i in close:
-            phases[i] = after[i]
+        phases = phases_of(np.append(y, m.inputs.at(0.0)))
+        if close:
+            undecided = tuple(close)
+            later = [0 if i in close and m.contacts[i].of.pushes else phase for i, phase in enumerate(phases)]
+            after = phases_of(shortly(self.linear(later), m.inputs, longest, y))
+            for i in undecided:
+                phases[i] = after[i]
         return phases
 
     def move(self, stops, longest, most_steps):
         """The motion through the stops."""
         return integrate(
-            self.linear, self.N, [c.of.phases for c in self.model.contacts], self.model.inputs, longest, self.start(),
-            self.starting_phases(longest), stops, 2 * len(self.model.probes) + self.one_sided, most_steps,
+            self.linear, self.model.inputs, longest, self.start(), self.starting_phases(longest), stops, most_steps,
             self.stiffest(),
         )  # fmt: skip
 
@@ -720,33 +678,24 @@ class Equations:
         largest = np.linalg.norm(motion.y[:, : self.n], axis=1).max(initial=0.0) / self.scale
         return Equations(replace(m, contacts=contacts, **numbers), late=ROUND_OFF * largest)
 
-    @property
-    def one_sided(self):
-        return sum(c.of.pushes for c in self.model.contacts)
-
     def displacement(self, y, probe):
         return y[..., : self.n] @ self.model.probes[probe] / self.scale
+
+    def whole(self, motion):
+        """(nt, N + U) states and inputs."""
+        return np.hstack([motion.y, np.array([self.model.inputs.at(t) for t in motion.time]).reshape(-1, self.U)])
 
     def stored(self, motion):
         """(nt,) kinetic and elastic energy, contacts included."""
         m, n = self.model, self.n
         x, v = motion.y[:, :n] / self.scale, motion.y[:, n : 2 * n]
         total = 0.5 * np.sum(v**2, axis=1) + 0.5 * np.sum((m.omega * x) ** 2, axis=1)
-        u = self.inputs_at(motion.time)
+        whole = self.whole(motion)
         for i, c in enumerate(m.contacts):
-            row_y, row_u, _, _ = self.penetration(c)
-            delta = motion.y @ row_y + u @ row_u
+            delta = whole @ self.penetration(c)[0]
             states = motion.y[:, self.inside[i]] / self.scale
             total += [c.of.stored(*each) for each in zip(motion.phases[:, i], delta, states, strict=True)]
         return total
-
-    def inputs_at(self, time):
-        from dense_stepper import _inputs
-
-        i, out = self.model.inputs, np.empty((time.size, self.U))
-        for k, t in enumerate(time):
-            _inputs(i.kind, i.numbers, i.omega, i.amplitude, i.phase, i.knots, i.polynomial, t, out[k])
-        return out
 
     def periods(self):
         """Shortest and longest period of the open structure that counts, s; the shortest of the inputs with it."""

@@ -559,7 +559,8 @@ class _Draw:
     def friction(self, case, base):
         """One or two frictions with a spring, or one that holds exactly."""
         sines = case["excitation"]["kind"] in ("none", "harmonic", "multi_tone", "forces") and not base
-        branches = any("maxwell" in s for s in (case.get("chain") or case).get("snubbers", ()))
+        springs = [*(case.get("chain") or case).get("snubbers", ()), *case.get("joints", ())]
+        branches = any("maxwell" in spring for spring in springs)
         rigid = sines and not branches and self.chance(0.5)
         found = []
         for i in range(1 if rigid else int(self.rng.integers(1, 3))):

@@ -1,6 +1,6 @@
 """The whole attack by one command: random systems, scenarios in other words, and seeded faults.
 
-    python tests/attack/run.py --systems 10000 --jobs 1 --seed 1
+    python tests/attack/run.py --systems 10000 --jobs 1 --seed 20_000_000
 
 Prints the counts for each feature and writes them to a file; exit code 1 where anything was found. What came of each
 system is written as it comes (`attack.systems.jsonl` beside `attack.json`); the same command goes on from there.
@@ -128,15 +128,20 @@ def rewritten(first, count, say):
 
 
 def main():
+    from random_systems import ASSEMBLIES, LARGE, MORE
+
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--systems", type=int, default=10_000)
     parser.add_argument("--large", type=int, default=300, help="systems of many modes")
     parser.add_argument("--rewritten", type=int, default=1000, help="scenarios that are written in other words")
     parser.add_argument("--faults", type=int, default=12, help="seeded faults of the event search, and of places")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--seed", type=int, default=1)
+    kinds = f"from {MORE} on with all laws and inputs, from {ASSEMBLIES} on of assemblies"
+    parser.add_argument("--seed", type=int, default=1, help=f"the first one; systems are {kinds}")
     parser.add_argument("--output", type=Path, default=Path("attack.json"))
     options = parser.parse_args()
+    if not 0 <= options.seed <= LARGE - options.systems:
+        parser.error(f"--seed: seeds of systems are from 0 to {LARGE - 1}; those of many modes are added by --large")
 
     begin, last = time.monotonic(), [0.0]
 
@@ -156,14 +161,12 @@ def main():
         options.output.write_text(json.dumps(record, indent=1), encoding="utf-8")
 
     file = options.output.with_suffix(".systems.jsonl")
-    from random_systems import LARGE
-
     for name, first, count in (("systems", 0, options.systems), ("large systems", LARGE, options.large)):
         if count:
-            findings = systems(first + options.seed * 1_000_000, count, options.jobs, say, file)
+            findings = systems(first + options.seed, count, options.jobs, say, file)
             keep(name, *report_systems(findings))
     if options.rewritten:
-        keep("scenarios in other words", *rewritten(options.seed * 1_000_000, options.rewritten, say))
+        keep("scenarios in other words", *rewritten(options.seed, options.rewritten, say))
     if options.faults:
         import seeded_faults
 
