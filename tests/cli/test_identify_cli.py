@@ -89,7 +89,7 @@ NONLINEAR = """\
 @pytest.fixture(scope="module")
 def history():
     scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", {"snubbers[0].gap": 1e-5})
-    harmonics = steady_vibration(scenario, harmonics=36).harmonics(0, "absolute_acceleration", 36)
+    harmonics = steady_vibration(scenario).harmonics(0, "absolute_acceleration", 36)
     time = np.arange(2000) / 5000.0
     signal = np.imag(np.exp(2j * np.pi * 65.0 * np.outer(time + 0.004, np.arange(1, 37))) @ harmonics) / 9.80665
     return time, signal + 0.01 * np.random.default_rng(0).standard_normal(time.size)

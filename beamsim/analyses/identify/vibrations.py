@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.compare.analysis import Harmonics, best_phase, harmonics_of, period_multiple
+from beamsim.analyses.continuation.paths import periodic_forcing
 from beamsim.analyses.identify.fit import (
     MOST_EVALUATIONS,
     Best,
@@ -32,10 +33,12 @@ from beamsim.analyses.identify.fit import (
 )
 from beamsim.analyses.identify.result import NonlinearEstimate, TestFit
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.periodic_flow import PeriodicForcing
+from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.extrema import Extrema
 from beamsim.flow.processor_time import processor_time
-from beamsim.flow.variational import VariationalFlow
-from beamsim.inputs.signal import Signal
+from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.variational import VariationalFlow, motion_on
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, together
@@ -95,7 +98,7 @@ def fit_nonlinear(
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
 
     fit.residuals(best.x)
-    penetration = np.array([vibration.penetration for vibration in vibrations.last])
+    penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.last])
     unknown = _unreached(scenario, fit.numbers, penetration)
     best = replace(best, x=np.where([i in unknown for i in range(len(fit.numbers))], 0.0, best.x))
     jacobian = fit.jacobian(best.x)
@@ -305,7 +308,8 @@ class _Vibrations:
                     "start from better values, or leave out tests with irregular motion",
                 )
             ) from error
-        size = max((v.largest_deflection(j) for v in self.last for j in range(len(v.system.snubbers))), default=1e-3)
+        swings = [v.extremes("displacement") for v in self.last]
+        size = max((float(half) for swing in swings for half in 0.5 * (swing.high - swing.low)), default=1e-3)
         self.numbers = [replace(number, shift=max(0.3 * size, abs(number.start))) if number.is_gap else number
                         for number in self.numbers]  # fmt: skip
 
@@ -315,7 +319,7 @@ class _Vibrations:
         for t, (test, case) in enumerate(zip(self.tests, self.cases, strict=True)):
             count, guess = test.harmonics.order.size, self.guesses[t].start if self.guesses else None
             vibration = steady_vibration(
-                varied(case, self.numbers, x), guess, multiple=test.multiple, harmonics=count, shared=self.shared
+                varied(case, self.numbers, x), guess, multiple=test.multiple, shared=self.shared
             )
             self.responses += 1
             harmonics = vibration.harmonics(test.probe_index, test.quantity, count)
@@ -420,7 +424,6 @@ def _test_fit(test: _Test, before: tuple[Complexes, float], predicted: tuple[Com
     )
 
 
-_SAMPLES = 512  # of a period, for the harmonics of the displacement
 _SETTLE = 300  # most periods of transient
 
 
@@ -429,13 +432,10 @@ class SteadyVibration:
     """A periodic response with the period of its excitation, or several of these."""
 
     system: StructuralSystem
-    omega: float  # rad/s, of the response
-    multiple: int  # periods of the excitation in one of the response
+    motion: Trajectory  # over one period of the response
     start: Floats  # (N,) state at t = 0, initial guess for neighbouring parameters
-    coordinates: Complexes  # (h, n) harmonics 1 to h of q: q = Im sum c_k e^{i k omega t}
     touching: bool  # whether contact is made and lost
     residual: float  # of periodicity, against the motion's size
-    penetration: Floats  # (m,) largest one of each contact, at samples and events, m
 
     def harmonics(self, probe: int, quantity: str, count: int) -> Complexes:
         """The first harmonics of a quantity of a probe.
@@ -451,43 +451,31 @@ class SteadyVibration:
         (count,) array
             Zero to peak in m, m/s or m/s^2, as sines in the time of the excitation.
         """
-        order = np.arange(1, count + 1)
-        value = self.coordinates[:count] @ self.system.probes[probe].shape.astype(complex)
-        if quantity == "velocity":
-            return np.asarray(1j * order * self.omega * value)
-        if quantity == "absolute_acceleration":
-            value = -((order * self.omega) ** 2) * value
-            value[self.multiple - 1] += self.system.carried[probe] * _amplitude(self.system.base_acceleration)
-        elif quantity == "absolute_displacement":
-            value = value.copy()
-            value[self.multiple - 1] += self.system.carried[probe] * _amplitude(self.system.base_displacement)
-        return np.asarray(value)
+        exact, period, name = self.motion.flow, self.motion.end, self.system.probes[probe].name
+        omega = 2 * np.pi / period * np.arange(1.0, count + 1.0)
+        if quantity == "absolute_displacement":
+            return self.harmonics(probe, "absolute_acceleration", count) / -(omega**2)
+        channel = self.system.channels.of_keys(("probes", quantity)).only(lambda each: each.name == name)
+        table = exact.output_table(outputs_of(exact, channel.linear))
+        # Re sum X e^{i k w t} = Im sum (i X) e^{i k w t}
+        return np.asarray(2j / period * fourier_integrals(self.motion, table, omega)[0])
 
-    def largest_deflection(self, snubber: int) -> float:
-        """Sum of the harmonics' amplitudes of the deflection at a snubber, m."""
-        shape = self.system.dynamics.contacts.shape[snubber]
-        return float(np.abs(self.coordinates @ shape.astype(complex)).sum())
+    def extremes(self, quantity: str) -> Extrema:
+        """Those of a quantity of every snubber over the period."""
+        channels = self.system.channels.of_keys(("snubbers", quantity))
+        return Observed(self.motion.flow, channels).extrema(self.motion)
 
 
 def steady_vibration(
-    scenario: Scenario,
-    guess: Floats | None = None,
-    *,
-    multiple: int = 1,
-    harmonics: int = 16,
-    shared: SharedBuilds | None = None,
+    scenario: Scenario, guess: Floats | None = None, *, multiple: int = 1, shared: SharedBuilds | None = None
 ) -> SteadyVibration:
     """The periodic response, by Newton's method on the exact flow with its exact monodromy matrix.
-
-    Harmonics of accelerations are taken from those of the displacement, which fall two orders faster, so that a
-    jump in the contact force costs no accuracy.
 
     Parameters
     ----------
     scenario : with a harmonic excitation, without cubic springs.
     guess : state at t = 0 of a neighbouring response.
     multiple : periods of the excitation in one of the response.
-    harmonics : number wanted.
     shared : keeps what was built for scenarios with the same structure.
 
     Returns
@@ -502,8 +490,9 @@ def steady_vibration(
     system = build_system(scenario, shared, recovered=False)
     if system.cubic.count:
         raise UnpredictableError("cubic springs have no exact flow")
-    omega = 2 * np.pi * system.excitation_frequency_hz
-    flow = VariationalFlow(system.dynamics, _periodic(system, omega), omega, 1.0)
+    assert isinstance(scenario.excitation, Harmonic)
+    omega = 2 * np.pi * scenario.excitation.frequency
+    flow = VariationalFlow(system.dynamics, periodic_forcing(scenario, system), omega, scenario.excitation.level)
     problem = ForcedOrbits(flow, "level", multiple=multiple)
     try:
         fits = guess is not None and guess.size == flow.size
@@ -517,34 +506,10 @@ def steady_vibration(
             f"no vibration that repeats after {counted(multiple, 'period')} of the excitation "
             f"({system.excitation_frequency_hz:g} Hz) was found"
         )
-    passage = point.data
-    omega, samples = omega / multiple, _SAMPLES * multiple
-    times = np.arange(samples, dtype=np.float64) * (2 * np.pi / omega / samples)
-    states = flow.states_at(passage, np.asarray(times, dtype=np.float64))
-    n = system.dynamics.size
-    # q = Re sum X e^{i k w t} = Im sum (i X) e^{i k w t}
-    spectrum = 1j * np.fft.rfft(states[:, :n], axis=0)[1 : harmonics + 1] * (2.0 / samples)
-    at = np.concatenate([times, passage.time])
-    penetration = flow.penetration_of(np.concatenate([states, passage.y]), at)[0].max(axis=0)
-    return SteadyVibration(
-        system, omega, multiple, point.u[:-1], spectrum, passage.event_time.size > 0, point.residual, penetration
-    )
-
-
-def _periodic(system: StructuralSystem, omega: float) -> PeriodicForcing:
-    """The loads of a system under one harmonic, as a phasor: sin(w t + p) is Re(-i e^{i p} e^{i w t})."""
-    force = np.zeros(system.dynamics.size, dtype=complex)
-    for load, signal in zip(system.forcing.load, system.forcing.signal, strict=True):
-        force += load * signal.coefficient[0, 0, 0]
-    base = np.zeros(1, dtype=complex)
-    if system.forcing.base_displacement is not None:
-        base[0] = system.forcing.base_displacement.coefficient[0, 0, 0]
-    return PeriodicForcing(np.ones(1, dtype=np.int64), force[None, :], np.zeros(1), base, np.zeros(1), omega)
-
-
-def _amplitude(signal: Signal | None) -> complex:
-    """Of a harmonic signal: c with signal = Im(c e^{i w t})."""
-    return 0j if signal is None else complex(1j * signal.coefficient[0, 0, 0])
+    base = () if system.base_acceleration is None else (system.base_acceleration,)
+    exact = ExactFlow(system.dynamics, system.forcing, point.data.duration, base)
+    motion = motion_on(exact, point.data)
+    return SteadyVibration(system, motion, point.u[:-1], point.data.event_time.size > 0, point.residual)
 
 
 def _unreached(scenario: Scenario, numbers: Sequence[Sought], penetration: Floats) -> dict[int, str]:
@@ -554,7 +519,7 @@ def _unreached(scenario: Scenario, numbers: Sequence[Sought], penetration: Float
     ----------
     scenario : of which the parameters are numbers.
     numbers : the parameters.
-    penetration : (tests, m) the largest penetration of each contact, m.
+    penetration : (tests, snubbers) the largest penetration of each, m.
 
     Raises
     ------
