@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,33 +49,37 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
     -------
     DesignsResult
     """
-    count = plan.realisations.count
+    realisations = plan.study.realisations
+    count, shape = realisations.count, (*plan.shape, realisations.count)
     realised = _responses(plan, outcomes)
     responses = {
         name: replace(response, values=np.take(response.values, 0, axis=len(plan.shape)).copy())
         for name, response in realised.items()
     }
-    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
-    margins, where, meets = _margins(plan, realised, limits, outcomes)
     known, solved = np.zeros((2, len(plan.cases)), dtype=bool)
     known[list(outcomes)] = True
     solved[[number for number, outcome in outcomes.items() if outcome.outcome.complete]] = True
     solved = solved.reshape(-1, count).all(axis=1).reshape(plan.shape)
     missing = int(np.sum(~known.reshape(-1, count).all(axis=1)))
     failures = _failures(plan, outcomes)
-    met = [(of.verdict == OnLimit.MET).reshape(plan.shape) for of in where.values()]
-    passing = np.logical_and.reduce([solved, *met]) & (len(where) == len(limits))
-    objective = Objective.of(plan.scenario.vary)
-    values, unknown = None, False
-    if objective.response:
-        values = objective.values(realised, (*plan.shape, count), plan.realisations.quantile)
-        unknown = values is None
+    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
+    margins, worst, met, meets = _margins(plan, realised, limits, outcomes)
+    passing = solved & met
+    objective, values = Objective.of(plan.scenario.vary), None
+    asked = [r for r in responses_of(realised, objective.response) if is_scalar(r, shape)]
+    unknown = bool(objective.response) and not asked
+    if objective.response and asked:
+        values, _ = worst_of(asked, large_is_good=objective.largest)
+        values = values[judging(values, count, realisations.quantile, large_is_good=objective.largest)]
     chosen = plan.kind not in SAMPLES or bool(objective.response)  # the best of many parts is no choice
     best = best_cases(values, margins, passing, largest=objective.largest) if chosen and not unknown else []
     shares = meets.mean(axis=-1) if limits and count > 1 else None
     sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
-    scalar = {name: r for name, r in realised.items() if is_scalar(r, (*plan.shape, count))} if count > 1 else {}
-    stored = {name: RealisedResponse(**vars(response)) for name, response in scalar.items()}
+    stored = {
+        name: RealisedResponse(**vars(response))
+        for name, response in realised.items()
+        if count > 1 and is_scalar(response, shape)
+    }
     return DesignsResult(
         scenario=plan.scenario,
         analysis=plan.study.analysis,
@@ -88,7 +92,7 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
         limits=limits,
         passing=passing if limits else None,
         passing_share=shares,
-        tolerances=plan.realisations.tolerances(),
+        tolerances=realisations.tolerances(),
         realised=stored,
         sensitivity=sensitivity,
         failures=failures,
@@ -110,9 +114,9 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
              "parameters": _named(plan, item["case"])}
             for item in best
         ] or None,
-        tolerances=_tolerances(plan.realisations),
+        tolerances=_tolerances(realisations),
         scatter=_scatter(stored, best, solved.size, count),
-        margins=_worst_margins(plan, margins, where, limits) if limits else None,
+        margins=worst if limits else None,
         sensitivity={item.name: _by_parameter(plan, item) for item in sensitivity} or None,
         processor_time_s=sum(outcome.processor_time_s for outcome in outcomes.values()),
     )  # fmt: skip
@@ -127,7 +131,7 @@ def _responses(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> dict[st
                 columns[name] = np.full((len(plan.cases), *np.shape(value)), np.nan)
             columns[name][index] = value
     units = output_units(plan.scenario)
-    shape = (*plan.shape, plan.realisations.count)
+    shape = (*plan.shape, plan.study.realisations.count)
     return {
         name: Response(name, column.reshape(shape + column.shape[1:]), *describe(name, units))
         for name, column in columns.items()
@@ -136,7 +140,7 @@ def _responses(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> dict[st
 
 def _about_tables(plan: DesignPlan, responses: Mapping[str, Response]) -> list[str]:
     """Stops that some case presses further than their tables go, where all cases have the same tables."""
-    varied = [*(c.path for c in plan.coordinates), *(p.number.path for p in plan.realisations.parameters)]
+    varied = [*(c.path for c in plan.coordinates), *(p.number.path for p in plan.study.realisations.parameters)]
     if any("force_deflection" in path for path in varied):
         return []
     forces = [{r.name.split("/")[-2]: r.values} for r in responses_of(responses, "peak_force")]
@@ -148,7 +152,7 @@ def _failures(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> tuple[Ca
     first: dict[int, CaseFailure] = {}
     for index in sorted(outcomes):
         if not outcomes[index].outcome.complete:
-            case = index // plan.realisations.count
+            case = index // plan.study.realisations.count
             first.setdefault(case, CaseFailure(case, plan.cases[index].values, outcomes[index].outcome))
     return tuple(first.values())
 
@@ -173,13 +177,13 @@ def _scatter(
     if not realised or not (best or cases == 1):
         return None
     case = int(best[0]["case"]) if best else 0
-    ranges = {}
-    for name, response in realised.items():
-        values = response.values.reshape(-1, count)[case]
-        known = values[np.isfinite(values)]
-        if known.size:
-            extremes = {"smallest": float(known.min()), "largest": float(known.max())}
-            ranges[name] = {"nominal": float(values[0]), **extremes, **_quantiles(known)}
+    rows = {name: response.values.reshape(-1, count)[case] for name, response in realised.items()}
+    known = {name: values[np.isfinite(values)] for name, values in rows.items()}
+    ranges = {
+        name: {"nominal": float(rows[name][0]), "smallest": float(values.min()), "largest": float(values.max()),
+               **_quantiles(values)}
+        for name, values in known.items() if values.size
+    }  # fmt: skip
     return {"case": case, "responses": ranges}
 
 
@@ -224,16 +228,6 @@ def _about_seeds(plan: DesignPlan) -> list[str]:
     ]
 
 
-class Deciding(NamedTuple):
-    """What determines the margin of a limit in every case, one after the other."""
-
-    value: Floats
-    lowest: Floats  # less its change with a finer model
-    highest: Floats  # plus its change
-    place: NDArray[np.str_]
-    verdict: NDArray[np.str_]  # `OnLimit`
-
-
 def _ranges(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], limit: str, value: Floats) -> Floats:
     """(2, cases and realisations) the values of a limit less and plus their changes, where these are known."""
     ranges = np.array([value.ravel(), value.ravel()])
@@ -248,55 +242,41 @@ def _margins(
     realised: Mapping[str, Response],
     limits: Mapping[str, float],
     outcomes: Mapping[int, CaseOutcome],
-) -> tuple[dict[str, Response], dict[str, Deciding], Bools]:
-    """Margin of every case, what determines it, and which realisations meet all limits."""
-    margins, where = {}, {}
-    shape = (*plan.shape, plan.realisations.count)
-    meets = np.ones(shape, dtype=bool)
+) -> tuple[dict[str, Response], dict[str, Any], Bools, Bools]:
+    """Margin of every case, those of the worst cases for the summary, and which cases and realisations meet all limits.
+
+    A case meets a limit if it surely does, with the change of its value by a finer model.
+    """
+    margins, summary = {}, {}
+    shape, quantile = (*plan.shape, plan.study.realisations.count), plan.study.realisations.quantile
+    met, meets = np.ones(plan.shape, dtype=bool), np.ones(shape, dtype=bool)
     for name, limit in limits.items():
         compared = [r for r in responses_of(realised, limited_response(name)) if is_scalar(r, shape)]
-        if not compared:  # a limit that nothing is compared with is not met
-            unknown = np.full(plan.shape, math.nan)
-            margins[name] = Response(name, unknown, "1", f"limits.{name} / value - 1")
-            meets[:] = False
-            continue
-        worst, decisive = worst_of(compared, large_is_good=False)
-        ranges = _ranges(plan, outcomes, name, worst)
-        meets &= (ranges[1] <= limit).reshape(shape)
-        rows = worst.reshape(-1, shape[-1])
-        deciding = judging(rows, plan.realisations.quantile, large_is_good=False)
-        chosen = np.arange(len(rows)) * shape[-1] + deciding
-        low, high = ranges[:, chosen]
-        verdicts = np.array([on_limit(a, b, limit) for a, b in zip(low.tolist(), high.tolist(), strict=True)])
-        place = np.array([r.place for r in compared])[decisive[chosen]]
-        where[name] = Deciding(worst[chosen], low, high, place, verdicts)
-        margin = np.array([margin_of(limit, float(value)) for value in worst[chosen]]).reshape(plan.shape)
+        margin = np.full(plan.shape, math.nan)
+        if compared:
+            values, decisive = worst_of(compared, large_is_good=False)
+            ranges = _ranges(plan, outcomes, name, values)
+            meets &= (ranges[1] <= limit).reshape(shape)
+            chosen = judging(values, shape[-1], quantile, large_is_good=False)
+            value, (low, high) = values[chosen], ranges[:, chosen]
+            verdicts = np.array([on_limit(a, b, limit) for a, b in zip(low.tolist(), high.tolist(), strict=True)])
+            met &= (verdicts == OnLimit.MET).reshape(plan.shape)
+            margin = np.array([margin_of(limit, each) for each in value.tolist()]).reshape(plan.shape)
+        else:  # a limit that nothing is compared with is not met
+            met[:], meets[:] = False, False
         margins[name] = Response(name, margin, "1", f"limits.{name} / value - 1")
-    return margins, where, meets
-
-
-def _worst_margins(
-    plan: DesignPlan,
-    margins: Mapping[str, Response],
-    where: Mapping[str, Deciding],
-    limits: Mapping[str, float],
-) -> dict[str, Any]:
-    summary = {}
-    for name, response in margins.items():
-        flat = response.values.ravel()
-        if name not in where or not np.any(np.isfinite(flat) | np.isposinf(flat)):
-            continue
-        case = int(np.nanargmin(flat))
-        of = where[name]
-        summary[name] = {
-            **margins_of(plan.scenario.limits, {name: (float(of.value[case]), str(of.place[case]))})[name],
-            "lowest": float(np.nanmax(of.lowest)),  # a limit is exceeded in all cases if it is in one
-            "highest": float(np.nanmax(of.highest)),
-            "case": case,
-            "parameters": _named(plan, case),
-            "cases_exceeding": int(np.sum(of.verdict == OnLimit.EXCEEDED)),
-        }
-    return summary
+        if np.any(np.isfinite(margin) | np.isposinf(margin)):
+            case = int(np.nanargmin(margin))
+            at = compared[decisive[chosen[case]]].place
+            summary[name] = {
+                **margins_of(plan.scenario.limits, {name: (float(value[case]), at)})[name],
+                "lowest": float(np.nanmax(low)),  # a limit is exceeded in all cases if it is in one
+                "highest": float(np.nanmax(high)),
+                "case": case,
+                "parameters": _named(plan, case),
+                "cases_exceeding": int(np.sum(verdicts == OnLimit.EXCEEDED)),
+            }
+    return margins, summary, met, meets
 
 
 def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, Any]:
@@ -327,7 +307,7 @@ def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, 
 
 def _named(plan: DesignPlan, case: int) -> dict[str, Value]:
     """The varied numbers of a case by path."""
-    values = plan.cases[case * plan.realisations.count].values
+    values = plan.cases[case * plan.study.realisations.count].values
     return {c.path: v for c, v in zip(plan.coordinates, values, strict=True)}
 
 

@@ -135,11 +135,6 @@ class DesignPlan:
     cases: tuple[Case, ...]
 
     @property
-    def realisations(self) -> Realisations:
-        """What each case is within tolerances."""
-        return self.study.realisations
-
-    @property
     def fingerprint(self) -> str:
         """Hash of all that the responses depend on."""
         return self.study.fingerprint

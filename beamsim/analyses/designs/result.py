@@ -292,10 +292,9 @@ class DesignsResult(Result):
         good = objective.largest and all(response.name in asked for response in responses)
         each = [self.realised.get(response.name, response) for response in responses]
         values, _ = worst_of(each, large_is_good=good)
-        rows = values.reshape(self.cases, -1)
         quantile = self.summary["tolerances"]["quantile"] if self.realised else 1.0
-        deciding = judging(rows, quantile, large_is_good=good)
-        return np.asarray(rows[np.arange(self.cases), deciding].reshape(self.shape))
+        deciding = judging(values, values.size // self.cases, quantile, large_is_good=good)
+        return np.asarray(values[deciding].reshape(self.shape))
 
 
 def responses_of(responses: Mapping[str, Response], name: str) -> list[Response]:
@@ -339,47 +338,28 @@ class Objective(NamedTuple):
             return "largest margin"
         return f"{'largest' if self.largest else 'smallest'} {self.response.replace('/', ' ').replace('_', ' ')}"
 
-    def values(self, responses: Mapping[str, Response], shape: tuple[int, ...], quantile: float = 1.0) -> Floats | None:
-        """The response at its worst known place, by which each case is judged.
 
-        Parameters
-        ----------
-        responses : by name, of all realisations.
-        shape : of their values: that of the design, then the realisations.
-        quantile : of the realisations, by which a case is judged; 1 is the worst.
-
-        Returns
-        -------
-        (cases,) array or None
-            None where no response has that name and shape.
-        """
-        asked = [r for r in responses_of(responses, self.response) if is_scalar(r, shape)]
-        if not asked:
-            return None
-        worst = worst_of(asked, large_is_good=self.largest)[0].reshape(-1, shape[-1])
-        deciding = judging(worst, quantile, large_is_good=self.largest)
-        return np.asarray(worst[np.arange(deciding.size), deciding])
-
-
-def judging(values: Floats, quantile: float, *, large_is_good: bool) -> Ints:
-    """The realisation by which each case is judged.
+def judging(values: Floats, realisations: int, quantile: float, *, large_is_good: bool) -> Ints:
+    """Which of the values each case is judged by.
 
     Parameters
     ----------
-    values : (cases, realisations).
-    quantile : of the values, from the good side.
+    values : of all realisations of each case, case after case.
+    realisations : number of them of each case.
+    quantile : of the values, from the good side; 1 is the worst.
     large_is_good : whether that is the side of large values.
 
     Returns
     -------
     (cases,) array
-        Numbers of the realisations: at the quantile, or the first one whose value is not known.
+        Numbers of the values: at the quantile, or the first one of the case that is not known.
     """
-    badness = -values if large_is_good else values
+    badness = (-values if large_is_good else values).reshape(-1, realisations)
     order = np.argsort(badness, axis=1, kind="stable")  # nan comes last
-    place = math.ceil(quantile * (values.shape[1] - 1))
+    place = math.ceil(quantile * (realisations - 1))
     unknown = np.isnan(badness)
-    return np.where(unknown.any(axis=1), unknown.argmax(axis=1), order[:, place])
+    deciding = np.where(unknown.any(axis=1), unknown.argmax(axis=1), order[:, place])
+    return np.asarray(np.arange(deciding.size) * realisations + deciding)
 
 
 def worst_of(responses: Sequence[Response], *, large_is_good: bool) -> tuple[Floats, Ints]:
