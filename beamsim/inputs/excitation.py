@@ -76,29 +76,6 @@ def _spectrum(
     return frequency, out
 
 
-def noise(
-    at_hz: Floats, value: Floats, period: float, rate: float, generator: np.random.Generator, gaussian: bool = False
-) -> Floats:
-    """Samples of one period of the noise.
-
-    Parameters
-    ----------
-    at_hz, value : (p,) Hz and (p,) unit^2/Hz, its density.
-    period : s.
-    rate : Hz, of the samples, rounded up to a whole number of them.
-    generator : of the phases.
-    gaussian : whether the amplitudes are random too.
-
-    Returns
-    -------
-    ndarray
-        (period times rate,) unit.
-    """
-    count = int(np.ceil(period * rate))
-    _, amplitude = _spectrum(at_hz, value, period, count, generator, gaussian)
-    return np.asarray(np.fft.irfft(0.5 * count * amplitude, count))
-
-
 def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Signal, Signal, Signal]:
     """The noise as a smooth piecewise cubic over the run, and its integrals; it does not depend on where the run ends.
 

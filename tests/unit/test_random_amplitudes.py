@@ -5,8 +5,9 @@ import pytest
 
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import plan_designs
-from beamsim.inputs.excitation import density, noise
+from beamsim.inputs.excitation import density, random_signals
 from beamsim.scenario import load_scenario
+from beamsim.scenario.excitation import RandomInput
 
 TABLE = (np.array([5.0, 20.0, 80.0]), np.array([0.01, 0.04, 0.01]))
 DURATION = 8.0
@@ -18,27 +19,34 @@ def scatter_in_theory(frequency, s):
     return 0.5 * np.sqrt(np.sum(s**2) / (DURATION * step)) / np.sum(s)
 
 
-def rms_of_seeds(count, gaussian):
-    x = (noise(*TABLE, DURATION, 400.0, np.random.default_rng(seed), gaussian) for seed in range(count))
+def noise(seed, amplitudes):
+    psd = [{"frequency": f, "density": s} for f, s in zip(*map(np.ndarray.tolist, TABLE), strict=True)]
+    given = {"applied_to": "base", "psd": psd, "sample_rate": 400.0, "seed": seed, "amplitudes": amplitudes}
+    signal = random_signals(RandomInput.model_validate(given), DURATION)[0]
+    return signal(np.arange(round(400 * DURATION)) / 400.0)
+
+
+def rms_of_seeds(count, amplitudes):
+    x = (noise(seed, amplitudes) for seed in range(count))
     return np.array([np.sqrt(np.mean(samples**2)) for samples in x])
 
 
 def test_rms_scatters_between_seeds_as_theory_says():
     expected = scatter_in_theory(f := np.linspace(0, 100, 100_001), density(f, *TABLE))
     seeds = 2000
-    rms = rms_of_seeds(seeds, gaussian=True)
+    rms = rms_of_seeds(seeds, "random")
     # the standard deviation of a sample of 2000 is known to 1.6 %
     assert rms.std() / rms.mean() == pytest.approx(expected, rel=0.06)
     total = np.sum(density(f, *TABLE)) * (f[1] - f[0])
     assert np.mean(rms**2) == pytest.approx(total, rel=4 * 2 * expected / np.sqrt(seeds))
-    fixed = rms_of_seeds(20, gaussian=False)
+    fixed = rms_of_seeds(20, "fixed")
     assert fixed.std() / fixed.mean() < 1e-9 < expected
 
 
 def test_the_density_is_kept_on_average_and_lines_are_exponentially_distributed():
     lines = []
     for seed in range(400):
-        x = noise(*TABLE, DURATION, 400.0, np.random.default_rng(seed), True)
+        x = noise(seed, "random")
         lines.append(np.abs(np.fft.rfft(x)[1:]) ** 2 * 2 * DURATION / x.size**2)
     frequency = np.arange(1, len(lines[0]) + 1) / DURATION
     inside = (frequency > 6) & (frequency < 79)

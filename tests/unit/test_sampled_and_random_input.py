@@ -8,11 +8,12 @@ from scipy.integrate import quad
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.inputs.excitation import base_motion, density, noise
+from beamsim.inputs.excitation import base_motion, density, random_signals
 from beamsim.inputs.measured import read_samples
 from beamsim.measurements.channels import channel_named, read_signals
 from beamsim.measurements.read import read_file
 from beamsim.scenario import load_scenario
+from beamsim.scenario.excitation import RandomInput
 
 G = 9.80665
 SI = {"unit": "m/s^2", "time_unit": "s"}
@@ -206,15 +207,21 @@ def test_density_between_its_points():
     np.testing.assert_allclose(density(f, *TABLE), [0, 0.01, 0.02, 0.04, 0.02, 0.01, 0])
 
 
+def noise(seed):
+    psd = [{"frequency": f, "density": s} for f, s in zip(*map(np.ndarray.tolist, TABLE), strict=True)]
+    excitation = RandomInput.model_validate({"applied_to": "base", "psd": psd, "sample_rate": 2000.0, "seed": seed})
+    return random_signals(excitation, 50.0)[0](np.arange(100_000) / 2000.0)
+
+
 def test_noise_has_the_variance_of_its_density_and_the_seed_decides():
-    x = noise(*TABLE, 50.0, 2000.0, np.random.default_rng(3))
+    x = noise(3)
     variance, _ = quad(lambda f: float(density(np.array([f]), *TABLE)[0]), 5.0, 80.0, points=[20.0], limit=200)
     assert x.var() == pytest.approx(variance, rel=2e-3)
     assert abs(x.mean()) < 1e-12
     kurtosis = np.mean(x**4) / x.var() ** 2
     assert kurtosis == pytest.approx(3.0, abs=0.15)
-    np.testing.assert_array_equal(x, noise(*TABLE, 50.0, 2000.0, np.random.default_rng(3)))
-    assert np.abs(x - noise(*TABLE, 50.0, 2000.0, np.random.default_rng(4))).max() > 0.1
+    np.testing.assert_array_equal(x, noise(3))
+    assert np.abs(x - noise(4)).max() > 0.1
 
 
 @pytest.mark.parametrize("ramp", [0.0, 0.2])

@@ -155,7 +155,7 @@ def _channel(
     frequency, values = curve.frequency_hz[rising], _detected(curve, envelope, detector, where)[rising]
     if followed:
         signal = _tracked(curve, signal, detector, tracking)
-        frequency, values = _filtered(frequency, tracking.cycles), filtered(values, tracking.cycles)
+        frequency, values = filtered(frequency, tracking.cycles), filtered(values, tracking.cycles)
     inside = (signal.x >= frequency[0]) & (signal.x <= frequency[-1])
     if np.count_nonzero(inside) < FEWEST:
         raise unusable(
@@ -207,14 +207,8 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
         turned = excitation.fundamental[some]
         # the sweep's excitation is a sine: -i as the amplitude of a cosine
         y = y * -1j * np.conj(turned) / np.maximum(np.abs(turned), 1e-300)
-    y = filtered(y, tracking.cycles)
-    x = _filtered(of.frequency_hz, tracking.cycles)
+    x, y = filtered(of.frequency_hz, tracking.cycles), filtered(y, tracking.cycles)
     return replace(signal, x=x, y=np.abs(y) if tracking.reference is None else y, of_frequency=True)
-
-
-def _filtered(frequency: Floats, cycles: int) -> Floats:
-    """Frequencies of the means over cycles."""
-    return np.asarray(filtered(frequency.astype(complex), cycles).real)
 
 
 def _detected(curve: SweepCurve, envelope: Envelope, detector: Detector, where: str) -> Complexes:
@@ -396,7 +390,7 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> Tracked:
     )
 
 
-def filtered(values: Complexes, cycles: int) -> Complexes:
+def filtered(values: Any, cycles: int) -> Any:
     """(C - N + 1,) mean over each N successive cycles."""
     return np.convolve(values, np.full(cycles, 1.0 / cycles), mode="valid") if cycles > 1 else values
 
