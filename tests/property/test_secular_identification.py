@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.stiffness import MeasuredModes, fit_stiffness, snubber_point
+from beamsim.analyses.identify.stiffness import FittedModes, fit_stiffness, snubber_point
 from beamsim.scenario import load_scenario
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.secular import SpringPoint
@@ -48,7 +48,7 @@ def test_own_frequencies_give_the_stiffness_back(point, mode, decades):
     assume(slope > 0)
     condition = omega / (k * slope)
     assume(condition < 1e11)  # else the mode sits on a node, or the spring is all but rigid or nothing: refused
-    found = fit_stiffness(point, MeasuredModes((mode,), np.array([omega]), np.zeros(1)))
+    found = fit_stiffness(FittedModes(point, (mode,), np.array([omega]), np.zeros(1)))
     assert abs(found - k) <= 1e-12 * condition * k
     assert point.mode_number(omega) == mode  # interlacing
 
@@ -68,7 +68,7 @@ def test_roots_are_those_of_an_independent_decomposition(point, decades):
 def test_the_comparison_can_fail():
     point = snubber_point(scenario_with("clamped", "free", 0.98), "stop")
     omega = float(point.frequencies(1e4, 1)[0])
-    wrong = fit_stiffness(point, MeasuredModes((1,), np.array([omega * (1 + 1e-9)]), np.zeros(1)))
+    wrong = fit_stiffness(FittedModes(point, (1,), np.array([omega * (1 + 1e-9)]), np.zeros(1)))
     assert abs(wrong / 1e4 - 1) > 1e-10
 
 

@@ -8,6 +8,7 @@ because every f_j increases with k. Algorithm 1 of the thesis (Hazim 2010) is ke
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from statistics import NormalDist
 from typing import Any
 
@@ -23,6 +24,7 @@ from beamsim.analyses.identify.result import (
     StiffnessEstimate,
     TableSlope,
 )
+from beamsim.contacts.pads import ForceCurve
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.scenario import Scenario
@@ -42,16 +44,19 @@ from beamsim.typing import Floats
 _HZ = 2 * np.pi
 _NARROWEST = 1e-3  # the curves cover the identified stiffness times this factor to divided by it
 POOR_MODEL = 3.0  # percent; a larger frequency error without snubber gives a warning
+Interval = tuple[float, float]
+_UNKNOWN = (np.nan, np.nan)
 _PATH = "identify_stiffness.measured_with"
 _WIDEST = 1e9  # search range: this factor on either side of one over the compliance of the structure
 
 
 @dataclass(frozen=True)
-class MeasuredModes:
-    """Frequencies of chosen modes with their standard deviations."""
+class FittedModes:
+    """Chosen modes with their measured frequencies, of a structure with a spring at the snubber."""
 
+    point: SpringPoint  # modes without the spring
     mode: tuple[int, ...]  # numbers from 1, including rigid-body modes
-    omega: Floats  # (m,) rad/s
+    omega: Floats  # (m,) measured, rad/s
     sigma: Floats  # (m,) relative standard deviations; all zero when unknown
     unconstrained: int = 0  # rigid-body modes with the snubber closed, below the first measured frequency
 
@@ -61,19 +66,42 @@ class MeasuredModes:
         sigma = self.sigma if self.sigma.all() else np.ones(self.omega.size)
         return np.asarray(1.0 / (sigma * self.omega))
 
-    def predicted(self, point: SpringPoint, stiffness: float | Floats) -> Floats:
+    def predicted(self, stiffness: float | Floats) -> Floats:
         """(..., m) frequencies of these modes, rad/s, with springs of such stiffnesses."""
-        return np.asarray(point.frequencies(stiffness, max(self.mode))[..., np.array(self.mode) - 1])
+        return np.asarray(self.point.frequencies(stiffness, max(self.mode))[..., np.array(self.mode) - 1])
+
+    def misfit(self, stiffness: float | Floats) -> Floats:
+        """(...) weighted sum of squares, chi^2, at some stiffnesses, N/m."""
+        return np.asarray(np.sum(((self.predicted(stiffness) - self.omega) * self.weight) ** 2, axis=-1))
+
+    def slope(self, stiffness: float) -> Floats:
+        """(m,) d omega / dk over the standard deviation, m/N."""
+        return np.asarray(self.point.slope(self.predicted(stiffness)) * self.weight)
+
+    def reached(self, number: int, omega: Floats) -> Floats:
+        """Stiffnesses, N/m, with which one of the modes, from 0, has angular frequencies of any shape.
+
+        0 below the range of the mode, infinite above it.
+        """
+        low, high = self.point.reach(self.mode[number])
+        inside = (omega > low) & (omega < high)
+        k = self.point.stiffness(np.where(inside, omega, 0.5 * (low + min(high, 2 * low + 1.0))))
+        return np.asarray(np.where(inside, k, np.where(omega <= low, 0.0, np.inf)))
+
+    @cached_property
+    def individual(self) -> Floats:
+        """(m,) stiffness from each mode alone, N/m; see `reached`."""
+        return np.array([float(self.reached(number, omega)) for number, omega in enumerate(self.omega)])
 
 
-def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
+def fit_stiffness(modes: FittedModes) -> float:
     """Stiffness, N/m, that fits the measured frequencies best; 0 or infinity if no stiffness reaches them."""
-    single = individual_stiffness(point, measured)
-    low, high = float(single.min()), float(single.max())
+    low, high = float(modes.individual.min()), float(modes.individual.max())
     if low == high:
         return low
     # a mode out of reach gives no bound: search as far as the compliance of the structure makes a difference
-    unit = 1.0 / float(np.sum(point.shape**2 / np.maximum(point.omega, measured.omega[0]) ** 2))
+    point = modes.point
+    unit = 1.0 / float(np.sum(point.shape**2 / np.maximum(point.omega, modes.omega[0]) ** 2))
     # The margin keeps a minimum at a bound inside the bracket: there the other modes have a node at the spring.
     low, high = max(low * (1 - 1e-6), unit / _WIDEST), min(high * (1 + 1e-6), unit * _WIDEST)
     if low >= high:
@@ -81,63 +109,20 @@ def fit_stiffness(point: SpringPoint, measured: MeasuredModes) -> float:
     from scipy.optimize import least_squares
 
     x = np.linspace(np.log(low), np.log(high), 241)
-    start = x[1:-1][np.argmin(misfit(point, measured, np.exp(x[1:-1])))]
+    start = x[1:-1][np.argmin(modes.misfit(np.exp(x[1:-1])))]
 
     def residuals(y: Floats) -> Floats:
-        return np.asarray((measured.predicted(point, float(np.exp(y[0]))) - measured.omega) * measured.weight)
+        return np.asarray((modes.predicted(float(np.exp(y[0]))) - modes.omega) * modes.weight)
 
     def slopes(y: Floats) -> Floats:
         k = float(np.exp(y[0]))
-        return (point.slope(measured.predicted(point, k)) * k * measured.weight)[:, None]
+        return (modes.slope(k) * k)[:, None]
 
     found = least_squares(residuals, [start], jac=slopes, bounds=(x[0], x[-1]), xtol=1e-15, ftol=None, gtol=None)
     return float(np.exp(found.x[0]))
 
 
-def misfit(point: SpringPoint, measured: MeasuredModes, stiffness: Floats) -> Floats:
-    """Weighted sum of squares, chi^2, at some stiffnesses.
-
-    Parameters
-    ----------
-    point : modes at the snubber.
-    measured : the modes that are compared.
-    stiffness : (s,) N/m.
-
-    Returns
-    -------
-    (s,) array
-    """
-    return np.asarray(np.sum(((measured.predicted(point, stiffness) - measured.omega) * measured.weight) ** 2, axis=1))
-
-
-def reached_stiffness(point: SpringPoint, mode: int, omega: Floats) -> Floats:
-    """Stiffnesses with which a mode has given frequencies.
-
-    Parameters
-    ----------
-    point : modes at the snubber.
-    mode : number of the mode, from 1.
-    omega : angular frequencies, rad/s; any shape.
-
-    Returns
-    -------
-    array of the shape of ``omega``
-        N/m; 0 below the range of the mode, infinite above it.
-    """
-    low, high = point.reach(mode)
-    inside = (omega > low) & (omega < high)
-    k = point.stiffness(np.where(inside, omega, 0.5 * (low + min(high, 2 * low + 1.0))))
-    return np.asarray(np.where(inside, k, np.where(omega <= low, 0.0, np.inf)))
-
-
-def individual_stiffness(point: SpringPoint, measured: MeasuredModes) -> Floats:
-    """(m,) stiffness from each mode alone, N/m; see `reached_stiffness`."""
-    return np.array(
-        [float(reached_stiffness(point, *pair)) for pair in zip(measured.mode, measured.omega, strict=True)]
-    )
-
-
-def _check_reach(point: SpringPoint, measured: MeasuredModes, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
+def _check_reach(modes: FittedModes, without_hz: tuple[float, ...] = ()) -> tuple[str, ...]:
     """Refuse frequencies that no stiffness reaches; with several modes, only warn if one is within reach.
 
     Raises
@@ -146,49 +131,37 @@ def _check_reach(point: SpringPoint, measured: MeasuredModes, without_hz: tuple[
         With the reachable range, the likely mistake, and a remedy.
     """
     problems: list[Problem] = []
-    for i, mode in enumerate(measured.mode):
-        if mode > point.omega.size:
-            problems.append(
-                Problem(
-                    f"{_PATH}[{mode - 1 - measured.unconstrained}]",
-                    f"is mode {mode}, but the model has only {point.omega.size} modes",
-                    "leave it out of fit_to",
-                )
-            )
-            continue
-        problem = _out_of_reach(point, mode, float(measured.omega[i]), without_hz, measured.unconstrained)
-        if problem is not None:
-            problems.append(problem)
-    if problems and (len(problems) == len(measured.mode) or any("node" in p.message for p in problems)):
+    for mode, omega in zip(modes.mode, modes.omega.tolist(), strict=True):
+        at = f"{_PATH}[{mode - 1 - modes.unconstrained}]"
+        if mode > modes.point.omega.size:
+            message = f"is mode {mode}, but the model has only {modes.point.omega.size} modes"
+            problems.append(Problem(at, message, "leave it out of fit_to"))
+        elif said := _out_of_reach(modes.point, mode, omega, without_hz):
+            problems.append(Problem(at, *said))
+    if problems and (len(problems) == len(modes.mode) or any("node" in p.message for p in problems)):
         raise ScenarioError(problems)
     return tuple(f"{problem}" for problem in problems)
 
 
-def _out_of_reach(
-    point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...], unconstrained: int
-) -> Problem | None:
+def _out_of_reach(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...]) -> tuple[str, str] | None:
+    """What is wrong with the frequency of a mode, and its remedy."""
     low, high = point.reach(mode)
-    hz = 2 * np.pi
-    at = f"{_PATH}[{mode - 1 - unconstrained}]"
     if point.on_node(mode) or (np.isfinite(high) and high - low <= 1e-9 * high):
-        return Problem(
-            at,
-            f"= {omega / hz:.6g} Hz does not depend on the snubber: it is at a node of mode {mode}, where the "
-            f"structure does not move, so that the frequency is {low / hz:.6g} Hz for every stiffness",
+        return (
+            f"= {omega / _HZ:.6g} Hz does not depend on the snubber: it is at a node of mode {mode}, where the "
+            f"structure does not move, so that the frequency is {low / _HZ:.6g} Hz for every stiffness",
             f"leave mode {mode} out of fit_to and use one with motion at the snubber",
         )
     if low < omega < high:
         return None
     limit = (
-        f"the frequency without the snubber, {low / hz:.6g} Hz"
+        f"not above the frequency without the snubber, {low / _HZ:.6g} Hz"
         if omega <= low
-        else f"the frequency with the point pinned, {high / hz:.6g} Hz"
+        else f"not below the frequency with the point pinned, {high / _HZ:.6g} Hz"
     )
-    side = "not above" if omega <= low else "not below"
-    reach = "upwards without bound" if np.isinf(high) else f"to {high / hz:.6g} Hz"
-    return Problem(
-        at,
-        f"= {omega / hz:.6g} Hz is {side} {limit}: a spring there can shift mode {mode} from {low / hz:.6g} Hz {reach}",
+    reach = "upwards without bound" if np.isinf(high) else f"to {high / _HZ:.6g} Hz"
+    return (
+        f"= {omega / _HZ:.6g} Hz is {limit}: a spring there can shift mode {mode} from {low / _HZ:.6g} Hz {reach}",
         _remedy(point, mode, omega, without_hz),
     )
 
@@ -196,15 +169,16 @@ def _out_of_reach(
 def _remedy(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float, ...]) -> str:
     """The most likely mistake behind a frequency out of reach."""
     low, high = point.reach(mode)
-    hz = 2 * np.pi
-    if mode <= len(without_hz) and omega <= low < hz * without_hz[mode - 1] < high:
+    if mode <= len(without_hz) and omega <= low < _HZ * without_hz[mode - 1] < high:
         return "were measured_with and measured_without swapped?"
     hints = []
-    if (number := _fits(point, mode, omega)) is not None:
+    number = point.mode_number(omega)  # which could have this frequency
+    other = number not in (0, mode) and number <= point.omega.size
+    if other and point.reach(number)[0] < omega < point.reach(number)[1]:
         hints.append(f"it fits mode {number}: list the frequencies starting with the first mode")
-    for factor, unit in ((1 / hz, "rad/s"), (1000.0, "kHz"), (1 / 60, "1/min")):
+    for factor, unit in ((1 / _HZ, "rad/s"), (1000.0, "kHz"), (1 / 60, "1/min")):
         if low < omega * factor < high:
-            hints.append(f"was the unit forgotten? write {omega / hz:g} {unit} if that was meant")
+            hints.append(f"was the unit forgotten? write {omega / _HZ:g} {unit} if that was meant")
             break
     if hints:
         return "; or ".join(hints)
@@ -214,18 +188,7 @@ def _remedy(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float
     )
 
 
-def _fits(point: SpringPoint, mode: int, omega: float) -> int | None:
-    """Another mode that could have this frequency."""
-    number = point.mode_number(omega)
-    if number in (0, mode) or number > point.omega.size:
-        return None
-    low, high = point.reach(number)
-    return number if low < omega < high else None
-
-
-def thesis_loop(
-    point: SpringPoint, mode: int, omega: float, *, tolerance: float, most_solutions: int, rigid: int = 0
-) -> tuple[float, Outcome, int]:
+def thesis_loop(modes: FittedModes, tolerance: float, most_solutions: int) -> tuple[float, Outcome, int]:
     """Algorithm 1 of the thesis: k grows by 1 % from 0.01 N/m until the frequency agrees within a tolerance.
 
     Every step solves the whole eigenvalue problem. A step can jump over a narrow tolerance. The frequency
@@ -233,20 +196,20 @@ def thesis_loop(
 
     Parameters
     ----------
-    point : modes at the snubber.
-    mode, omega : number and measured angular frequency.
+    modes : of which the first one is fitted.
     tolerance : relative difference in frequency at which the loop ends.
     most_solutions : largest number of eigenvalue solutions.
-    rigid : number of rigid-body modes.
 
     Returns
     -------
     stiffness of the last step, N/m, how the loop ended, and the number of eigenvalue solutions.
     """
+    point, omega, rigid = modes.point, float(modes.omega[0]), int(np.sum(modes.point.omega == 0))
     # 0.01: N/m; thesis, algorithm 1
     k, previous = 0.01, np.nan
     for count in range(1, most_solutions + 1):
-        predicted = float(closed_modes(point.omega, point.shape[None, :], np.array([k]), rigid)[0][mode - 1])
+        closed, _ = closed_modes(point.omega, point.shape[None, :], np.array([k]), rigid)
+        predicted = float(closed[modes.mode[0] - 1])
         if abs(predicted - omega) <= tolerance * omega:
             return k, COMPLETE, count
         if predicted > omega:
@@ -267,15 +230,12 @@ def thesis_loop(
     return previous, outcome, most_solutions
 
 
-def spread_of(
-    point: SpringPoint, measured: MeasuredModes, stiffness: float, coverage: float
-) -> tuple[float, tuple[float, float], tuple[float, float]]:
+def spread_of(modes: FittedModes, stiffness: float, coverage: float) -> tuple[float, Interval, Interval]:
     """First-order standard deviation and interval, and the interval that is not symmetric.
 
     Parameters
     ----------
-    point : modes at the snubber.
-    measured : the fitted modes.
+    modes : the fitted ones.
     stiffness : the identified value, N/m.
     coverage : probability of the intervals.
 
@@ -284,29 +244,25 @@ def spread_of(
     float, two pairs of floats
         N/m; nan where the measurement has no uncertainties.
     """
-    if not measured.sigma.all():
-        return np.nan, (np.nan, np.nan), (np.nan, np.nan)
-    information = float(np.sum((point.slope(measured.predicted(point, stiffness)) * measured.weight) ** 2))
-    deviation = float(1.0 / np.sqrt(information))
+    if not modes.sigma.all():
+        return np.nan, _UNKNOWN, _UNKNOWN
+    deviation = float(1.0 / np.sqrt(np.sum(modes.slope(stiffness) ** 2)))
     z = NormalDist().inv_cdf(0.5 + coverage / 2)
     first = (stiffness - z * deviation, stiffness + z * deviation)
-    if len(measured.mode) == 1:
-        ends = measured.omega[0] * (1 + np.array([-z, z]) * measured.sigma[0])
-        low, high = reached_stiffness(point, measured.mode[0], ends)
-        return deviation, first, (float(low), float(high))
-    return deviation, first, _profile_interval(point, measured, stiffness, deviation / stiffness, z)
+    if len(modes.mode) == 1:
+        low, high = modes.reached(0, modes.omega[0] * (1 + np.array([-z, z]) * modes.sigma[0])).tolist()
+        return deviation, first, (low, high)
+    return deviation, first, _profile_interval(modes, stiffness, deviation / stiffness, z)
 
 
-def _profile_interval(
-    point: SpringPoint, measured: MeasuredModes, stiffness: float, relative: float, z: float
-) -> tuple[float, float]:
+def _profile_interval(modes: FittedModes, stiffness: float, relative: float, z: float) -> Interval:
     """Where chi^2 stays within z^2 of its minimum."""
     from scipy.optimize import brentq
 
-    least = float(misfit(point, measured, np.array([stiffness]))[0])
+    least = float(modes.misfit(stiffness))
 
     def excess(log_k: float) -> float:
-        return float(misfit(point, measured, np.exp(np.array([log_k])))[0]) - least - z * z
+        return float(modes.misfit(np.exp(log_k))) - least - z * z
 
     centre, ends = float(np.log(stiffness)), []
     for side in (-1.0, 1.0):
@@ -321,14 +277,8 @@ def _profile_interval(
 
 
 def monte_carlo(
-    point: SpringPoint,
-    measured: MeasuredModes,
-    stiffness: float,
-    *,
-    samples: int,
-    coverage: float,
-    generator: np.random.Generator,
-) -> tuple[float, tuple[float, float], float]:
+    modes: FittedModes, stiffness: float, relative: float, samples: int, coverage: float, generator: np.random.Generator
+) -> tuple[float, Interval, float]:
     """Standard deviation and interval of k for normally distributed frequencies, and the share of unreachable samples.
 
     Every sample is identified separately: in closed form from one mode; from several by the smallest misfit in a table
@@ -337,9 +287,9 @@ def monte_carlo(
 
     Parameters
     ----------
-    point : modes at the snubber.
-    measured : the fitted modes with their standard deviations.
+    modes : the fitted ones with their standard deviations.
     stiffness : the identified value, N/m.
+    relative : its standard deviation to first order, over the value.
     samples : number of samples.
     coverage : probability of the interval.
     generator : of the random numbers.
@@ -349,28 +299,22 @@ def monte_carlo(
     float, pair of floats, float
         Standard deviation, N/m, nan of fewer than two usable samples; interval, N/m; share, from 0 to 1.
     """
-    omega = measured.omega * (1 + measured.sigma * generator.standard_normal((samples, measured.omega.size)))
-    if len(measured.mode) == 1:
-        k = reached_stiffness(point, measured.mode[0], omega[:, 0])
-    else:
-        relative = spread_of(point, measured, stiffness, coverage)[0] / stiffness
-        k = _least_on_table(point, measured, stiffness, relative, omega)
+    omega = modes.omega * (1 + modes.sigma * generator.standard_normal((samples, modes.omega.size)))
+    k = modes.reached(0, omega[:, 0]) if len(modes.mode) == 1 else _least_on_table(modes, stiffness, relative, omega)
     usable = np.isfinite(k) & (k > 0)
     low, high = np.quantile(k, [0.5 - coverage / 2, 0.5 + coverage / 2], method="nearest")
     deviation = float(np.std(k[usable], ddof=1)) if usable.sum() > 1 else np.nan
     return deviation, (float(low), float(high)), float(1 - usable.mean())
 
 
-def _least_on_table(
-    point: SpringPoint, measured: MeasuredModes, stiffness: float, relative: float, omega: Floats
-) -> Floats:
+def _least_on_table(modes: FittedModes, stiffness: float, relative: float, omega: Floats) -> Floats:
     # 8.0: of the table, in standard deviations of ln k
     width = min(8.0 * relative, 20.0)
     # 1201: stiffnesses at which several modes are tabulated for Monte Carlo
     x = np.log(stiffness) + np.linspace(-width, width, 1201)
-    table = measured.predicted(point, np.exp(x))
+    table = modes.predicted(np.exp(x))
     # chi^2 up to a constant of each sample: (t, m) products instead of a (samples, t, m) array.
-    w2 = measured.weight**2
+    w2 = modes.weight**2
     value = np.sum(table**2 * w2, axis=1)[None, :] - 2 * (omega * w2) @ table.T
     best = np.argmin(value, axis=1)
     inner = np.clip(best, 1, x.size - 2)
@@ -382,15 +326,12 @@ def _least_on_table(
     return np.asarray(np.where(best == 0, 0.0, np.where(best == x.size - 1, np.inf, k)))
 
 
-def stiffness_profile(
-    point: SpringPoint, measured: MeasuredModes, stiffness: float, deviation: float
-) -> ProfileLikelihood | None:
+def stiffness_profile(modes: FittedModes, stiffness: float, deviation: float) -> ProfileLikelihood | None:
     """chi^2 above its minimum against the stiffness.
 
     Parameters
     ----------
-    point : modes at the snubber.
-    measured : the fitted modes.
+    modes : the fitted ones.
     stiffness, deviation : the identified value and its standard deviation, N/m.
 
     Returns
@@ -402,18 +343,11 @@ def stiffness_profile(
         return None
     width = min(4 * deviation / stiffness, 5.0)
     k = stiffness * np.exp(np.linspace(-width, width, 81))
-    value = misfit(point, measured, k)
-    least = float(misfit(point, measured, np.array([stiffness]))[0])
-    return ProfileLikelihood("stiffness", k, np.maximum(value - least, 0.0))
+    return ProfileLikelihood("stiffness", k, np.maximum(modes.misfit(k) - modes.misfit(stiffness), 0.0))
 
 
 def sensitivities(
-    scenario: Scenario,
-    point: SpringPoint,
-    snubber: str,
-    measured: MeasuredModes,
-    stiffness: float,
-    known: dict[str, float],
+    scenario: Scenario, modes: FittedModes, snubber: str, stiffness: float, known: dict[str, float]
 ) -> list[Sensitivity]:
     """d ln k / d ln p at fixed frequencies for every number of the structure.
 
@@ -423,9 +357,8 @@ def sensitivities(
     Parameters
     ----------
     scenario : with the snubber.
-    point : modes at the snubber.
+    modes : the fitted ones.
     snubber : its name.
-    measured : the fitted modes.
     stiffness : the identified value, N/m.
     known : relative standard deviations by path.
 
@@ -436,10 +369,9 @@ def sensitivities(
     """
     if not 0 < stiffness < np.inf:
         return []
-    predicted = measured.predicted(point, stiffness)
-    share = (point.slope(predicted) * measured.weight) ** 2
+    share = modes.slope(stiffness) ** 2
     share /= share.sum()
-    each = [stiffness_sensitivities(scenario, snubber, float(omega)) for omega in predicted]
+    each = [stiffness_sensitivities(scenario, snubber, float(omega)) for omega in modes.predicted(stiffness)]
     relative = {
         place: float(sum(w * part.get(place, 0.0) for w, part in zip(share, each, strict=True)))
         for place in dict.fromkeys(place for part in each for place in part)
@@ -482,50 +414,49 @@ def permanent_contact(
     snubber = section.snubber
     rigid = int(np.sum(point.omega == 0))
     unconstrained = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes with the snubber closed
-    resting = table_slope(scenario, snubber)
-    measured = MeasuredModes(
+    on_table = _rest_on_table(scenario, snubber)
+    measured = FittedModes(
+        point,
         tuple(unconstrained + listed for listed in section.fit_to),
         _HZ * np.array([section.measured_with[listed - 1] for listed in section.fit_to]),
         np.array([section.uncertainty_of(listed) for listed in section.fit_to]),
         unconstrained,
     )
-    warnings = list(_check_reach(point, measured, section.measured_without))
-    measured, remarks = _widened(point, section, measured)
+    warnings = list(_check_reach(measured, section.measured_without))
+    measured, remarks = _widened(section, measured)
     warnings += remarks
-    estimate = _estimate(point, section, measured)
+    estimate = _estimate(section, measured)
     stiffness = estimate.stiffness
     known = {item.parameter: item.uncertainty for item in section.parameter_uncertainty}
     fitted = {} if update is None else update.relative_deviations
-    sensitive = sensitivities(scenario, point, snubber, measured, stiffness, known | fitted)
+    sensitive = sensitivities(scenario, measured, snubber, stiffness, known | fitted)
     estimate = replace(estimate, total_standard_deviation=_total(estimate, sensitive, update))
     table = FrequencyTable.of(point.frequencies(stiffness, count) / _HZ, section.measured_with, unconstrained)
     warnings += _fit_warnings(table, estimate)
-    if resting is None:
+    resting = None
+    if on_table is None:
         path = (*scenario.located_snubber(snubber).path, "stiffness")
         found = with_values(scenario, {path: stiffness})
     else:
-        resting, remarks = _compared(scenario, snubber, resting, stiffness)
+        resting, found, remarks = _table_slope(scenario, snubber, *on_table, stiffness)
         warnings += remarks
-        found = _with_factor(scenario, snubber, resting.factor)
     fields = {
         "estimate": estimate,
         "table_slope": resting,
         "with_snubber": table,
         "sensitivities": tuple(sensitive),
         "curves": _curves(point, count, stiffness),
-        "profile": stiffness_profile(point, measured, stiffness, estimate.standard_deviation),
+        "profile": stiffness_profile(measured, stiffness, estimate.standard_deviation),
     }
     return fields, found, warnings
 
 
-def _widened(
-    point: SpringPoint, section: IdentifyStiffness, measured: MeasuredModes
-) -> tuple[MeasuredModes, list[str]]:
+def _widened(section: IdentifyStiffness, measured: FittedModes) -> tuple[FittedModes, list[str]]:
     """The modes with uncertainties that explain what they contradict each other by, and a warning if these grow."""
     freedom = len(measured.mode) - 1
     if section.method == "thesis" or freedom < 1 or not measured.sigma.all():
         return measured, []
-    largest = float(misfit(point, measured, np.array([fit_stiffness(point, measured)]))[0])
+    largest = float(measured.misfit(fit_stiffness(measured)))
     wider = widening(largest, freedom)
     if wider == 1.0:
         return measured, []
@@ -536,17 +467,14 @@ def _widened(
     ]
 
 
-def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: MeasuredModes) -> StiffnessEstimate:
+def _estimate(section: IdentifyStiffness, measured: FittedModes) -> StiffnessEstimate:
+    point, single = measured.point, measured.individual
     outcome, solutions = COMPLETE, 1  # the modes of the structure without snubber
     if section.method == "thesis":
-        k, outcome, solutions = thesis_loop(
-            point, measured.mode[0], float(measured.omega[0]), tolerance=section.tolerance,
-            most_solutions=section.most_solutions, rigid=int(np.sum(point.omega == 0)),
-        )  # fmt: skip
+        k, outcome, solutions = thesis_loop(measured, section.tolerance, section.most_solutions)
     else:
-        k = fit_stiffness(point, measured)
-    single = individual_stiffness(point, measured)
-    predicted = measured.predicted(point, k)
+        k = fit_stiffness(measured)
+    predicted = measured.predicted(k)
     relative = (predicted - measured.omega) / measured.omega
     source = "given" if measured.sigma.all() else ""
     weighted = measured
@@ -554,12 +482,12 @@ def _estimate(point: SpringPoint, section: IdentifyStiffness, measured: Measured
         scatter = float(np.sqrt(np.sum(relative**2) / (len(measured.mode) - 1)))
         weighted = replace(measured, sigma=np.full(measured.omega.size, scatter))
         source = "scatter" if scatter > 0 else ""
-    first_order, first_order_interval, interval = spread_of(point, weighted, k, section.coverage)
-    deviation, sampled, unreachable = np.nan, (np.nan, np.nan), 0.0
+    first_order, first_order_interval, interval = spread_of(weighted, k, section.coverage)
+    deviation, sampled, unreachable = np.nan, _UNKNOWN, 0.0
     if source:
         deviation, sampled, unreachable = monte_carlo(
-            point, weighted, k, samples=section.monte_carlo.samples, coverage=section.coverage,
-            generator=np.random.default_rng(section.monte_carlo.seed),
+            weighted, k, first_order / k, section.monte_carlo.samples, section.coverage,
+            np.random.default_rng(section.monte_carlo.seed),
         )  # fmt: skip
     return StiffnessEstimate(
         snubber=section.snubber,
@@ -635,18 +563,15 @@ def _fit_warnings(table: FrequencyTable, estimate: StiffnessEstimate) -> list[st
     return warnings
 
 
-def table_slope(scenario: Scenario, snubber: str) -> TableSlope | None:
-    """The slope of a snubber's table at static equilibrium, with the factor of an estimate still to come.
-
-    None of a snubber that has a stiffness.
+def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float, int] | None:
+    """A snubber's table, its force at static equilibrium, N, and the segment there, from 1; None with a stiffness.
 
     Raises
     ------
     ScenarioError
         Where the snubber is open at rest: its slope there is not that of a permanent contact.
     """
-    names = [item.name for _, _, item, _ in scenario.located_snubbers]
-    index = names.index(snubber)
+    index = [item.name for _, _, item, _ in scenario.located_snubbers].index(snubber)
     curve = curves_of(scenario)[index]
     if curve is None:
         return None
@@ -660,42 +585,34 @@ def table_slope(scenario: Scenario, snubber: str) -> TableSlope | None:
                 "vibrations (nonlinear)",
             )
         )
-    knots = curve.force[:-1]
-    segment = int(np.searchsorted(knots, force, side="left"))
+    return curve, force, int(np.searchsorted(curve.force[:-1], force, side="left"))
+
+
+def _table_slope(
+    scenario: Scenario, snubber: str, curve: ForceCurve, force: float, segment: int, stiffness: float
+) -> tuple[TableSlope, Scenario, list[str]]:
+    """The slope of a table at rest beside the identified one, the scenario with a table of that slope, and warnings."""
     slope = float(curve.slopes[segment - 1])
     deflection = float(curve.deflection[segment - 1] + (force - curve.force[segment - 1]) / slope)
-    bends = curve.deflection[1:-1]
-    return TableSlope(
-        force=force, deflection=deflection, segment=segment, segments=curve.slopes.size, slope=slope, factor=np.nan,
-        at_a_bend=bool(np.any(np.abs(bends - deflection) < 1e-3 * deflection)),
-    )  # fmt: skip
-
-
-def _with_factor(scenario: Scenario, snubber: str, factor: float) -> Scenario:
-    """The scenario with all forces of a snubber's table multiplied by a factor."""
+    at_a_bend = bool(np.any(np.abs(curve.deflection[1:-1] - deflection) < 1e-3 * deflection))
+    factor, warnings = stiffness / slope, []
+    if at_a_bend:
+        warnings.append(
+            f"{snubber} rests at a bend of its table, {1e3 * deflection:.4g} mm: its slope is that of the segment "
+            "below, and a vibration is on both"
+        )
     path, _, item, _ = scenario.located_snubber(snubber)
     assert item.table is not None
-    scaled = item.table.model_copy(update={"scale": factor * item.table.scale})
-    return with_values(scenario, {(*path, "force_deflection"): scaled})
-
-
-def _compared(scenario: Scenario, snubber: str, resting: TableSlope, stiffness: float) -> tuple[TableSlope, list[str]]:
-    """The slope of the table beside the identified one, and what there is to say about it."""
-    resting = replace(resting, factor=stiffness / resting.slope)
-    warnings = []
-    if resting.at_a_bend:
-        warnings.append(
-            f"{snubber} rests at a bend of its table, {1e3 * resting.deflection:.4g} mm: its slope is that of the "
-            "segment below, and a vibration is on both"
-        )
+    table = item.table.model_copy(update={"scale": factor * item.table.scale})
+    scaled = with_values(scenario, {(*path, "force_deflection"): table})
     if 0.0 < stiffness < np.inf:
-        scaled = table_slope(_with_factor(scenario, snubber, resting.factor), snubber)
-        if scaled is None or scaled.segment != resting.segment:
+        rest = _rest_on_table(scaled, snubber)
+        if rest is None or rest[2] != segment:
             warnings.append(
-                f"with all forces of the table multiplied by {resting.factor:.4g} {snubber} would rest on another "
-                "segment: the identified stiffness is not that of a table of this shape"
+                f"with all forces of the table multiplied by {factor:.4g} {snubber} would rest on another segment: the "
+                "identified stiffness is not that of a table of this shape"
             )
-    return resting, warnings
+    return TableSlope(force, deflection, segment, curve.slopes.size, slope, factor, at_a_bend), scaled, warnings
 
 
 def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPoint:
