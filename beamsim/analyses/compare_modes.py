@@ -22,7 +22,7 @@ from beamsim.analyses.assurance import assurance
 from beamsim.analyses.result import Result
 from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import Counter, Entry, attribute, dataset, declared, stored
-from beamsim.measurements.read import TEXT, UFF, data_sets, read_rows
+from beamsim.measurements.read import TEXT, UFF, data_sets, ending_of, read_rows
 from beamsim.measurements.signal import MeasurementError, split_heading
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import Scenario, units
@@ -237,12 +237,8 @@ def read_shapes(path: Path, scenario: Scenario) -> ShapesAtPlaces:
     ScenarioError
         If the file is missing or empty, or a value in it is wrong: with its line and column.
     """
-    if not path.is_file():
-        raise _wrong(path, "does not exist", "check the path")
-    if path.stat().st_size == 0:
-        raise _wrong(path, "is empty", "export the shapes again")
-    suffix = path.suffix.lower()
     try:
+        suffix = ending_of(path)
         if suffix in (*UFF, ".55"):
             return _read_uff(path, scenario)
         if suffix in TEXT:
@@ -298,7 +294,8 @@ def _place(path: Path, line: int, given: Mapping[str, tuple[str, str]]) -> AtPla
         return text if text.endswith("%") else f"{text} {unit}" if unit else text
 
     keys: dict[str, Any] = {name: given[name][0] for name in ("body", "direction") if name in given}
-    keys |= {name: _whole(given[name][0]) for name in ("mass", "node") if name in given}
+    numbers = {name: given[name][0] for name in ("mass", "node") if name in given}
+    keys |= {name: int(text) if text.isdigit() else text for name, text in numbers.items()}
     first = "position" if "position" in given else "x"
     if first in given:
         keys["position"] = [length(first), length("y")] if "y" in given else length(first)
@@ -309,10 +306,6 @@ def _place(path: Path, line: int, given: Mapping[str, tuple[str, str]]) -> AtPla
         context = details.get("ctx", {})
         message = context.get("message", details["msg"])
         raise _wrong(path, f"line {line}: the place {message}", str(context.get("remedy") or _LAYOUT)) from None
-
-
-def _whole(text: str) -> Any:
-    return int(text) if text.isdigit() else text
 
 
 def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:

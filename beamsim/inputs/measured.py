@@ -145,7 +145,7 @@ def _along_time(signal: MeasuredSignal, signals: list[MeasuredSignal], excitatio
             signal, x=np.asarray(time.y, dtype=float), of_frequency=False, axis=time.name, axis_unit=time.unit
         )
     if not signal.axis:
-        _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "sample_rate")
+        _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "excitation.sample_rate")
     if signal.of_frequency or np.iscomplexobj(signal.y):
         raise MeasurementError(f"has no time history in {signal.name}", "name another one in excitation.column")
     return signal
@@ -166,8 +166,8 @@ def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
     return signal.on_si_axis(excitation.time_unit, "excitation.time_unit")
 
 
-def _reject(message: str, remedy: str, key: str = "file") -> NoReturn:
-    raise ScenarioError(Problem(f"excitation.{key}", message, remedy))
+def _reject(message: str, remedy: str, at: str = "excitation.file") -> NoReturn:
+    raise ScenarioError(Problem(at, message, remedy))
 
 
 def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[ProfilePoint, ...]:
@@ -188,22 +188,22 @@ def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[Profi
     ScenarioError
         If the file cannot be read, has no unit of the levels, or is no table of increasing positive frequencies.
     """
+    at = "sweep.profile_file"
     try:
         table = read_file(folder / file)
         factors = _factors(table, takes)
     except (MeasurementError, UnitError) as fault:
-        _reject_profile(f"= {file} {fault.message}", fault.remedy)
+        _reject(f"= {file} {fault.message}", fault.remedy, at)
     frequency, level = table[0].y * factors[0], table[1].y * factors[1]
     if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
-        _reject_profile(f"= {file} has frequencies or levels that are no positive numbers", "correct the table")
+        _reject(f"= {file} has frequencies or levels that are no positive numbers", "correct the table", at)
     if np.any(np.diff(frequency) <= 0):
         row = int(np.flatnonzero(np.diff(frequency) <= 0)[0]) + 2
-        _reject_profile(f"= {file} has frequencies that do not increase at row {row}", "sort the table")
+        _reject(f"= {file} has frequencies that do not increase at row {row}", "sort the table", at)
     if np.any(level <= 0):
         row = int(np.flatnonzero(level <= 0)[0]) + 1
-        _reject_profile(
-            f"= {file} has the level {level[row - 1]:g} in row {row}, which has no logarithm", "give a small level"
-        )
+        what = f"= {file} has the level {level[row - 1]:g} in row {row}, which has no logarithm"
+        _reject(what, "give a small level", at)
     quantity = factors[2]
     return tuple(
         ProfilePoint.model_construct(frequency=float(f), level=LevelValue(float(a), quantity))
@@ -225,7 +225,3 @@ def _factors(table: list[MeasuredSignal], takes: tuple[str, ...]) -> tuple[float
         raise MeasurementError("cannot be used: its second column states no unit", "head it for example level (g)")
     value, dimension = read_level(f"1 {table[1].unit}", tuple(dimensions.values()))
     return frequency, value, next(name for name, known in dimensions.items() if known is dimension)
-
-
-def _reject_profile(message: str, remedy: str) -> NoReturn:
-    raise ScenarioError(Problem("sweep.profile_file", message, remedy))

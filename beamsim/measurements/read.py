@@ -309,6 +309,21 @@ HDF5 = (".h5", ".hdf5", ".hdf")
 UFF = (".uff", ".unv", ".uf", ".58")
 
 
+def ending_of(path: Path) -> str:
+    """The ending of a file, in small letters.
+
+    Raises
+    ------
+    MeasurementError
+        If the file is missing or empty.
+    """
+    if not path.is_file():
+        raise MeasurementError("does not exist", "check the path; it is relative to the case's file")
+    if path.stat().st_size == 0:
+        raise MeasurementError("is empty", "export the measurement again")
+    return path.suffix.lower()
+
+
 def read_file(path: Path) -> list[MeasuredSignal]:
     """All channels of a file in its own units, columns of a table without an axis among them, each with a name of its
     own.
@@ -318,12 +333,9 @@ def read_file(path: Path) -> list[MeasuredSignal]:
     MeasurementError
         If the file is missing, empty, of an unknown format, damaged, or has cells that are no numbers.
     """
-    if not path.is_file():
-        raise MeasurementError("does not exist", "check the path; it is relative to the case's file")
-    if path.stat().st_size == 0:
-        raise MeasurementError("is empty", "export the measurement again")
+    ending = ending_of(path)
     readers = {**dict.fromkeys(TEXT, read_csv), **dict.fromkeys(HDF5, read_hdf5), **dict.fromkeys(UFF, read_uff)}
-    reader = readers.get(path.suffix.lower())
+    reader = readers.get(ending)
     if reader is None:
         raise MeasurementError("has an unknown format", "use .csv, .h5 or .uff")
     try:

@@ -25,13 +25,13 @@ import numpy as np
 from scipy.sparse.linalg import spsolve
 
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import walk
+from beamsim.scenario.base import Path, walk
 from beamsim.scenario.parameters import replaced, side_at, value_at
 from beamsim.scenario.quantities import Share
 from beamsim.structures.assembly import assemble, couplings_of, snubber_site
 from beamsim.structures.places import Site
 from beamsim.structures.several import SeveralBodies, assemble_side_by_side
-from beamsim.structures.structure import BodyStructure, Path, Structure
+from beamsim.structures.structure import BodyStructure, Structure
 from beamsim.typing import Floats
 
 _STEP = 1e-5  # relative, of central differences

@@ -89,7 +89,10 @@ def _reduced_parts(
     least: int,
 ) -> ReducedBasis:
     """Each part that nothing joins to the others by itself, all in order of frequency; see `reduce_model`."""
-    counts = [None] * len(model.parts) if count is None else _counts(model, count)
+    counts: list[int | None] = [None] * len(model.parts)
+    if count is not None:  # how many of the lowest modes are each part's own, at least one of each
+        lowest = natural_modes(model, count=count).first(count).vectors
+        counts = [max(1, int(np.any(lowest[part.dofs] != 0, axis=0).sum())) for part in model.parts]
     physical = None if highest_frequency is None else highest_frequency * model.frequency_scale
     of_parts = []
     for part, part_count in zip(model.parts, counts, strict=True):
@@ -167,12 +170,6 @@ def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern])
             unit = model.stiffness_scale / part.structure.stiffness_scale if of_motion else 1.0
             acting.append(LoadPattern(vector * unit, pattern.site))
     return acting
-
-
-def _counts(model: Structure, count: int) -> list[int]:
-    """How many of the lowest modes are each body's own, at least one of each."""
-    modes = natural_modes(model, count=count).first(count)
-    return [max(1, int(np.any(modes.vectors[part.dofs] != 0, axis=0).sum())) for part in model.parts]
 
 
 def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis:
@@ -513,26 +510,6 @@ class LeftOut:
 ACCURATE = 3e-5  # of the compliance; the default reduction has an error of this size
 
 
-def compliance_defect(structure: Structure, basis: ReducedBasis, places: Sequence[Place]) -> Floats:
-    """(p,) fraction of the static compliance at each place that the reduced model does not represent.
-
-    Parameters
-    ----------
-    structure, basis : full model and its reduced coordinates.
-    places : p of its places.
-
-    Returns
-    -------
-    (p,) array
-        0 where the reduced model is as soft as the full one.
-    """
-    rows = structure.rows(places)
-    full = np.sum(rows.T * static_deflections(structure, rows.T), axis=0)
-    moving = basis.omega > 0
-    reduced = np.sum((rows @ basis.vectors[:, moving] / basis.omega[moving]) ** 2, axis=1)
-    return np.asarray(np.where(full > 0, (full - reduced) / np.where(full > 0, full, 1.0), 0.0))
-
-
 def places_needed(
     structure: Structure, basis: ReducedBasis, first: Place, last: Place, known: Sequence[Place]
 ) -> list[Place]:
@@ -550,6 +527,10 @@ def places_needed(
         One place or none.
     """
     places = [replace(first, point=float(x)) for x in np.linspace(first.coordinate, last.coordinate, 41)]
-    defect = compliance_defect(structure, basis, places)
+    rows, moving = structure.rows(places), basis.omega > 0
+    full = np.sum(rows.T * static_deflections(structure, rows.T), axis=0)
+    reduced = np.sum((rows @ basis.vectors[:, moving] / basis.omega[moving]) ** 2, axis=1)
+    # what the reduced model does not represent of the static compliance
+    defect = np.where(full > 0, (full - reduced) / np.where(full > 0, full, 1.0), 0.0)
     worst = int(np.argmax(defect))
     return [] if defect[worst] <= ACCURATE or places[worst] in known else [places[worst]]

@@ -157,9 +157,6 @@ class GivenField:
         return max(self.kinetic.error(field), self.bending.error(field))
 
 
-Path = tuple[str | int, ...]
-
-
 @dataclass(frozen=True)
 class Part:
     """A part of a structure that nothing linear couples to the others, and which of the dofs are its own."""

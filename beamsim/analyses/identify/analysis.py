@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -12,7 +11,6 @@ import numpy as np
 
 from beamsim.analyses.assurance import assurance
 from beamsim.analyses.identify.fit import (
-    Best,
     Fit,
     Sought,
     UnpredictableError,
@@ -38,7 +36,7 @@ from beamsim.flow.processor_time import processor_time
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import Stop, never, together
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import Path, path_text
+from beamsim.scenario.base import path_text
 from beamsim.scenario.parameters import choices_at, value_at, with_values
 from beamsim.scenario.studies import IdentifyStiffness
 from beamsim.structures.assembly import assemble, joined_to
@@ -286,67 +284,46 @@ def update_model(scenario: Scenario, section: IdentifyStiffness) -> ModelUpdate:
         If no combination of supports has a case with as many modes as were measured.
     """
     numbers, words = sought_numbers(scenario, section.update)
-    tried = [_with_supports(scenario, section, numbers, words, choice)
-             for choice in product(*(choices_at(scenario, place) for place in words))]  # fmt: skip
-    tried.sort(key=lambda each: each.misfit)
-    first = tried[0]
-    if first.fit is None or first.best is None:
-        assert first.refused is not None
-        raise ScenarioError(first.refused)
-    fit, best = first.fit, first.best
+    start, tried, refused = np.zeros(len(numbers)), [], {}
+    for choice in product(*(choices_at(scenario, place) for place in words)):
+        text = ", ".join(choice)
+        try:
+            case = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
+            fit = _fit(case, section, numbers)
+            tried.append((text, case, fit, fit.best(start)))
+        except ScenarioError as error:  # a support that holds the snubber's point, for example
+            refused[text] = error.problems[0]
+        except UnpredictableError:
+            measured = len(section.measured_without)
+            modes = int(np.sum(free_frequencies(case, section.snubber, measured) > 0))
+            refused[text] = _too_few_modes("measured_without", measured, modes)
+    if not tried:
+        raise ScenarioError(next(iter(refused.values())))
+    tried.sort(key=lambda each: each[3].misfit)
+    _, case, fit, best = tried[0]
     freedom, known = len(section.measured_without) - len(numbers), _sigma(section).all()
     # an unknown standard deviation is that of the residuals
     scale = 1.0 if known else best.misfit / freedom if freedom > 0 else np.nan
     parameters, covariance, warnings = fit.estimates(best, fit.jacobian(best.x), scale, section.coverage)
     profiles = fit.profiles(best, covariance, scale, points=13) if scale > 0.0 else ()
-    if len(tried) > 1 and tried[1].misfit < best.misfit + 4.0 * scale:
-        warnings.append(f"the supports {tried[1].text} fit nearly as well: these frequencies do not distinguish them")
-    updated = varied(first.scenario, numbers, best.x)
+    misfits = {text: found.misfit for text, _, _, found in tried}
+    if len(tried) > 1 and tried[1][3].misfit < best.misfit + 4.0 * scale:
+        warnings.append(f"the supports {tried[1][0]} fit nearly as well: these frequencies do not distinguish them")
+    updated = varied(case, numbers, best.x)
     return ModelUpdate(
         parameters=parameters,
         choices={path_text(place): str(value_at(updated, place)) for place in words},
-        alternatives=tuple((each.text, each.misfit) for each in tried if words),
+        alternatives=tuple((misfits | dict.fromkeys(refused, np.inf)).items()) if words else (),
         correlation=correlation_of(covariance),
         before=_frequencies(scenario, section),
         after=_frequencies(updated, section),
-        misfit_before=float(np.sum(_fit(scenario, section, numbers).residuals(np.zeros(len(numbers))) ** 2)),
+        misfit_before=float(np.sum(_fit(scenario, section, numbers).residuals(start) ** 2)),
         misfit_after=best.misfit,
         profiles=profiles,
-        evaluations=sum(each.fit.evaluations for each in tried if each.fit is not None),
+        evaluations=sum(fit.evaluations for _, _, fit, _ in tried),
         warnings=tuple(warnings),
         scenario=updated,
     )
-
-
-@dataclass(frozen=True)
-class _Tried:
-    """The fit with one combination of supports; none where that has no case or too few modes."""
-
-    text: str
-    scenario: Scenario  # with these supports, before the numbers
-    fit: Fit | None = None
-    best: Best | None = None
-    refused: Problem | None = None
-
-    @property
-    def misfit(self) -> float:
-        return np.inf if self.best is None else self.best.misfit
-
-
-def _with_supports(
-    scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought], words: list[Path], choice: tuple[str, ...]
-) -> _Tried:
-    text = ", ".join(choice)
-    try:
-        scenario = with_values(scenario, dict(zip(words, choice, strict=True))).rechecked()
-        fit = _fit(scenario, section, numbers)
-        return _Tried(text, scenario, fit, fit.best(np.zeros(len(numbers))))
-    except ScenarioError as error:  # a support that holds the snubber's point, for example
-        return _Tried(text, scenario, refused=error.problems[0])
-    except UnpredictableError:
-        measured = len(section.measured_without)
-        modes = int(np.sum(free_frequencies(scenario, section.snubber, measured) > 0))
-        return _Tried(text, scenario, refused=_too_few_modes("measured_without", measured, modes))
 
 
 def _fit(scenario: Scenario, section: IdentifyStiffness, numbers: list[Sought]) -> Fit:
