@@ -55,6 +55,11 @@ class ScenarioError(BeamsimError):
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
+    @classmethod
+    def at(cls, path: str, message: str, remedy: str = "") -> ScenarioError:
+        """With one problem; ``path`` is empty where no key names it."""
+        return cls(Problem(path, message, remedy))
+
 
 class MethodError(BeamsimError):
     """A method cannot be applied to the given system.
@@ -83,7 +88,7 @@ def locating(places: Mapping[str, str]) -> Iterator[None]:
         yield
     except MethodError as error:
         path = places.get(error.about, error.about)
-        raise ScenarioError(Problem(path, error.message, error.remedy)) from None
+        raise ScenarioError.at(path, error.message, error.remedy) from None
 
 
 class ResultFileError(BeamsimError):

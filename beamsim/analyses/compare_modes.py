@@ -20,7 +20,7 @@ from pydantic import ValidationError
 
 from beamsim.analyses.assurance import assurance
 from beamsim.analyses.result import Result
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.fields import Counter, Entry, attribute, dataset, declared, stored
 from beamsim.measurements.read import TEXT, UFF, data_sets, ending_of, read_rows
 from beamsim.measurements.signal import MeasurementError, split_heading
@@ -369,4 +369,4 @@ def _uff_frequency(mode: Mapping[str, Any]) -> float:
 
 
 def _wrong(source: Path | str, message: str, remedy: str) -> ScenarioError:
-    return ScenarioError(Problem("", f"{source} {message}", remedy))
+    return ScenarioError.at("", f"{source} {message}", remedy)

@@ -131,10 +131,10 @@ def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | Non
         deflection, force, _ = read_forces(file)
         curve, misfit = fit_curve(deflection, force, segments)
     except MeasurementError as fault:
-        raise ScenarioError(Problem("--curve", f"= {file} {fault.message}", fault.remedy)) from None
+        raise ScenarioError.at("--curve", f"= {file} {fault.message}", fault.remedy) from None
     except ValueError as error:
         remedy = "it needs a column of deflections and one of forces, from zero on"
-        raise ScenarioError(Problem("--curve", f"= {file} cannot be used: {error}", remedy)) from None
+        raise ScenarioError.at("--curve", f"= {file} cannot be used: {error}", remedy) from None
     top = int(np.argmax(deflection))
     loss_factor = None
     if 0 < top < deflection.size - 1 and deflection[-1] < 0.5 * deflection[top]:

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.inputs.drift import Correction, jumps
 from beamsim.inputs.measured import sampled_signal
 from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_acceleration, power_of
@@ -91,7 +91,7 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
         (total * rate, 1_000_000_000, "shorten run.duration, or give a lower excitation.sample_rate"),
     ):
         if samples > most:
-            raise ScenarioError(Problem("excitation", f"needs {samples:.3g} samples (at most {most:.0e})", remedy))
+            raise ScenarioError.at("excitation", f"needs {samples:.3g} samples (at most {most:.0e})", remedy)
     count = int(np.ceil(period * rate))
     if count > MOST_OF_ANY_SIZE:
         from scipy.fft import next_fast_len
@@ -189,21 +189,17 @@ def sweep_windows(
     corrections = jumps([leg], profile, phase) if excitation.on_base else None  # whatever part of the sweep is run
     if duration is not None:
         if duration > leg.duration * (1 + 1e-9):
-            raise ScenarioError(
-                Problem(
-                    "run.duration",
-                    f"= {duration:g} s is longer than the sweep, which ends at {leg.duration:g} s",
-                    f"use at most {np.floor(leg.duration * 1e4) / 1e4:g} s, or a wider or slower sweep",
-                )
+            raise ScenarioError.at(
+                "run.duration",
+                f"= {duration:g} s is longer than the sweep, which ends at {leg.duration:g} s",
+                f"use at most {np.floor(leg.duration * 1e4) / 1e4:g} s, or a wider or slower sweep",
             )
         turns = float(leg.turns_after(np.array(leg.first_hz), np.array(duration)))
         last = float(leg.frequency(np.array(min(turns + 1.0, leg.cycles))))
         leg = Leg(leg.first_hz, last, leg.rate, leg.logarithmic)
     if leg.cycles * 8 > MOST_PIECES:
-        raise ScenarioError(
-            Problem(
-                "excitation", f"has {leg.cycles:.3g} cycles, too many for a run", "use `beamsim sweep` or a shorter run"
-            )
+        raise ScenarioError.at(
+            "excitation", f"has {leg.cycles:.3g} cycles, too many for a run", "use `beamsim sweep` or a shorter run"
         )
     return cut_into_windows([leg], profile, phase=phase, corrections=corrections), corrections
 

@@ -167,7 +167,7 @@ def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
 
 
 def _reject(message: str, remedy: str, at: str = "excitation.file") -> NoReturn:
-    raise ScenarioError(Problem(at, message, remedy))
+    raise ScenarioError.at(at, message, remedy)
 
 
 def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[ProfilePoint, ...]:

@@ -126,7 +126,7 @@ def channel_named(
         listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
         verdict = "has no channel" if not chosen else f"has {len(chosen)} channels that could be"
         remedy = f"did you mean {close[0]}?" if close and not chosen else f"name one: {listed}"
-        raise ScenarioError(Problem(at, f"{path} {verdict} {name} {words}", remedy))
+        raise ScenarioError.at(at, f"{path} {verdict} {name} {words}", remedy)
     return _checked(chosen[0], path)
 
 
@@ -179,12 +179,12 @@ def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> M
     example = {units.ACCELERATION.unit: "g", units.LENGTH.unit: "mm"}.get(dimension.unit, dimension.unit)
     remedy = f"give the unit of the {spoken(quantity)}, for example {example}"
     if not named:
-        raise ScenarioError(Problem(at, f"is missing, and {source} states no unit of {signal.name}", remedy))
+        raise ScenarioError.at(at, f"is missing, and {source} states no unit of {signal.name}", remedy)
     try:
         factor = units.read_quantity(f"1 {named}", dimension)
     except units.UnitError as error:
         given = f"= {named}" if unit else f"is missing, and {source} has values in {named}, which"
-        raise ScenarioError(Problem(at, f"{given} {error.message}", remedy)) from None
+        raise ScenarioError.at(at, f"{given} {error.message}", remedy) from None
     return replace(signal, y=signal.y * factor, unit=dimension.unit)
 
 
@@ -218,4 +218,4 @@ def _is_of(name: str, words: str) -> bool:
 
 def unusable(message: str, remedy: str) -> ScenarioError:
     """A fault of a measurement, or of what is asked of it, that no key of the scenario names."""
-    return ScenarioError(Problem("", message, remedy))
+    return ScenarioError.at("", message, remedy)

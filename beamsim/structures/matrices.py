@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.sparse import csc_array, csr_array, identity
 
-from beamsim.errors import MethodError, Problem, ScenarioError
+from beamsim.errors import MethodError, ScenarioError
 from beamsim.matrix_files.formats import MODAL
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.structures.imported import (
@@ -318,7 +318,7 @@ def _located(name: str) -> Iterator[None]:
     try:
         yield
     except MethodError as error:
-        raise ScenarioError(Problem(f"bodies.{name}.{error.about}", error.message, error.remedy)) from None
+        raise ScenarioError.at(f"bodies.{name}.{error.about}", error.message, error.remedy) from None
 
 
 def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> MatricesStructure:

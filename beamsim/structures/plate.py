@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.sparse import csr_array, kron, vstack
 
-from beamsim.errors import MethodError, Problem, ScenarioError
+from beamsim.errors import MethodError, ScenarioError
 from beamsim.matrix_files.formats import MODAL
 from beamsim.scenario.plate import PlateBody, Stiffener
 from beamsim.structures.beam import supported_dofs
@@ -49,12 +49,10 @@ def _moved(structure: PlateStructure, basis: ReducedBasis) -> Floats:
     """(size, n) what supports that move displace themselves, for a unit of each coordinate."""
     field = np.zeros((structure.mesh.size, basis.size))
     if not basis.static_vectors and any(isinstance(pattern.site, UnitMotion) for pattern in basis.patterns):
-        raise ScenarioError(
-            Problem(
+        raise ScenarioError.at(
                 "reduction", "keeps all modes, and with them no static vector that the moments of a plate need where a "
                 "support moves", "keep fewer modes (reduction: {modes: 40}), or leave reduction out",
-            )
-        )  # fmt: skip
+            )  # fmt: skip
     for pattern, row in zip(basis.patterns, basis.pattern, strict=True):
         if isinstance(pattern.site, UnitMotion) and structure.name in pattern.site.fields:
             field += np.multiply.outer(pattern.site.fields[structure.name], row)

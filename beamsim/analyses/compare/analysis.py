@@ -19,7 +19,7 @@ from beamsim.analyses.run.records import project
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import amplitude_db, spectrum
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import channel_named, holds_name, in_si, read_signals, unusable
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, split_heading
 from beamsim.outcomes import COMPLETE
@@ -325,7 +325,7 @@ def pair_channels(
     probes, snubbers = _places(result)
     places = list(dict.fromkeys([*probes, *snubbers]))
     if place is not None and place not in places:
-        raise ScenarioError(Problem("", f"--probe {place} is not in the result", f"it has {', '.join(places)}"))
+        raise ScenarioError.at("", f"--probe {place} is not in the result", f"it has {', '.join(places)}")
     if channel is not None or len(signals) == 1:
         signal = channel_named(
             signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
@@ -348,12 +348,10 @@ def pair_channels(
                 pairs.append((name, q, signal))
     if not pairs:
         names = ", ".join(s.name for s in signals[:12])
-        raise ScenarioError(
-            Problem(
-                "",
-                f"{path} has no channel named after a probe ({', '.join(places)}) and a quantity",
-                f"specify them: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
-            )
+        raise ScenarioError.at(
+            "",
+            f"{path} has no channel named after a probe ({', '.join(places)}) and a quantity",
+            f"specify them: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
         )
     try:
         return [(name, q, in_si(signal, unit, q, "--unit")) for name, q, signal in pairs]
@@ -363,7 +361,7 @@ def pair_channels(
             raise
         problem = error.problems[0]
         remedy = f"the file has {', '.join(several)}: choose one with --quantity, for example --quantity {several[0]}"
-        raise ScenarioError(Problem(problem.path, problem.message, remedy)) from None
+        raise ScenarioError.at(problem.path, problem.message, remedy) from None
 
 
 def _quantity_of(channel: str, unit: str) -> str:
@@ -394,10 +392,8 @@ def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
     if len(named) == 1 or (not named and len(places) == 1):
         return (named or places)[0]
     what = f"is named after {' and '.join(named)}" if named else "is named after none of the probes"
-    raise ScenarioError(
-        Problem("", f"{path}: the channel {signal.name} {what}", f"say where it was measured: --probe {places[0]}"
-                f" (there are {', '.join(places)})")
-    )  # fmt: skip
+    remedy = f"say where it was measured: --probe {places[0]} (there are {', '.join(places)})"
+    raise ScenarioError.at("", f"{path}: the channel {signal.name} {what}", remedy)
 
 
 def _places(result: RunResult | SweepResult) -> tuple[list[str], list[str]]:
@@ -412,11 +408,11 @@ def _places(result: RunResult | SweepResult) -> tuple[list[str], list[str]]:
 
 def _known(owners: list[str], place: str, quantity: str) -> None:
     if quantity not in QUANTITIES:
-        raise ScenarioError(
-            Problem("", f"--quantity {quantity} is not one of {', '.join(QUANTITIES)}", "choose one of these")
+        raise ScenarioError.at(
+            "", f"--quantity {quantity} is not one of {', '.join(QUANTITIES)}", "choose one of these"
         )
     if place not in owners:
-        raise ScenarioError(Problem("", f"--probe {place} has no {quantity}", f"choose from {', '.join(owners)}"))
+        raise ScenarioError.at("", f"--probe {place} has no {quantity}", f"choose from {', '.join(owners)}")
 
 
 _PHASES = 720  # grid for the initial guess of Newton's method

@@ -16,7 +16,7 @@ from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.parallel import cluster, default_workers, processes, threads
 from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
 from beamsim.analyses.values import Margins
-from beamsim.errors import BeamsimError, Problem, ScenarioError
+from beamsim.errors import BeamsimError, ScenarioError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, never
 from beamsim.scenario import Scenario
@@ -65,9 +65,7 @@ def design_study(
     """
     begin = clock.perf_counter()
     if workers is not None and workers < 1:
-        raise ScenarioError(
-            Problem("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
-        )
+        raise ScenarioError.at("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
     if isinstance(scenario, DesignPlan):
         plan = scenario
     else:

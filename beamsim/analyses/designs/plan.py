@@ -150,8 +150,8 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
     """
     vary = scenario.vary
     if vary is None:
-        raise ScenarioError(
-            Problem("vary", "is missing", "add `vary: {kind: grid, parameters: [{path: ..., values: [...]}]}`")
+        raise ScenarioError.at(
+            "vary", "is missing", "add `vary: {kind: grid, parameters: [{path: ..., values: [...]}]}`"
         )
     varied = varied_parameters(scenario)
     if isinstance(vary, LatinHypercube):
@@ -190,7 +190,7 @@ def plan_draws(
         values differ.
     """
     if not draws:
-        raise ScenarioError(Problem("draws", "is empty", "give values by path: {'snubbers.tip.gap': [0.0, 1e-4]}"))
+        raise ScenarioError.at("draws", "is empty", "give values by path: {'snubbers.tip.gap': [0.0, 1e-4]}")
     varied = drawn_parameters(scenario, _listed(draws))
     columns = [list(parameter.values) for parameter in varied]
     responses = (responses,) if isinstance(responses, str) else responses
@@ -250,13 +250,13 @@ def _check_response(scenario: Scenario, name: str, where: str) -> None:
     quantity = name.rpartition("/")[2]
     if quantity not in BY_NAME:
         remedy = suggestion(quantity, BY_NAME, "the quantities are")
-        raise scenario.located(ScenarioError(Problem(where, f"= {name} is not a response", remedy)))
+        raise scenario.located(ScenarioError.at(where, f"= {name} is not a response", remedy))
     *_, section, place = ("", "", *name.split("/")[:-1])
     if section in ("probes", "snubbers", "outputs"):
         known = [item.name for item in getattr(scenario, section)]
         if known and place not in known:
             remedy = suggestion(place, known, f"the {section} are")
-            raise scenario.located(ScenarioError(Problem(where, f"= {name} names no response: no {place}", remedy)))
+            raise scenario.located(ScenarioError.at(where, f"= {name} names no response: no {place}", remedy))
 
 
 def _asked(scenario: Scenario, responses: Sequence[str], where: str, objective: str = "") -> tuple[str, ...]:
@@ -274,12 +274,12 @@ def analysis_of(scenario: Scenario) -> str:
     """Analysis of each case: its sweep, else its run."""
     kind = "run" if scenario.sweep is None else str(scenario.sweep.kind)
     if kind not in ANALYSES:
-        raise ScenarioError(
-            Problem("sweep.kind", f"= {kind} cannot be combined with vary", f"use one of {', '.join(ANALYSES)}")
+        raise ScenarioError.at(
+            "sweep.kind", f"= {kind} cannot be combined with vary", f"use one of {', '.join(ANALYSES)}"
         )
     if kind == "run" and scenario.run is None:
-        raise ScenarioError(
-            Problem("run", "is missing", "add for example `run: {duration: 1 s}`; without sweep every case is a run")
+        raise ScenarioError.at(
+            "run", "is missing", "add for example `run: {duration: 1 s}`; without sweep every case is a run"
         )
     return kind
 

@@ -88,10 +88,8 @@ def _identify(
     begin, processor = clock.perf_counter(), processor_time()
     section = scenario.identify_stiffness
     if section is None:
-        raise ScenarioError(
-            Problem(
-                "identify_stiffness", "is missing", "add `identify_stiffness: {snubber: tip, measured_with: [...]}`"
-            )
+        raise ScenarioError.at(
+            "identify_stiffness", "is missing", "add `identify_stiffness: {snubber: tip, measured_with: [...]}`"
         )
     warnings: list[str] = []
     update = update_model(scenario, section) if section.update else None

@@ -10,7 +10,7 @@ import numpy as np
 
 from beamsim.analyses.identify.result import PadFit
 from beamsim.contacts.pads import MaxwellBranch
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension
 from beamsim.scenario import Scenario, units
@@ -47,7 +47,7 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
     dynamic, ramp = kind == "dynamic", data.ramp or 0.0
     if dynamic and ramp:
         message = f"goes with a relaxation test, and {data.file} is a dynamic one"
-        raise ScenarioError(Problem(path_text((*AT, "ramp")), message, "leave ramp out"))
+        raise ScenarioError.at(path_text((*AT, "ramp")), message, "leave ramp out")
     fit = (
         fit_dynamic(2 * np.pi * rows[:, 0], rows[:, 1], rows[:, 2], data.branches)
         if dynamic
@@ -105,9 +105,9 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
         check_data(rows.tolist(), kind, data.branches)
     except Unfit as error:
         row = next((f", row {part + 1} of the numbers" for part in error.at if isinstance(part, int)), "")
-        raise ScenarioError(Problem(path_text(at), f"= {file.name}{row} {error.message}", error.remedy)) from None
+        raise ScenarioError.at(path_text(at), f"= {file.name}{row} {error.message}", error.remedy) from None
     except MeasurementError as fault:
-        raise ScenarioError(Problem(path_text(at), f"= {data.file} {fault.message}", fault.remedy)) from None
+        raise ScenarioError.at(path_text(at), f"= {data.file} {fault.message}", fault.remedy) from None
     return kind, rows
 
 

@@ -577,13 +577,11 @@ def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float,
         return None
     force = build_system(scenario).snubbers[index].preload
     if not force > 0.0:
-        raise ScenarioError(
-            Problem(
-                "identify_stiffness.measured_with",
-                f"gives the slope of the table of {snubber} where it rests, and the snubber is open at rest",
-                f"give {path_text(scenario.located_snubber(snubber).path)} the preload of the test, or measure "
-                "vibrations (nonlinear)",
-            )
+        raise ScenarioError.at(
+            "identify_stiffness.measured_with",
+            f"gives the slope of the table of {snubber} where it rests, and the snubber is open at rest",
+            f"give {path_text(scenario.located_snubber(snubber).path)} the preload of the test, or measure "
+            "vibrations (nonlinear)",
         )
     return curve, force, int(np.searchsorted(curve.force[:-1], force, side="left"))
 

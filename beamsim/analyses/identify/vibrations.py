@@ -199,23 +199,19 @@ class _Test:
 def _check_count(numbers: Sequence[Sought], tests: Sequence[_Test]) -> None:
     measured, delays = sum(test.size for test in tests), sum(test.free_phase for test in tests)
     if sum(np.isnan(number.prior) for number in numbers) + delays > measured:
-        raise ScenarioError(
-            Problem(
-                "identify_stiffness.nonlinear.estimate",
-                f"asks for {len(numbers)} parameters (and {delays} delays) from {measured} measured numbers",
-                "use more tests or more harmonics, estimate fewer parameters, or give them a prior",
-            )
+        raise ScenarioError.at(
+            "identify_stiffness.nonlinear.estimate",
+            f"asks for {len(numbers)} parameters (and {delays} delays) from {measured} measured numbers",
+            "use more tests or more harmonics, estimate fewer parameters, or give them a prior",
         )
 
 
 def _tests(scenario: Scenario, given: Sequence[MeasuredTest], signals: Sequence[MeasuredSignal]) -> list[_Test]:
     if len(signals) != len(given):
-        raise ScenarioError(
-            Problem(
-                "identify_stiffness.nonlinear.tests",
-                f"lists {len(given)} tests, and {len(signals)} measured signals were given",
-                "give one signal per test",
-            )
+        raise ScenarioError.at(
+            "identify_stiffness.nonlinear.tests",
+            f"lists {len(given)} tests, and {len(signals)} measured signals were given",
+            "give one signal per test",
         )
     tests, problems = [], []
     for index, (test, signal) in enumerate(zip(given, signals, strict=True)):
@@ -301,12 +297,10 @@ class _Vibrations:
         try:
             self.residuals(np.zeros(len(self.numbers)))
         except UnpredictableError as error:
-            raise ScenarioError(
-                Problem(
-                    "identify_stiffness.nonlinear.tests",
-                    f"have no steady vibration with the initial values of the scenario: {error}",
-                    "start from better values, or leave out tests with irregular motion",
-                )
+            raise ScenarioError.at(
+                "identify_stiffness.nonlinear.tests",
+                f"have no steady vibration with the initial values of the scenario: {error}",
+                "start from better values, or leave out tests with irregular motion",
             ) from error
         swings = [v.extremes("displacement") for v in self.last]
         size = max((float(half) for swing in swings for half in 0.5 * (swing.high - swing.low)), default=1e-3)
@@ -373,12 +367,10 @@ def _from_starts(
         if stop():
             break
     if not solutions:
-        raise ScenarioError(
-            Problem(
-                "identify_stiffness.nonlinear",
-                "found no parameters for which every test has a steady vibration",
-                "start from better values, or leave out tests with irregular motion",
-            )
+        raise ScenarioError.at(
+            "identify_stiffness.nonlinear",
+            "found no parameters for which every test has a steady vibration",
+            "start from better values, or leave out tests with irregular motion",
         )
     return solutions, tried
 
@@ -536,12 +528,10 @@ def _unreached(scenario: Scenario, numbers: Sequence[Sought], penetration: Float
         assert curve is not None
         assert isinstance(segment, int)
         if curve.slopes[segment] == 0.0:
-            raise ScenarioError(
-                Problem(
-                    "identify_stiffness.nonlinear.estimate",
-                    f"names {number.parameter}, a segment without slope, which no factor changes",
-                    "leave it out, or give the table a small slope there",
-                )
+            raise ScenarioError.at(
+                "identify_stiffness.nonlinear.estimate",
+                f"names {number.parameter}, a segment without slope, which no factor changes",
+                "leave it out, or give the table a small slope there",
             )
         begin, largest = float(curve.deflection[segment]), max(float(penetration[:, contacts].max()), 0.0)
         if largest <= begin * (1.0 + 1e-9):  # a motion that ends at the beginning is in no later segment
