@@ -35,7 +35,6 @@ def same_position(a: float, b: float) -> bool:
 
 
 PointPosition = Annotated[q.PositionOrShare | PlatePoint, BY_FORM]
-NodeNumber = Annotated[int, q.Whole(1)]
 NodeDirection = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 
@@ -44,9 +43,9 @@ class PointOfBody(Schema):
 
     position: PointPosition | None = None
     """Distance from the left end of a beam, or the share of its length: 60 %; [x, y] on a plate."""
-    mass: q.MassNumber | None = None
+    mass: q.Count | None = None
     """Number of the mass of the chain, from 1."""
-    node: NodeNumber | None = None
+    node: q.Count | None = None
     """Number of a node of imported matrices."""
     direction: NodeDirection | None = None
     """Direction at the node, z by default; x, y, z are displacements, rx, ry, rz rotations."""
@@ -138,7 +137,7 @@ def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
 
 
 TwoPlaces = Annotated[
-    tuple[Annotated[AtPlace | q.MassNumber, BY_FORM], ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})
+    tuple[Annotated[AtPlace | q.Count, BY_FORM], ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})
 ]
 """Two places; a number is that of a mass of the chain."""
 
@@ -676,21 +675,6 @@ class Body(Schema):
         if numbers:
             remedy = "start from rest, the static equilibrium, a mode, or a released force"
             yield problem(at, f"gives a shape of a beam or chain, but the structure is {self.called}", remedy)
-
-    def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
-        """Springs that a stiffness factor would give a negative slope.
-
-        Parameters
-        ----------
-        where : path of the body.
-        key : ``from`` or ``to`` of ``nnm.continue_in``, which gives the factor.
-        largest : the factor.
-
-        Yields
-        ------
-        Problem
-        """
-        yield from ()
 
     def point_force_doubts(self, where: Path, position: WrittenPosition) -> Iterator[str]:
         """A sentence where a force at a point, written at ``where``, makes a result doubtful."""

@@ -10,9 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from beamsim.errors import Problem
-from beamsim.scenario.base import Path, Unfit, counted, path_text, problem
+from beamsim.scenario.base import Path, Unfit, counted, problem
 from beamsim.scenario.body import AtPlace, Body, ChainDamping, numbered
-from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring, PiecewiseLinearSpring
+from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness, Share
 
 
@@ -148,28 +148,3 @@ class Chain(Body):
         if numbers and len(numbers) != self.count:
             given = f"has {counted(len(numbers), 'number')} for {counted(self.count, 'mass', 'masses')}"
             yield problem(at, given, "give one number per mass, or leave it out")
-
-    def factor_problems(self, where: Path, key: str, largest: float) -> Iterator[Problem]:
-        """The factor multiplies changes of slope; no slope of a softening spring may become negative.
-
-        Parameters
-        ----------
-        where, key, largest : see `beamsim.scenario.body.Body.factor_problems`.
-
-        Yields
-        ------
-        Problem
-        """
-        springs = [(key, k, item) for key, items in self.own_lists.items() for k, item in enumerate(items)]
-        for name, index, spring in springs:
-            if not isinstance(spring, PiecewiseLinearSpring):
-                continue
-            slope = spring.slope_at_rest
-            least = slope + largest * (min(spring.stiffnesses) - slope)
-            if least < 0:
-                yield Problem(
-                    f"nnm.continue_in.{key}",
-                    f"= {largest:g} gives {path_text((*where, name, index))} the slope {least:g} N/m: the factor "
-                    f"multiplies its changes of slope from the {slope:g} N/m at rest",
-                    f"go up to {slope / (slope - min(spring.stiffnesses)):.6g} at most",
-                )

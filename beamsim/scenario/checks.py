@@ -10,9 +10,9 @@ from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Unfit, path_parts, path_text, problem, unknown, walk
 from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedSupport, Sited
-from beamsim.scenario.connections import SpringToGround, placed
+from beamsim.scenario.connections import PiecewiseLinearSpring, SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
-from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, sine_problems
+from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, not_harmonic, sine_problems
 from beamsim.scenario.parameters import (
     bounds_of,
     case_count,
@@ -277,33 +277,28 @@ def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Problems:
 
 
 def _outputs(scenario: ScenarioParts) -> Problems:
-    checks: dict[type, Any] = {
-        MotionOutput: _motion_output, BendingOutput: _bending_output, ReactionOutput: _reaction_output,
-        RecoveredOutput: _recovered_output,
-    }  # fmt: skip
     for path, output in scenario.requested_outputs:
         if isinstance(output, JointOutput):
             joints = (joint.name for joint in scenario.joined_by)
             yield from unknown((*path, "joint"), output.joint, "joint", joints)
-        elif type(output) in checks:
-            yield from checks[type(output)](scenario, path, output)
-        else:
+            continue
+        if not isinstance(output, Sited) and getattr(output, "support", "") != "base":
             yield from _body_named(scenario, path, output.body, "add body: BODY")
+        name = (output.place if isinstance(output, Sited) else output).body or scenario.default_body
+        body = scenario.all_bodies.get(name)
+        if isinstance(output, ReactionOutput):
+            yield from _reaction_output(scenario, path, output)
+        elif isinstance(output, MotionOutput) and output.kind == "rotation" and body is not None and not body.has_slope:
+            message = f"asks for a slope, but the points of a {body.body_kind} have none"
+            yield problem(path, message, "name a point of a beam")
+        elif isinstance(output, BendingOutput) and body is not None:
+            yield from _bending_output(path, output, name, body)
+        elif isinstance(output, RecoveredOutput) and body is not None:
+            yield from _recovered_output(path, output, name, body)
 
 
-def _motion_output(scenario: ScenarioParts, at: Path, output: MotionOutput) -> Problems:
-    """Only points of beams have a slope."""
-    body = scenario.all_bodies.get(output.place.body or scenario.default_body)
-    if body is not None and output.kind == "rotation" and not body.has_slope:
-        yield problem(at, f"asks for a slope, but the points of a {body.body_kind} have none", "name a point of a beam")
-
-
-def _bending_output(scenario: ScenarioParts, at: Path, output: BendingOutput) -> Problems:
+def _bending_output(at: Path, output: BendingOutput, name: str, body: Body) -> Problems:
     """Only beams and plates bend, only plates have components, and the distance of the fibre must be known."""
-    name = output.place.body or scenario.default_body
-    body = scenario.all_bodies.get(name)
-    if body is None:
-        return
     what = output.kind.replace("_", " ")
     if body.body_kind not in ("beam", "plate"):
         yield problem(
@@ -323,14 +318,13 @@ def _bending_output(scenario: ScenarioParts, at: Path, output: BendingOutput) ->
 
 
 def _reaction_output(scenario: ScenarioParts, at: Path, output: ReactionOutput) -> Problems:
-    """The body must be there; whether it has such a support is known to its model."""
+    """Which supports a body has is known to its model."""
     if output.about is not None and (output.support != "base" or output.kind != "reaction_moment"):
         yield problem((*at, "about"), "belongs to the moment of the base", "leave it out")
-    if output.support != "base":
-        yield from _body_named(scenario, at, output.body, "add body: BODY")
-    elif output.body is not None:
+    of_base = output.support == "base"
+    if of_base and output.body is not None:
         yield problem((*at, "body"), "belongs to a support; the base holds all bodies", "leave it out")
-    elif output.kind == "reaction_moment" or output.direction is not None:
+    elif of_base and (output.kind == "reaction_moment" or output.direction is not None):
         direction = output.direction or ("ry" if output.kind == "reaction_moment" else "z")
         yield from _base_moves(scenario, (*at, "direction"), direction, f"= {direction}")
     if output.direction is not None and (len(output.direction) == 2) != (output.kind == "reaction_moment"):
@@ -338,15 +332,11 @@ def _reaction_output(scenario: ScenarioParts, at: Path, output: ReactionOutput) 
                        "forces have x, y and z, moments rx, ry and rz")  # fmt: skip
 
 
-def _recovered_output(scenario: ScenarioParts, at: Path, output: RecoveredOutput) -> Problems:
+def _recovered_output(at: Path, output: RecoveredOutput, name: str, body: Body) -> Problems:
     """The body must have a recovery matrix with this row."""
-    yield from _body_named(scenario, at, output.body, "add body: BODY")
-    body = scenario.all_bodies.get(output.body or scenario.default_body)
-    if body is None:
-        return
     if not body.recovered_rows:
         yield problem(
-            at, f"needs a recovery matrix, which {output.body or scenario.default_body} lacks",
+            at, f"needs a recovery matrix, which {name} lacks",
             "give recovery: {file: panel.op4, name: stress, rows: [skin]} of imported matrices",
         )  # fmt: skip
     else:
@@ -857,11 +847,7 @@ def _identification(scenario: ScenarioParts) -> Problems:
         return
     yield from _all_sought(scenario, section.nonlinear.estimate, (_TOP, "nonlinear", "estimate"), words=False)
     if not isinstance(scenario.excitation, Harmonic):
-        yield Problem(
-            f"{_TOP}.nonlinear",
-            f"needs a harmonic excitation, but this one is {scenario.excitation.kind}",
-            "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}",
-        )
+        yield not_harmonic(f"{_TOP}.nonlinear", "a harmonic excitation", scenario.excitation)
     names = [probe.name for probe in scenario.effective_probes]
     for index, test in enumerate(section.nonlinear.tests):
         if test.probe is not None:
@@ -945,10 +931,24 @@ def _modes(scenario: ScenarioParts) -> Problems:
     yield from _mode_number(scenario, ("nnm", "mode"), nnm.mode)
     if (going := nnm.continue_in).kind == "stiffness_factor":
         key, largest = max(("from", going.from_), ("to", going.to), key=lambda end: end[1])
-        for name, body in scenario.all_bodies.items():
-            yield from body.factor_problems(scenario.body_path(name), key, largest)
+        for path, _, spring, _ in scenario.nonlinear_springs:
+            if isinstance(spring, PiecewiseLinearSpring):
+                yield from _slope_by_factor(path, spring, key, largest)
     if nnm.phase_resonance is not None:
         yield from _phase_resonance(scenario, nnm.phase_resonance, nnm.method.kind)
+
+
+def _slope_by_factor(path: Path, spring: PiecewiseLinearSpring, key: str, factor: float) -> Problems:
+    """The factor multiplies changes of slope; no slope of a softening spring may become negative."""
+    slope, softest = spring.slope_at_rest, min(spring.stiffnesses)
+    least = slope + factor * (softest - slope)
+    if least < 0:
+        yield problem(
+            ("nnm", "continue_in", key),
+            f"= {factor:g} gives {path_text(path)} the slope {least:g} N/m: the factor multiplies its changes of slope "
+            f"from the {slope:g} N/m at rest",
+            f"go up to {slope / (slope - softest):.6g} at most",
+        )
 
 
 def _phase_resonance(scenario: ScenarioParts, section: PhaseResonance, method: str) -> Problems:
@@ -957,12 +957,7 @@ def _phase_resonance(scenario: ScenarioParts, section: PhaseResonance, method: s
     if method == "multiple_scales":
         yield Problem("nnm.phase_resonance", "needs the exact mode, not its expansion", "use method: shooting")
     if not isinstance(excitation, Harmonic):
-        yield Problem(
-            "nnm.phase_resonance",
-            f"needs a harmonic excitation, but this one is {excitation.kind}",
-            "give excitation: {kind: harmonic, applied_to: base, level: 1 g, frequency: 50 Hz} (or a force at a "
-            "position); the frequency is computed",
-        )
+        yield not_harmonic("nnm.phase_resonance", "a harmonic excitation, whose frequency is computed", excitation)
         return
     if isinstance(excitation.applied_to, MovedSupport):
         yield Problem(

@@ -46,7 +46,7 @@ class SpringBetween(BetweenPlaces, Named):
 
     between: TwoPlaces = ()
     """The two places; the stretch is positive when the second moves up from the first."""
-    masses: tuple[q.MassNumber, ...] = ()
+    masses: tuple[q.Count, ...] = ()
     """Instead of between the numbers of two masses of a chain; the stretch is positive when they separate."""
 
     @property

@@ -671,8 +671,10 @@ def sine_problems(excitation: Any, section: str) -> Iterator[Problem]:
                     f"give all forces one frequency, which {section} changes",
                 )  # fmt: skip
     elif not isinstance(excitation, Harmonic):
-        yield Problem(
-            section,
-            f"needs the frequency of a harmonic excitation, but this one is {excitation.kind}",
-            "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}",
-        )
+        yield not_harmonic(section, "the frequency of a harmonic excitation", excitation)
+
+
+def not_harmonic(at: str, needed: str, excitation: Any) -> Problem:
+    """That a section at a path needs something of another excitation."""
+    remedy = "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}"
+    return Problem(at, f"needs {needed}, but this one is {excitation.kind}", remedy)

@@ -11,8 +11,8 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Unfit, Variants
-from beamsim.scenario.body import Body, ChainDamping, NodeDirection, NodeNumber
-from beamsim.scenario.quantities import FileName, Frequency, Name, Text, UnitType
+from beamsim.scenario.body import Body, ChainDamping, NodeDirection
+from beamsim.scenario.quantities import Count, FileName, Frequency, Name, Text, UnitType
 
 _INCH, _FOOT, _POUND_FORCE = 0.0254, 0.3048, 4.4482216152605
 
@@ -119,7 +119,7 @@ class StructuralDamping(Schema):
 class HeldNodes(Schema):
     """Nodes that move with the base."""
 
-    nodes: Annotated[tuple[NodeNumber, ...], Field(min_length=1)]
+    nodes: Annotated[tuple[Count, ...], Field(min_length=1)]
     """Numbers of the nodes; all of their degrees of freedom move with the base."""
     direction: NodeDirection = "z"
     """Direction in which the base moves, and in which gravity acts."""

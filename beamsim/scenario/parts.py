@@ -10,7 +10,7 @@ from pydantic import Field, Tag
 
 from beamsim.scenario.base import BY_FORM, Path, Schema, Variants
 from beamsim.scenario.beam import AnyBeam, Beam, SandwichBeam, SegmentedBeam, StiffnessBeam
-from beamsim.scenario.body import AtPlace, Body, Located, Probe, numbered
+from beamsim.scenario.body import AtPlace, Body, Located, Probe, WrittenPosition, numbered
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.connections import AnyFriction, AnyJoint, AnySnubber, GroundSpring, LinkSpring, has_own_law
 from beamsim.scenario.distributed import AnyDeadLoad
@@ -145,6 +145,13 @@ class ScenarioParts(Schema):
     def body_at(self, path: Path) -> str:
         """The body that a path leads into; empty where it leads into none."""
         return next((name for name in self.all_bodies if (at := self.body_path(name)) == path[: len(at)]), "")
+
+    def points_of(self, item: Any, body: str = "") -> Iterator[tuple[Body, WrittenPosition]]:
+        """Bodies and positions on them where something sits; ``body``, or the only one, where a place names none."""
+        for place in item.places:
+            of = self.all_bodies.get(place.body or body or self.default_body)
+            if of is not None and place.position is not None:
+                yield of, place.position
 
     def refined(self, modes: int) -> Self:
         """The same case with so many modes and twice the elements of every mesh, to see what depends on them."""

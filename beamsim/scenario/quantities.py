@@ -397,7 +397,6 @@ Text = Annotated[str, TextType()]
 FileName = Annotated[str, FileType()]
 Name = Annotated[str, TextType(name=True)]
 Count = Annotated[int, Whole(1)]
-MassNumber = Annotated[int, Whole(1)]
 
 Modes = Annotated[int | Literal["all"], Whole(1, word="all", what="number of modes")]
 Elements = Annotated[int, Whole(1, 5000)]

@@ -16,10 +16,9 @@ from typing import Any, Self
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario.base import Path, Schema, Unfit, path_text, plain, problem, walk, within
-from beamsim.scenario.body import ModalDamping, Sited
+from beamsim.scenario.body import ModalDamping
 from beamsim.scenario.checks import problems
 from beamsim.scenario.connections import SnubberRatioDamping, placed
-from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.excitation import Shock
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.quantities import FileType
@@ -166,22 +165,14 @@ def _damping(scenario: ScenarioParts) -> Iterator[str]:
 
 def _point_forces(scenario: ScenarioParts) -> Iterator[str]:
     """Where forces act on points."""
-    acting: list[tuple[Path, str, Any]] = [
-        *((each.path, each.body, each.item) for each in scenario.located_snubbers),
-        *(
-            (("constant_forces", index), scenario.default_body, force)
-            for index, force in enumerate(scenario.constant_forces)
-        ),
-    ]
+    acting: list[tuple[Path, str, Any]] = [(each.path, each.body, each.item) for each in scenario.located_snubbers]
+    acting += [(("constant_forces", index), "", force) for index, force in enumerate(scenario.constant_forces)]
     for path, part in walk(scenario.excitation, ("excitation",)):
-        applied_to = getattr(part, "applied_to", "base")
-        if applied_to != "base":
-            acting.append(((*path, "applied_to"), scenario.default_body, applied_to))
-    for path, named_body, item in acting:
-        for place in item.places:
-            body = scenario.all_bodies.get(place.body or named_body)
-            if body is not None and place.position is not None:
-                yield from body.point_force_doubts(path, place.position)
+        if (applied_to := getattr(part, "applied_to", "base")) != "base":
+            acting.append(((*path, "applied_to"), "", applied_to))
+    for path, body, item in acting:
+        for of, position in scenario.points_of(item, body):
+            yield from of.point_force_doubts(path, position)
 
 
 def _snubbers(scenario: ScenarioParts) -> Iterator[str]:
@@ -198,16 +189,9 @@ def _snubbers(scenario: ScenarioParts) -> Iterator[str]:
 
 
 def _idle_forces(scenario: ScenarioParts) -> Iterator[str]:
-    places: list[tuple[str, tuple[Sited | DistributedLoad, ...]]] = [
-        ("constant_forces", scenario.constant_forces),
-        ("probes", scenario.probes),
-    ]
-    for name, items in places:
-        for index, item in enumerate(items):
-            if isinstance(item, DistributedLoad):
-                continue
-            body = scenario.all_bodies.get(item.place.body or scenario.default_body)
-            if body is not None and item.place.position is not None and body.held(item.place.position):
+    for name in ("constant_forces", "probes"):
+        for index, item in enumerate(getattr(scenario, name)):
+            if any(body.held(position) for body, position in scenario.points_of(item)):
                 yield f"{name}[{index}] sits on a support, which cannot deflect"
 
 
