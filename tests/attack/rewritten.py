@@ -13,7 +13,8 @@ it is, and again
 - `varied`: as a case of an ensemble in which a number of it is another one; the run is that of the edited scenario,
 - `stored`: written, read, and run again from the file.
 
-Of one in four a short sweep near the lowest modes is compared as well, where sweeps follow its excitation.
+Of one in four a short sweep or continuation near the lowest modes is compared as well, where these follow its
+excitation.
 
 What is sensitive to the last digits is not compared: the same run with numbers that differ by 1e-14 tells.
 """
@@ -102,16 +103,18 @@ def scenario_of(seed, folder):
 
 
 def with_sweep(tree, lowest, rng):
-    """The same with a short sweep near the lowest modes, where sweeps follow its excitation."""
+    """The same with a short sweep or continuation near the lowest modes, where these follow its excitation."""
     begin = lowest * float(rng.uniform(0.8, 3.0))
-    ends = {"from": begin, "to": 1.1 * begin, "convergence": "off", "impacts": True, "orders": [0.5, 1.0, 3.0]}
+    sweep = {"from": begin, "to": 1.1 * begin, "convergence": "off", "impacts": True, "orders": [0.5, 1.0, 3.0]}
     kinds = {
-        "swept_sine": {"rate": f"{0.1 * begin * begin / CYCLES!r} Hz/s"},
-        "stepped": {"points": 2, "most_cycles": CYCLES, "measured_cycles": 2, "longest_period": 2},
-    }
+        "swept_sine": sweep | {"rate": f"{0.1 * begin * begin / CYCLES!r} Hz/s"},
+        "stepped": sweep | {"points": 2, "most_cycles": CYCLES, "measured_cycles": 2, "longest_period": 2},
+        "continuation": {"from": begin, "to": 1.02 * begin, "points_at": [1.005 * begin, 1.015 * begin], "seek_at": 0,
+                         "side_branches": "none"},
+    }  # fmt: skip
     kind = str(rng.choice([*kinds]))
     with contextlib.suppress(ScenarioError):
-        return plain(beamsim.load_scenario(tree | {"sweep": ends | {"kind": kind} | kinds[kind]}))
+        return plain(beamsim.load_scenario(tree | {"sweep": {"kind": kind} | kinds[kind]}))
     return tree
 
 
@@ -620,18 +623,26 @@ def told(tree):
 
 
 def curves(scenario):
-    """What a sweep gives cycle by cycle, by name; nothing where there is none."""
-    return {} if scenario.sweep is None else of_curves(beamsim.sweep(scenario))
+    """What a sweep or continuation gives, by name; nothing where there is none."""
+    return {} if scenario.sweep is None else of_curves(followed(scenario))
+
+
+def followed(scenario):
+    return (beamsim.continuation if scenario.sweep.kind == "continuation" else beamsim.sweep)(scenario)
 
 
 def of_curves(result):
-    found = {}
-    for label, curve in result.curves.items():
+    """Values of a sweep cycle by cycle, or those of periodic motions at the frequencies that were asked for."""
+    found, stepwise = {}, result.scenario.sweep.kind != "continuation"
+    for label, curve in result.curves.items() if stepwise else enumerate(result.branches):
+        asked = () if stepwise else result.scenario.sweep.points_at
+        there = np.flatnonzero([any(math.isclose(f, at, rel_tol=1e-12) for at in asked) for f in curve.frequency_hz])
         of_outputs = [("output", output) for output in curve.outputs.values()]
         for kind, values in [*((each.quantity, each) for each in (*curve.probes, *curve.snubbers)), *of_outputs]:
-            for name in ("peak", "rms", "mean", "harmonics"):
-                found[f"{label} {name} of {kind} of {values.name}"] = np.abs(getattr(values, name))
-        for name, impacts in curve.impacts.items():
+            for name in ("peak", "rms", "mean", "harmonics") if stepwise else ("peak",):
+                whole = np.abs(getattr(values, name))
+                found[f"{label} {name} of {kind} of {values.name}"] = whole if stepwise else whole[there]
+        for name, impacts in curve.impacts.items() if stepwise else ():
             for key in ("per_cycle", "impulse", "energy_lost"):
                 found[f"{label} {key} of force of {name}"] = np.asarray(getattr(impacts, key), dtype=float)
     return found
@@ -756,7 +767,7 @@ def stored(tree, folder):
     """Histories of runs from stored results, which hold what was computed."""
     scenario = beamsim.load_scenario(copy.deepcopy(tree))
     again = {}
-    for compute, read in ((beamsim.run, histories), (beamsim.sweep, of_curves)):
+    for compute, read in ((beamsim.run, histories), (followed, of_curves)):
         if compute is beamsim.run or scenario.sweep is not None:
             result = compute(scenario)
             opened = beamsim.open_result(beamsim.write_result(result, folder / "stored.h5"))
