@@ -107,10 +107,9 @@ def _settled(
                 "leave them out",
             )
         return tracking
-    wheres = [signal.label for _, _, signal in histories]
     if result.kind != "swept_sine":
         raise unusable(
-            f"{wheres[0]} is a time history, which is compared with a swept sine, and the sweep is "
+            f"{histories[0][2].label} is a time history, which is compared with a swept sine, and the sweep is "
             f"{result.kind.replace('_', ' ')}",
             "compute a sweep of kind: swept_sine with the rate of the test, or export responses over frequency",
         )
@@ -118,8 +117,10 @@ def _settled(
         records = [Followed(tracking.reference)]
     else:
         records = [
-            Followed(signal, _detected(curve, _envelope(curve, place, quantity, where), "fundamental", where))
-            for (place, quantity, signal), where in zip(histories, wheres, strict=True)
+            Followed(
+                signal, _detected(curve, _envelope(curve, place, quantity, signal.label), "fundamental", signal.label)
+            )
+            for place, quantity, signal in histories
         ]
     begin = beginning(curve, records) if tracking.begin is None else tracking.begin
     _check_beginning(curve, records, begin)

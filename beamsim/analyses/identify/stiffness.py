@@ -32,7 +32,7 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.parameters import find_parameters, value_at, with_values
 from beamsim.scenario.studies import IdentifyStiffness
 from beamsim.structures.assembly import assemble, snubber_site
-from beamsim.structures.modes import DENSE_LIMIT, closed_modes, natural_modes
+from beamsim.structures.modes import DENSE_LIMIT, closed_modes
 from beamsim.structures.point_sensitivity import stiffness_sensitivities
 from beamsim.structures.reduction import reduce_model
 from beamsim.structures.secular import SpringPoint
@@ -631,13 +631,8 @@ def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPo
     """
     snubber = scenario.located_snubber(name)
     model, site = assemble(scenario, snubber.bodies), snubber_site(snubber)
-    row = model.row(site)
-    if model.size <= DENSE_LIMIT:
-        modes = natural_modes(model)
-        omega, vectors = modes.omega, modes.vectors
-    else:
-        patterns = [LoadPattern(model.row(loaded), loaded) for loaded in model.loaded_sites([site])]
-        # 60: Modes of a large model that are kept beyond those requested; a static vector represents the others.
-        basis = reduce_model(model, patterns, count=requested + 60)
-        omega, vectors = basis.omega, basis.vectors
-    return SpringPoint.of_modes(omega * model.frequency_scale, row @ vectors / np.sqrt(model.mass_scale))
+    patterns = [LoadPattern(model.row(loaded), loaded) for loaded in model.loaded_sites([site])]
+    # 60: Modes of a large model that are kept beyond those requested; a static vector represents the others.
+    basis = reduce_model(model, patterns, count=None if model.size <= DENSE_LIMIT else requested + 60)
+    shape = model.row(site) @ basis.vectors / np.sqrt(model.mass_scale)
+    return SpringPoint.of_modes(basis.omega * model.frequency_scale, shape)

@@ -427,7 +427,6 @@ class SteadyVibration:
     motion: Trajectory  # over one period of the response
     start: Floats  # (N,) state at t = 0, initial guess for neighbouring parameters
     touching: bool  # whether contact is made and lost
-    residual: float  # of periodicity, against the motion's size
 
     def harmonics(self, probe: int, quantity: str, count: int) -> Complexes:
         """The first harmonics of a quantity of a probe.
@@ -501,7 +500,7 @@ def steady_vibration(
     base = () if system.base_acceleration is None else (system.base_acceleration,)
     exact = ExactFlow(system.dynamics, system.forcing, point.data.duration, base)
     motion = motion_on(exact, point.data)
-    return SteadyVibration(system, motion, point.u[:-1], point.data.event_time.size > 0, point.residual)
+    return SteadyVibration(system, motion, point.u[:-1], point.data.event_time.size > 0)
 
 
 def _unreached(scenario: Scenario, numbers: Sequence[Sought], penetration: Floats) -> dict[int, str]:
