@@ -22,12 +22,19 @@ from typing import Any, NamedTuple, Self, TypeVar
 
 Stop = Callable[[], bool]
 """Whether to end."""
+Progress = Callable[[float], None] | None
+"""Called with the share that is done."""
 Point = TypeVar("Point")
 
 
 def never() -> bool:
     """No request to end."""
     return False
+
+
+def part_of(progress: Progress, begin: float, end: float) -> Progress:
+    """The progress of a part of the whole, which goes from one share of it to another."""
+    return None if progress is None else lambda share: progress(begin + (end - begin) * share)
 
 
 def until(points: Iterable[Point], stop: Stop) -> Iterator[Point]:

@@ -292,6 +292,16 @@ def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) 
     return judged(compared)
 
 
+def margins_along(limits: Limits | None, found: Iterable[tuple[Value, str, float, str]]) -> Margins:
+    """The margins of values along curves or branches: each with whose it is, its size (SI), and where that is."""
+    largest: dict[str, tuple[float, str]] = {}
+    for value, name, size, where in found:
+        limit, place = (value.limit, f"{name}, ") if value.limit else (OF_OUTPUTS + name, "")
+        if size > largest.get(limit, (-1.0, ""))[0]:
+            largest[limit] = size, f"{place}{where}".removeprefix(", ")
+    return margins_of(limits, largest)
+
+
 def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
     """Margins with the verdict on each limit.
 

@@ -313,6 +313,12 @@ class Passage:
         """Order of events: contact and its new phase."""
         return tuple(zip(self.event_contact.tolist(), self.event_phase.tolist(), strict=True))
 
+    @cached_property
+    def multipliers(self) -> Complexes:
+        """Floquet multipliers of a motion that closes, the largest first."""
+        values = np.linalg.eigvals(self.transition).astype(complex)
+        return np.asarray(values[np.lexsort((-values.imag, -np.abs(values)))])
+
 
 def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:
     """The system with its contacts' numbers moved along a direction.

@@ -417,9 +417,3 @@ def motion_on(exact: ExactFlow, passage: Passage) -> Trajectory:
     )  # fmt: skip
     end = float(passage.time[0] + passage.duration)
     return Trajectory(exact, end, *log, passage.end, 0, COMPLETE)
-
-
-def floquet_multipliers(monodromy: Floats) -> Complexes:
-    """Eigenvalues of a monodromy matrix, the largest first."""
-    values = np.linalg.eigvals(monodromy).astype(complex)
-    return np.asarray(values[np.lexsort((-values.imag, -np.abs(values)))])

@@ -165,11 +165,15 @@ class Backbone:
         return beside
 
     def _filled(self, a: BranchPoint, ahead: list[BranchPoint]) -> Iterator[BranchPoint]:
-        """The points after a, with others between neighbours that no jump separates."""
+        """The points after a; where few steps would make the curve coarse, others between those that no jump parts."""
         jumped = {jump.start for jump in self.jumps}
         for before, point in pairwise([a, *ahead]):
             if before.parameter not in jumped:
-                yield from self._between(before, point)
+                step = abs(point.parameter - before.parameter)
+                pieces = round(step * self.points / abs(self.end - self.start.parameter))
+                values = np.linspace(before.parameter, point.parameter, max(pieces, 1) + 1)[1:-1].tolist()
+                found = (at_parameter(self.orbits, before, point, value, self.settings) for value in values)
+                yield from (each for each in found if each is not None)
             yield point
 
     def _step(self, point: BranchPoint) -> float:
@@ -179,13 +183,6 @@ class Backbone:
             return 0.01 * max(1.0, abs(point.parameter))
         # 0.05: of its logarithm, whatever the range: where the path ends must not change how it gets there
         return 0.05
-
-    def _between(self, a: BranchPoint, b: BranchPoint) -> list[BranchPoint]:
-        """Points between two neighbours, where the path has so few steps that its curve would be coarse."""
-        pieces = round(abs(b.parameter - a.parameter) * self.points / abs(self.end - self.start.parameter))
-        values = np.linspace(a.parameter, b.parameter, max(pieces, 1) + 1)[1:-1]
-        points = [at_parameter(self.orbits, a, b, float(value), self.settings) for value in values]
-        return [point for point in points if point is not None]
 
     def _shared(self, point: BranchPoint) -> Outcome:
         """A note of the mode with its share of the energy, and the mode with the largest of the other shares."""

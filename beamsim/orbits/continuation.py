@@ -514,8 +514,16 @@ class Branch:
 
     def _stuck(self, point: BranchPoint, failed: float, count: int) -> Outcome:
         """Why even the smallest step, ``failed``, was not possible."""
-        # Newton's method may leave the predictor by some steps
-        if all(self._is_finite(point.u + failed * times * point.tangent * point.scale) for times in (1, 4, 16, 64)):
+        finite = True
+        for times in (1, 4, 16, 64):  # Newton's method may leave the predictor by some steps
+            try:
+                R, J, _ = self.problem.residual(point.u + failed * times * point.tangent * point.scale)
+                finite = finite and bool(np.all(np.isfinite(R)) and np.all(np.isfinite(J)))
+            except NotFinite:
+                finite = False
+            except (ArithmeticError, np.linalg.LinAlgError):
+                continue
+        if finite:
             return Outcome.of(
                 OutcomeKind.STOPPED, STEP_TOO_SMALL,
                 f"no solution even with the smallest step of {self.settings.smallest_step:g}, after {count} points",
@@ -526,15 +534,6 @@ class Branch:
             f"beyond it the motion leaves the range of floating-point numbers, after {count} points",
             at=point.parameter, remedy="check the size of the loads and stiffnesses",
         )  # fmt: skip
-
-    def _is_finite(self, u: Floats) -> bool:
-        try:
-            R, J, _ = self.problem.residual(u)
-        except NotFinite:
-            return False
-        except (ArithmeticError, np.linalg.LinAlgError):
-            return True
-        return bool(np.all(np.isfinite(R)) and np.all(np.isfinite(J)))
 
     def _step(self, point: BranchPoint, before: BranchPoint | None, ds: float) -> BranchPoint | None:
         s = self.settings

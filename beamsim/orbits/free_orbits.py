@@ -31,7 +31,6 @@ import numpy as np
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
-from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.period import cyclic, extrema_of
 from beamsim.orbits.spring_families import SpringFamily
@@ -333,8 +332,8 @@ class FreeOrbits(ConservativeOrbits):
 
     def multipliers(self, point: BranchPoint) -> Complexes:
         """Floquet multipliers; two are 1."""
-        N = 2 * self.n
-        return floquet_multipliers(point.data.passage.transition[:N, :N])
+        passage: Passage = point.data.passage
+        return passage.multipliers
 
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""

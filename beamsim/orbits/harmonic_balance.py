@@ -40,7 +40,7 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.variational import VariationalFlow, floquet_multipliers
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, correct_across, newton_step, solve_at
@@ -417,7 +417,11 @@ class ForcedBalance:
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Deflections by the size of each spring's motion, or its gap."""
-        size = _sizes(u[:-1].reshape(-1, self.rows.shape[0]), self._stops.gap)
+        x, gap = u[:-1].reshape(-1, self.rows.shape[0]), np.zeros(self.rows.shape[0])
+        gap[: self._stops.count] = np.abs(self._stops.gap)
+        sizes = np.sqrt(np.sum(x**2, axis=0))
+        sizes = np.maximum(sizes, 1e-3 * max(float(gap.max(initial=0.0)), float(sizes.max(initial=0.0))))
+        size = np.broadcast_to(np.maximum(sizes, 1e-30), x.shape).ravel()
         omega = abs(self.omega) if self.parameter == "frequency" else max(abs(float(u[-1])), 1e-12)
         return np.append(size, omega), size
 
@@ -450,13 +454,14 @@ class ForcedBalance:
         orbits = self._reduced[1]
         omega, level = self.at(point.parameter)
         orbits.omega, orbits.level = omega, level
-        guess = np.append(self._state_at_start(point), omega)
+        n, basis, state = self.system.size, self._reduced[2], motion.states(np.zeros(1))[0]
+        guess = np.concatenate([state[:n] @ basis, state[n:] @ basis, [omega]])
         for correct in (solve_at, correct_across):
             beside = correct(orbits, guess, Settings())
             # 0.2: how far the motion of shooting may be from that of the balance, relative to its size
             if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < 0.2:
                 return orbits.multipliers(beside)
-        return floquet_multipliers(orbits.flow.under(omega, level).carry(guess[:-1], motion.period).transition)
+        return orbits.flow.under(omega, level).carry(guess[:-1], motion.period).multipliers
 
     def _reduce(self, highest: float) -> tuple[ForcedOrbits, Floats]:
         """The shooting problem of the structure reduced for motions up to a frequency, rad/s, and its coordinates."""
@@ -471,12 +476,6 @@ class ForcedBalance:
             loads: PeriodicForcing = replace(self.forcing, force=self.forcing.force @ basis)
             flow = VariationalFlow(system, loads, self.omega, self.level)
         return ForcedOrbits(flow, multiple=self.multiple), basis
-
-    def _state_at_start(self, point: BranchPoint) -> Floats:
-        """The state of a motion at t = 0, in the reduced structure."""
-        assert self._reduced is not None
-        n, basis, state = self.system.size, self._reduced[2], point.data.states(np.zeros(1))[0]
-        return np.concatenate([state[:n] @ basis, state[n:] @ basis])
 
     def first_motion(self, value: float, forward: float) -> BranchPoint | None:
         """A motion at a value of the parameter: from the linear response, else from one that shooting finds.
@@ -536,15 +535,6 @@ class ForcedBalance:
         return True
 
 
-def _sizes(x: Floats, clearances: Floats) -> Floats:
-    """((2H+1) r,) the size of each spring's motion, for each of its coefficients."""
-    gap = np.zeros(x.shape[1])
-    gap[: clearances.size] = np.abs(clearances)
-    size = np.sqrt(np.sum(x**2, axis=0))
-    size = np.maximum(size, 1e-3 * max(float(gap.max(initial=0.0)), float(size.max(initial=0.0))))
-    return np.asarray(np.broadcast_to(np.maximum(size, 1e-30), x.shape)).ravel()
-
-
 def resampled(W: Complexes, highest: int) -> Complexes:
     """The same motion with harmonics 0 … ``highest``: cut, or filled up with zeros."""
     out = np.zeros((highest + 1, *W.shape[1:]), dtype=complex)
@@ -568,17 +558,21 @@ def truncation(problem: ForcedBalance, point: BranchPoint, *, across: bool = Fal
 
     Returns
     -------
-    The norm of the neglected harmonics and of the change in the others, over that of the motion.
+    The norm of the neglected harmonics and of the change in the others, over that of the motion; infinite where the
+    step has none.
     """
     larger = replace(problem, harmonics=2 * problem.harmonics + 1)
     motion: HarmonicMotion = point.data
     u = np.append(_rows_real(resampled(motion.deflections, larger.harmonics)), point.parameter)
-    R, J, _ = larger.residual(u)
     row = np.zeros(u.size)
     row[-1] = 1.0
     if across:
         tangent, row = point.tangent * point.scale, row * point.tangent[-1] * point.scale[-1]
         row[: tangent.size - 1] = tangent[:-1]
     scale = larger.scale(u)[0]
-    step = newton_step(J * scale, row / scale, R, 0.0) * scale
+    try:
+        R, J, _ = larger.residual(u)
+        step = newton_step(J * scale, row / scale, R, 0.0) * scale
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return np.inf
     return float(np.linalg.norm(step[:-1]) / np.linalg.norm(u[:-1]))

@@ -7,15 +7,13 @@ with the contacts' internal states. The Jacobian is the monodromy matrix less on
 
 from __future__ import annotations
 
-from collections.abc import Callable, MutableMapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from beamsim.flow.periodic_flow import Direction, Frequency, Level, Parameter, Passage, PeriodicFlow, StructureDirection
-from beamsim.flow.variational import floquet_multipliers
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.period import cyclic
@@ -43,7 +41,6 @@ class ForcedOrbits:
     parameter: Literal["frequency", "level"] | Callable[[float], tuple[PeriodicFlow, Direction]] = "frequency"
     multiple: int = 1
     _moved: tuple[float, PeriodicFlow, Direction] | None = field(default=None, repr=False)
-    _spectra: MutableMapping[Passage, Complexes] = field(default_factory=WeakKeyDictionary, repr=False)
 
     def __post_init__(self) -> None:
         contacts = self.flow.system.contacts
@@ -55,10 +52,6 @@ class ForcedOrbits:
         faces = np.pad(held, ((0, 0), (0, self.flow.size - held.shape[1])))
         self._may_rest = np.vstack([self._one[self._n2 + contacts.sliders], faces])
         self.omega, self.level = self.flow.omega, self.flow.level
-
-    def with_multiple(self, multiple: int) -> ForcedOrbits:
-        """The same problem for another multiple of the excitation's period."""
-        return replace(self, flow=self.flow.under(self.omega, self.level), multiple=multiple)
 
     @property
     def value(self) -> float:
@@ -139,11 +132,9 @@ class ForcedOrbits:
         return scale, residual
 
     def multipliers(self, point: BranchPoint) -> Complexes:
-        """Floquet multipliers, the largest first; computed once for each motion."""
-        values = self._spectra.get(point.data)
-        if values is None:
-            values = self._spectra[point.data] = floquet_multipliers(self.monodromy(point))
-        return values
+        """Floquet multipliers, the largest first."""
+        passage: Passage = point.data
+        return passage.multipliers
 
     def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
         """The flow at a point, and its motion over a period."""
@@ -159,10 +150,6 @@ class ForcedOrbits:
         mu = self.multipliers(point)
         stable = bool(np.abs(mu[0]) <= 1.0 + STABLE)
         return Orbit(point.parameter, point.u[:-1], point.data.duration, mu, stable, point.residual)
-
-    def monodromy(self, point: BranchPoint) -> Floats:
-        """The monodromy matrix over the free unknowns."""
-        return np.asarray(point.data.transition)
 
 
 def linear_guess(flow: PeriodicFlow) -> Floats:

@@ -8,7 +8,7 @@ branch itself has.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import ClassVar, Protocol
 
@@ -18,7 +18,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
-from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded
+from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded, share_of_step
 from beamsim.orbits.continuation import (
     ContinuationProblem,
     Settings,
@@ -48,14 +48,9 @@ class OrbitProblem(ContinuationProblem, Protocol):
         """Floquet multipliers."""
 
 
-@dataclass(frozen=True)
-class _Stay:
-    """A contact beyond one of its borders, over a part of a period."""
-
-    contact: int
-    level: float  # m, penetration at the border
-    top: bool  # beyond it there is more penetration
-    middle: float  # s
+_Stay = tuple[int, float, bool, float]
+"""A contact beyond one of its borders over a part of a period: its number, the penetration at the border, m, whether
+there is more of it beyond, and the middle of that time, s."""
 
 
 def without_borders(contacts: Contacts) -> set[int]:
@@ -90,7 +85,7 @@ def _stays(contacts: Contacts, passage: Passage, few: Passage) -> list[_Stay]:
         if of_border:
             length, begin, before, after = min(of_border)
             middle = (begin + 0.5 * length) % passage.duration
-            found.append((length, _Stay(border[0], *contacts.border(border[0], before, after), middle)))
+            found.append((length, (border[0], *contacts.border(border[0], before, after), middle)))
     return [stay for _, stay in sorted(found, key=lambda item: item[0])]
 
 
@@ -135,66 +130,22 @@ def extremum(
     return sign * float(high[nearest]), float(when[nearest] % T)
 
 
-def grazings(problem: OrbitProblem, a: BranchPoint, b: BranchPoint, settings: Settings) -> Iterator[SpecialPoint]:
+def grazings(
+    problem: OrbitProblem, a: BranchPoint, b: BranchPoint, settings: Settings, budget: Iterator[int], depth: int = 0
+) -> Iterator[SpecialPoint]:
     """Grazing points between two neighbours of a branch whose events differ, in the order of the branch.
 
     Parameters
     ----------
     problem, settings : the residual, and tolerances of its points.
     a, b : the neighbours.
+    budget : an item for each motion that may be looked at between them.
+    depth : halvings of the step so far.
 
     Returns
     -------
     The points, one after the other.
     """
-    # 200: motions looked at between two neighbours
-    yield from _within(problem, a, b, settings, 0, iter(range(200)))
-
-
-def smooth_pieces(a: BranchPoint, b: BranchPoint, corners: list[SpecialPoint]) -> list[tuple[BranchPoint, BranchPoint]]:
-    """The step from a to b in pieces without a corner inside.
-
-    Parameters
-    ----------
-    a, b : neighbours on a branch.
-    corners : grazings between them.
-
-    Returns
-    -------
-    Pairs of points, from a to b.
-    """
-    w0 = a.u / a.scale
-    chord = b.u / a.scale - w0
-    inner = {id(corner.point): corner.point for corner in corners}.values()
-    return list(pairwise([a, *sorted(inner, key=lambda p: float((p.u / a.scale - w0) @ chord)), b]))
-
-
-def turned_at(special: list[SpecialPoint], piece: tuple[BranchPoint, BranchPoint], near: BranchPoint) -> bool:
-    """Whether a piece of a step, which turns back without a fold inside, has a grazing at an end.
-
-    The one nearer to where the turn was sought is then called a nonsmooth fold.
-
-    Parameters
-    ----------
-    special : what was found on the step; the grazing in it is renamed.
-    piece : the ends of the piece.
-    near : where the turn was sought.
-
-    Returns
-    -------
-    Whether there is one.
-    """
-    ends = [k for k, event in enumerate(special) if any(event.point is end for end in piece)]
-    if not ends:
-        return False
-    at = min(ends, key=lambda k: float(np.linalg.norm((special[k].point.u - near.u) / near.scale)))
-    special[at] = replace(special[at], kind="nonsmooth_fold")
-    return True
-
-
-def _within(
-    problem: OrbitProblem, a: BranchPoint, b: BranchPoint, settings: Settings, depth: int, budget: Iterator[int]
-) -> Iterator[SpecialPoint]:
     if problem.same_events(a, b) or depth > MOST_HALVINGS:
         return
     flow, cycle_a = problem.cycle(a)
@@ -217,8 +168,8 @@ def _within(
     middle = None if next(budget, None) is None else between(problem, a, b, 0.5, settings)
     if middle is None:
         return
-    yield from _within(problem, a, middle, settings, depth + 1, budget)
-    yield from _within(problem, middle, b, settings, depth + 1, budget)
+    yield from grazings(problem, a, middle, settings, budget, depth + 1)
+    yield from grazings(problem, middle, b, settings, budget, depth + 1)
 
 
 def _at_one_point(
@@ -241,9 +192,8 @@ def _at_one_point(
         return []
 
     def nearest(point: BranchPoint, stay: _Stay) -> tuple[float, float]:
-        flow, cycle = problem.cycle(point)
-        near = stay.middle / more.duration * cycle.duration
-        return extremum(flow, cycle, stay.contact, stay.top, near, stay.level)
+        (flow, cycle), (contact, level, top, middle) = problem.cycle(point), stay
+        return extremum(flow, cycle, contact, top, middle / more.duration * cycle.duration, level)
 
     values = [(nearest(a, stay)[0], nearest(b, stay)[0]) for stay in stays]
     graze = locate(problem, a, b, lambda p: nearest(p, stays[0])[0], settings, values[0])
@@ -256,8 +206,8 @@ def _at_one_point(
     if not touching[0] or not (late or (all(touching) and _explains(problem, a, graze, b, settings))):
         return []
     return [
-        SpecialPoint("grazing", graze.parameter, graze, stay.contact, time, stay.top, stay.level)
-        for stay, (_, time), touches in zip(stays, found, touching, strict=True)
+        SpecialPoint("grazing", graze.parameter, graze, contact, time, top, level)
+        for (contact, level, top, _), (_, time), touches in zip(stays, found, touching, strict=True)
         if touches
     ]
 
@@ -267,9 +217,7 @@ def _explains(problem: OrbitProblem, a: BranchPoint, graze: BranchPoint, b: Bran
 
     The point itself has the events of one side; the other side is looked at.
     """
-    w = a.u / a.scale
-    chord = b.u / a.scale - w
-    share = float((graze.u / a.scale - w) @ chord) / float(chord @ chord)
+    share = share_of_step(a, b, graze)
     if problem.same_events(a, graze):
         near, other = between(problem, a, b, share + BESIDE * (1.0 - share), settings, (share, graze, 1.0, b)), b
     elif problem.same_events(graze, b):
@@ -322,24 +270,22 @@ def special_points(
     smooth = problem.same_events(a, b)
     if not smooth:
         with recorded("grazing", a, failed):
-            special.extend(grazings(problem, a, b, settings))
-            if _in_one_alone(problem, a, b) - {point.contact for point in special}:
+            # 200: motions looked at between two neighbours
+            special.extend(grazings(problem, a, b, settings, iter(range(200))))
+            # one-sided contacts that are made and lost in one motion and not in the other
+            made = (set(problem.cycle(point)[1].event_contact.tolist()) for point in (a, b))
+            alone = set.symmetric_difference(*made) - without_borders(problem.cycle(a)[0].system.contacts)
+            if alone - {point.contact for point in special}:
                 raise ArithmeticError("a contact begins between two neighbours, and no grazing was found")
     parts: list[tuple[tuple[BranchPoint, BranchPoint], BranchPoint, BranchPoint]] = []
-    for x, y in smooth_pieces(a, b, special):
+    corners = {id(corner.point): corner.point for corner in special}.values()
+    for x, y in pairwise([a, *sorted(corners, key=lambda p: share_of_step(a, b, p)), b]):
         with recorded("neimark_sacker", a, failed):
             parts += [((x, y), *part) for part in _parts(problem, x, y, settings, (x is not a, y is not b))]
     for piece, left, right in parts:
         if left.tangent[-1] * right.tangent[-1] < 0:
             with recorded("fold", a, failed):
-                fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
-                if fold is not None:
-                    ends = min(abs(float(left.tangent[-1])), abs(float(right.tangent[-1])))
-                    # 1e-3: of the tangent's part along the parameter at the neighbours: what a fold leaves of it
-                    if abs(float(fold.tangent[-1])) <= 1e-3 * ends:
-                        special.append(SpecialPoint("fold", fold.parameter, fold))
-                    elif not turned_at(special, piece, fold):
-                        raise ArithmeticError("the branch turns back at a corner that was not found")
+                _add_turn(special, problem, left, right, piece, settings)
         if smooth:
             with recorded("branch_point", a, failed):
                 crossing = branch_point_between(problem, left, right, settings)
@@ -351,10 +297,30 @@ def special_points(
     return special
 
 
-def _in_one_alone(problem: OrbitProblem, a: BranchPoint, b: BranchPoint) -> set[int]:
-    """One-sided contacts that are made and lost in one motion and not in the other."""
-    made = (set(problem.cycle(point)[1].event_contact.tolist()) for point in (a, b))
-    return set.symmetric_difference(*made) - without_borders(problem.cycle(a)[0].system.contacts)
+def _add_turn(
+    special: list[SpecialPoint],
+    problem: OrbitProblem,
+    left: BranchPoint,
+    right: BranchPoint,
+    piece: tuple[BranchPoint, BranchPoint],
+    settings: Settings,
+) -> None:
+    """Add the fold between two motions, or call the grazing a nonsmooth fold at which the branch turns instead.
+
+    That is the one at an end of the piece of the step without corners that both motions belong to.
+    """
+    fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
+    if fold is None:
+        return
+    # 1e-3: of the tangent's part along the parameter at the neighbours: what a fold leaves of it
+    if abs(float(fold.tangent[-1])) <= 1e-3 * min(abs(float(left.tangent[-1])), abs(float(right.tangent[-1]))):
+        special.append(SpecialPoint("fold", fold.parameter, fold))
+        return
+    ends = [k for k, event in enumerate(special) if any(event.point is end for end in piece)]
+    if not ends:
+        raise ArithmeticError("the branch turns back at a corner that was not found")
+    at = min(ends, key=lambda k: float(np.linalg.norm((special[k].point.u - fold.u) / fold.scale)))
+    special[at] = replace(special[at], kind="nonsmooth_fold")
 
 
 def _changes_of_stability(
@@ -463,8 +429,9 @@ def switch_at_period_doubling(problem: ForcedOrbits, special: SpecialPoint) -> t
     finds the parameter that belongs to this distance from the old branch. Its tangent points away from the old
     branch.
     """
-    doubled = problem.with_multiple(2 * problem.multiple)
-    mu, vectors = np.linalg.eig(problem.monodromy(special.point))
+    flow = problem.flow.under(problem.omega, problem.level)
+    doubled = replace(problem, flow=flow, multiple=2 * problem.multiple)
+    mu, vectors = np.linalg.eig(special.point.data.transition)
     v = vectors[:, int(np.argmin(np.abs(mu + 1.0)))].real
     row = np.append(v, 0.0) / doubled.scale(special.point.u)[0]
     sizes = [factor * FIRST_AMPLITUDE for factor in (1.0, 0.1, 0.01, 5.0)]

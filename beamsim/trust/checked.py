@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.analyses.branch import largest_of_stable
 from beamsim.flow.processor_time import processor_time
-from beamsim.outcomes import Stop, never
+from beamsim.outcomes import Progress, Stop, never, part_of
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.convergence import (
     COMPARISON,
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.scenario import Scenario
 
-Progress = Callable[[float], None] | None
 NOT_ASKED = "not asked for"
 FIRST_SHARE = 0.4  # of the time, that of the first model
 
@@ -195,7 +194,7 @@ def _checked(
     stop : asked whether to end.
     """
     share = FIRST_SHARE if asked else 1.0
-    result = first(_part(progress, 0.0, share))
+    result = first(part_of(progress, 0.0, share))
     if not asked:
         return with_convergence(result, Convergence(reason=NOT_ASKED))
     if result.outcome.cut_short:
@@ -203,7 +202,7 @@ def _checked(
     if stop():
         return result.interrupted(COMPARISON)
     begin, wall, own = processor_time(), clock.perf_counter(), values(result)
-    checked = _convergence(values, own, result, lambda case: again(case, _part(progress, share, 1.0)), stop)
+    checked = _convergence(values, own, result, lambda case: again(case, part_of(progress, share, 1.0)), stop)
     if stop():
         return result.interrupted(COMPARISON)
     checked = replace(checked, processor_time_s=processor_time() - begin)
@@ -229,10 +228,6 @@ def _convergence(
         return Convergence(reason=f"the finer model is {second.outcome.text}")
     changes = relative_changes([own], [values(second)])
     return Convergence(changes, tuple(doubtful(changes, {})), second.modes.kept_modes, modes)
-
-
-def _part(progress: Progress, begin: float, end: float) -> Progress:
-    return None if progress is None else lambda fraction: progress(begin + (end - begin) * fraction)
 
 
 def _frequencies(result: _Result) -> Values:

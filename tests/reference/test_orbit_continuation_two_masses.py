@@ -111,12 +111,12 @@ def test_stable_motions_attract(curve, index):
 
 
 def test_special_points_are_what_they_are_called(curve):
-    problem, _, _, special = curve
+    *_, special = curve
     kinds = [s.kind for s in special]
     assert kinds.count("fold") == 2
     assert kinds.count("period_doubling") == 2
     for s in special:
-        mu = np.linalg.eigvals(problem.monodromy(s.point)) if s.kind != "grazing" else None
+        mu = np.linalg.eigvals(s.point.data.transition) if s.kind != "grazing" else None
         if s.kind == "fold":
             assert abs(s.point.tangent[-1]) < 1e-8
         elif s.kind == "period_doubling":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -15,7 +15,6 @@ from beamsim.analyses.branch import (
     FoldBranch,
     OutputExtremes,
     ResponseBranch,
-    SpecialPointResult,
     largest_of_stable,
     of_states,
     special_result,
@@ -29,8 +28,7 @@ from beamsim.analyses.continuation.branches import (
     gaps_between,
     missing,
     progress_that_grows,
-    reach_of,
-    side_reach,
+    reaches_of,
     trace_range,
 )
 from beamsim.analyses.continuation.folds import follow_folds
@@ -42,28 +40,29 @@ from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurv
 from beamsim.analyses.continuation.side_branches import leavings, side_branches
 from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
-from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, LIMITED, OUTPUT, PENETRATION, STRESS, Value, margins_of
+from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, LIMITED, OUTPUT, PENETRATION, STRESS, Value, margins_along
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.processor_time import processor_time
-from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, BranchPoint, OrbitBranch, SpecialPoint
-from beamsim.orbits.harmonic_balance import ForcedBalance, truncation
+from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
+from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import STABLE
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Stop, Where, interruption, never
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.scenario.sweep import Continuation, HarmonicBalance
 from beamsim.system.equations import ChannelSet
-from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 NO_STABLE_MOTION = "no_stable_motion"
 
 SHARE_OF_OVERLAY = 0.2  # of the progress bar
+WITHOUT_CERTIFICATE = (
+    "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, without "
+    "certificate"
+)
 
 
-def continuation(
-    scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never
-) -> ContinuationResult:
+def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> ContinuationResult:
     """Follow the periodic motions of a scenario through its parameter, at all its levels.
 
     Parameters
@@ -96,7 +95,7 @@ def continuation(
     remarks: list[Outcome] = []
     done = 0
     for index, level in enumerate(levels):
-        part = _part(grown, curves_share * index / len(levels), curves_share / len(levels))
+        part = part_of(grown, curves_share * index / len(levels), curves_share * (index + 1) / len(levels))
         if branches and stop():
             break
         budget = Budget(
@@ -122,7 +121,7 @@ def continuation(
     interrupted = stop()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in levels[done:]]
     if settings.overlay is not None:
-        part = _part(grown, curves_share, SHARE_OF_OVERLAY)
+        part = part_of(grown, curves_share, 1.0)
         overlay = None if interrupted else swept_overlay(scenario, part, stop)
         if overlay is None:
             missing.append("sweep.overlay")
@@ -130,7 +129,9 @@ def continuation(
         parts = outcome.parts if outcome.code == COMPLETE.code else (outcome,)
         left = f"before {', '.join(missing)}" if missing else ""
         outcome = interruption(left, *parts)
-    f, second = model.followed, model.second
+    f, second, system = model.followed, model.second, model.system
+    by_balance = isinstance(settings.method, HarmonicBalance)
+    uncertified = by_balance and system.cubic.count and system.dynamics.contacts.count
     return ContinuationResult(
         scenario=scenario,
         outcome=outcome,
@@ -139,9 +140,11 @@ def continuation(
         warnings=(
             *scenario.warnings,
             *model.system.warnings,
-            *(_without_certificate(model.system) if isinstance(settings.method, HarmonicBalance) else ()),
-            *deflection_warnings(scenario, model.system.modes, _peaks(branches, "peak_displacement")),
-            *forces_beyond_tables(scenario, _peaks(branches, "peak_force")),
+            *((WITHOUT_CERTIFICATE,) if uncertified else ()),
+            *deflection_warnings(
+                scenario, model.system.modes, ({n: x.peak for n, x in b.displacement.items()} for b in branches)
+            ),
+            *forces_beyond_tables(scenario, ({n: x.peak for n, x in b.force.items()} for b in branches)),
         ),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,
@@ -157,27 +160,13 @@ def continuation(
     ).with_summary(**_summary(model, outcome, branches, folds, processor_time() - processor))
 
 
-def _part(progress: Callable[[float], None], first: float, share: float) -> Callable[[float], None]:
-    return lambda fraction: progress(first + share * fraction)
-
-
-def _without_certificate(system: StructuralSystem) -> list[str]:
-    """That harmonic balance may miss contacts beside cubic springs."""
-    if not system.cubic.count or not system.dynamics.contacts.count:
-        return []
-    return [
-        "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, without "
-        "certificate"
-    ]
-
-
 def _trace(
-    model: ResponseModel, settings: Continuation, level: float, budget: Budget, report: Callable[[float], None]
+    model: ResponseModel, settings: Continuation, level: float, budget: Budget, report: Progress
 ) -> list[OrbitBranch]:
     """The branches of one level, those of the excitation's own period first; none where it was time to end."""
     f = model.followed
     first, last = f.inward(f.first), f.inward(f.last)
-    reach = reach_of(first, last, beyond=f.moved is None)
+    reach, beside = reaches_of(first, last, beyond=f.moved is None)
     tracer = Tracer(model.problem(level), reach)
     branches = trace_range(tracer, first, last, budget, report)
     if not branches and budget.spent() is not INTERRUPTED:
@@ -193,7 +182,6 @@ def _trace(
             )
         )
     if settings.side_branches != "none":
-        beside = side_reach(first, last, reach)
         if settings.seek_at and (model.system.dynamics.contacts.count or model.system.cubic.count):
             values = np.linspace(first, last, settings.seek_at) if settings.seek_at > 1 else [0.5 * (first + last)]
             branches += coexisting_branches(replace(tracer, reach=beside), list(values), branches, budget)
@@ -238,7 +226,13 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
         parts.append(exceeded)
     parts += _left_out(model, settings, traced)
     bands: list[tuple[float, float]] = []
-    for a, b in gaps_between(_stable_stretches(traced), min(first, last), max(first, last)):
+    stable = [
+        (min(a, b), max(a, b))
+        for branch in traced
+        for (a, one), (b, other) in pairwise(zip(branch.values.tolist(), branch.orbits, strict=True))
+        if one.stable and other.stable
+    ]
+    for a, b in gaps_between(stable, min(first, last), max(first, last)):
         if bands and a - bands[-1][1] < COVERED * abs(last - first):
             a = bands.pop()[0]
         bands.append((a, b))
@@ -260,15 +254,6 @@ def _left_out(model: ResponseModel, settings: Continuation, traced: list[OrbitBr
     if by_balance and settings.seek_at and settings.side_branches != "none" and model.system.cubic.count:
         sentence = "coexisting motions were not sought: harmonic balance seeks none with cubic springs"
         yield Outcome.of(OutcomeKind.NOTED, "not_sought", sentence)
-
-
-def _stable_stretches(traced: list[OrbitBranch]) -> Iterator[tuple[float, float]]:
-    """Between stable neighbours of any branch."""
-    for branch in traced:
-        stable = [orbit.stable for orbit in branch.orbits]
-        for k, (a, b) in enumerate(pairwise(branch.values)):
-            if stable[k] and stable[k + 1]:
-                yield float(min(a, b)), float(max(a, b))
 
 
 def _doubt(branches: list[ResponseBranch], method: HarmonicBalance, unit: str) -> Iterator[Outcome]:
@@ -313,7 +298,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
 
     from_balance = None
     if isinstance(settings.method, HarmonicBalance):
-        from_balance = np.array([_neglected(problem, point) for point in traced.points])
+        from_balance = np.array([truncation(problem, point, across=True) for point in traced.points])
     return ResponseBranch(
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
@@ -327,7 +312,11 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         floquet_multipliers=multipliers,
         residual=np.array([p.residual for p in traced.points]),
         **of_states(np.array([orbit.state for orbit in traced.orbits]), system.dynamics.size),
-        special=tuple(_event(model, s) for s in traced.special),
+        special=tuple(
+            special_result(s, value, value if f.kind == "frequency" else model.frequency_hz, system.contact_names)
+            for s in traced.special
+            for value in [float(f.outward(s.parameter))]
+        ),
         parameter=parameter,
         unit=f.unit,
         parameter_meaning=f"what is followed: {f.label}",
@@ -341,14 +330,6 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         },
         neglected_harmonics=from_balance,
     )
-
-
-def _neglected(problem: ForcedBalance, point: BranchPoint) -> float:
-    """What the neglected harmonics are worth, against the motion."""
-    try:
-        return truncation(problem, point, across=True)
-    except (ArithmeticError, np.linalg.LinAlgError):
-        return np.inf
 
 
 def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum]:
@@ -371,13 +352,6 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
             some = [columns] if value.single else list(columns[:, None])
         maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]
     return maxima
-
-
-def _event(model: ResponseModel, special: SpecialPoint) -> SpecialPointResult:
-    f = model.followed
-    value = float(f.outward(special.parameter))
-    frequency = value if f.kind == "frequency" else model.frequency_hz
-    return special_result(special, value, frequency, model.system.contact_names)
 
 
 def _summary(
@@ -440,27 +414,20 @@ def _summary(
     return summary
 
 
-def _peaks(branches: list[ResponseBranch], limit: str) -> list[Mapping[str, Floats]]:
-    """Of each branch the largest of what is limited, in every motion by name."""
-    return [dict(branch.peaks()).get(LIMITED[limit], {}) for branch in branches]
-
-
 def _largest(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
     """Largest values of all stable motions by name (peaks have the displacements), and margins, for the summary."""
-    limits, unit = model.scenario.limits, model.followed.unit
     entries: dict[str, Any] = {}
-    worst: dict[str, tuple[float, str]] = {}
-    for value, name, largest, parameter in largest_of_stable(branches):
-        limit, place = (value.limit, name) if value.limit else (OF_OUTPUTS + name, "")
-        if largest > worst.get(limit, (-1.0, ""))[0]:
-            worst[limit] = largest, f"{place}, {parameter:.4g} {unit}".removeprefix(", ")
+    found = list(largest_of_stable(branches))
+    for value, name, largest, parameter in found:
         if value is OUTPUT:
             entries.setdefault(value.entry, {})[name] = {"value": largest, "parameter": parameter}
         elif value.followed and value.key != DISPLACEMENT:
             entries.setdefault(value.entry, {})[name] = largest / value.scale
     if model.system.outputs:
         entries["output_unit"] = {rows.name: rows.unit for rows in model.system.outputs}
-    return {**entries, "margins": {} if limits is None else margins_of(limits, worst)}
+    limits, unit = model.scenario.limits, model.followed.unit
+    margins = margins_along(limits, ((value, name, size, f"{at:.4g} {unit}") for value, name, size, at in found))
+    return {**entries, "margins": margins}
 
 
 def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple[ResponseBranch, str, Floats, int]]:

@@ -30,6 +30,7 @@ from beamsim.orbits.branch import (
     FailedSearch,
     OrbitBranch,
     SpecialPoint,
+    share_of_step,
     too_many_points,
     with_failed_searches,
 )
@@ -45,14 +46,13 @@ from beamsim.orbits.continuation import (
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
 from beamsim.orbits.special_points import special_points
-from beamsim.outcomes import Outcome, OutcomeKind, Stop, Where, both_directions, never, until
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, both_directions, never, until
 from beamsim.typing import Floats
 
 RAISED = (3.0, 10.0, 30.0)  # levels at which a motion with contact is looked for, over that of the curve
 BEYOND_GAP = (1.5, 4.0)  # deflections that transients begin with, over those that reach the contact
 SETTINGS = Settings(iterations=25)
 BACK_TO_PERIOD = "back_to_period"
-Report = Callable[[float], None]
 EXCURSION = 1.5  # how far beyond the first frequency or level, as a ratio, a branch may go
 COVERED = 1e-3  # of the range: stretches shorter than this count as covered
 COINCIDES = 2e-3  # distance from a known branch, against the motion, within which a motion belongs to it
@@ -104,14 +104,6 @@ class Tracer:
             return None
 
 
-def _settled(local: ForcedOrbits, flow: PeriodicFlow, z: Floats, periods: int) -> tuple[Floats, BranchPoint | None]:
-    """A state after some periods, and the stable motion that it comes to."""
-    for _ in range(periods):
-        z = flow.carry(z, 2 * np.pi / local.omega).end
-    orbit = solve_at(local, np.append(z, local.value), SETTINGS, local.value)
-    return z, orbit if orbit is not None and local.orbit(orbit).stable else None
-
-
 def periodic_states(flow: PeriodicFlow, multiple: int = 1) -> Iterator[Floats]:
     """States of periodic motions of a system, with repetitions: by transients, and down from higher levels."""
     with suppress(ArithmeticError, np.linalg.LinAlgError):
@@ -133,8 +125,10 @@ def _from_beyond_gaps(local: ForcedOrbits) -> Iterator[Floats]:
         for factor in BEYOND_GAP:
             for side in (1.0, -1.0):
                 z = linear * (side * factor * max(abs(float(gap)), reached) / reached)
-                _, orbit = _settled(local, flow, z, 80)
-                if orbit is not None:
+                for _ in range(80):  # periods
+                    z = flow.carry(z, 2 * np.pi / local.omega).end
+                orbit = solve_at(local, np.append(z, local.value), SETTINGS, local.value)
+                if orbit is not None and local.orbit(orbit).stable:
                     yield orbit.u[:-1]
 
 
@@ -221,42 +215,28 @@ def limited(outcome: Outcome, limit: str) -> Outcome:
     return outcome.but(remedy=f"raise {limit}", numbers={**outcome.numbers, "limit": limit})
 
 
-def reach_of(first: float, last: float, beyond: bool) -> tuple[float, float]:
+def reaches_of(first: float, last: float, beyond: bool) -> tuple[tuple[float, float], tuple[float, float]]:
     """Where branches may go: a loop of the curve may reach back beyond the first value before it goes on.
 
     Parameters
     ----------
     first, last : values of the unknown.
-    beyond : whether they may leave the range at its first value, by the ratio `EXCURSION`.
+    beyond : whether the main branches may leave the range at its first value, by the ratio `EXCURSION`.
 
     Returns
     -------
-    low, high : values that a branch must not leave.
+    main : lowest and highest value that a main branch must not leave.
+    beside : those of branches that begin beside the main ones, a little beyond the range.
     """
     low, high = sorted((first, last))
-    if not beyond:
-        return low, high
-    return (low / EXCURSION, high) if last > first else (low, high * EXCURSION)
+    main = low, high
+    if beyond:
+        main = (low / EXCURSION, high) if last > first else (low, high * EXCURSION)
+    little = 0.1 * (high - low)
+    return main, (max(low - little, main[0]), min(high + little, main[1]))
 
 
-def side_reach(first: float, last: float, reach: tuple[float, float]) -> tuple[float, float]:
-    """Where branches may go that begin beside the main ones: a little beyond the range, within the reach of these.
-
-    Parameters
-    ----------
-    first, last : values of the unknown.
-    reach : values that the main branches must not leave.
-
-    Returns
-    -------
-    low, high : values that a branch must not leave.
-    """
-    low, high = sorted((first, last))
-    beyond = 0.1 * (high - low)
-    return max(low - beyond, reach[0]), min(high + beyond, reach[1])
-
-
-def progress_that_grows(report: Report | None) -> Report:
+def progress_that_grows(report: Progress) -> Callable[[float], None]:
     """A progress report that never decreases."""
     best = 0.0
 
@@ -310,7 +290,7 @@ def missing(branches: Iterable[OrbitBranch], first: float, last: float) -> list[
 
 
 def trace_range(
-    tracer: Tracer, first: float, last: float, budget: Budget, report: Report | None = None
+    tracer: Tracer, first: float, last: float, budget: Budget, report: Progress = None
 ) -> list[OrbitBranch]:
     """Branches from the first value to the last, as many as are needed.
 
@@ -347,22 +327,17 @@ def trace_range(
         gaps = missing(branches, first, last)
         if not gaps or budget.spent():
             break
-        begin = _next(gaps, tried, last)
+        begin = last
+        if last in tried or not any(last in gap for gap in gaps):
+            # the middle of the longest stretch between gaps' ends and failed places
+            cuts = [[a, *sorted(x for x in tried if a < x < b), b] for a, b in gaps]
+            pieces = [piece for each in cuts for piece in pairwise(each)]
+            a, b = max(pieces, key=lambda piece: piece[1] - piece[0])
+            begin = 0.5 * (a + b)
     if not missing(branches, first, last):
         budget.cut_off.clear()  # what one branch left out, another one reached
     grown(1.0)
     return branches
-
-
-def _next(gaps: list[tuple[float, float]], tried: list[float], last: float) -> float:
-    """The far end if it was not tried, else the middle of the longest stretch between gaps' ends and failed places."""
-    if last not in tried and any(last in gap for gap in gaps):
-        return last
-    pieces = []
-    for a, b in gaps:
-        pieces += list(pairwise([a, *sorted(x for x in tried if a < x < b), b]))
-    a, b = max(pieces, key=lambda piece: piece[1] - piece[0])
-    return 0.5 * (a + b)
 
 
 def coexisting_branches(
@@ -402,7 +377,7 @@ def follow(
     direction: float,
     budget: Budget,
     known: list[OrbitBranch],
-    tell: Report | None = None,
+    tell: Progress = None,
 ) -> OrbitBranch:
     """What goes on in one direction from a start, up to a known branch.
 
@@ -429,7 +404,7 @@ def follow(
 
 
 def joining(
-    known: list[OrbitBranch], *, leaves: bool = False, tell: Report | None = None
+    known: list[OrbitBranch], *, leaves: bool = False, tell: Progress = None
 ) -> Callable[[BranchPoint], Outcome | None]:
     """A test of whether a branch has run into a known one.
 
@@ -490,8 +465,9 @@ def walk(
         if outcome is not None and outcome.code == BACK_TO_PERIOD:
             break
         if points and special_between is not None:
-            found = special_between(branch.problem, points[-1], point, branch.settings, failed)
-            between = _along(points[-1], point, found)
+            last = points[-1]
+            between = special_between(branch.problem, last, point, branch.settings, failed)
+            between = sorted(between, key=lambda s: share_of_step(last, point, s.point))
             special += between
             points += [s.point for s in between]
         points.append(point)
@@ -511,13 +487,6 @@ def walk(
     return OrbitBranch(branch.problem, points, with_failed_searches(outcome, failed), tuple(special))
 
 
-def _along(a: BranchPoint, b: BranchPoint, special: list[SpecialPoint]) -> list[SpecialPoint]:
-    """Special points between two neighbours in the order of the branch: they become points of it."""
-    w = a.u / a.scale
-    chord = b.u / a.scale - w
-    return sorted(special, key=lambda s: float((s.point.u / a.scale - w) @ chord))
-
-
 def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
     """Whether a known branch passes through a point."""
     p = point.parameter
@@ -530,19 +499,15 @@ def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
             between = a.u + np.clip(off[i] / (off[i] - off[i + 1]), 0.0, 1.0) * (b.u - a.u)
             away = float(np.linalg.norm(((between - point.u) / point.scale)[:-1]))
             apart = float(np.linalg.norm(((a.u - b.u) / point.scale)[:-1]))
-            if away < COINCIDES + 0.1 * apart**2 or (away < apart and _on_curve(point, a, b)):
+            if away < COINCIDES + 0.1 * apart**2:
                 return True
+            if away < apart and min(a.parameter, b.parameter) < p < max(a.parameter, b.parameter):
+                # a sharp peak is far from its chords: on the cubic
+                share = brentq(lambda s, a=a, b=b: float(interpolated(a, b, s)[-1]) - p, 0.0, 1.0)
+                off_curve = (interpolated(a, b, share) - point.u) / point.scale
+                if float(np.linalg.norm(off_curve[:-1])) < COINCIDES:
+                    return True
     return False
-
-
-def _on_curve(point: BranchPoint, a: BranchPoint, b: BranchPoint) -> bool:
-    """Whether the cubic between two neighbours passes through a point: a sharp peak is far from its chords."""
-    p = point.parameter
-    if not min(a.parameter, b.parameter) < p < max(a.parameter, b.parameter):
-        return False
-    share = brentq(lambda s: float(interpolated(a, b, s)[-1]) - p, 0.0, 1.0)
-    away = (interpolated(a, b, share) - point.u) / point.scale
-    return float(np.linalg.norm(away[:-1])) < COINCIDES
 
 
 def joined(forward: OrbitBranch, back: OrbitBranch | None = None) -> OrbitBranch:

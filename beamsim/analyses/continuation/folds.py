@@ -86,18 +86,6 @@ class FoldCurve(TwoParameterCurve):
 
     border: tuple[Floats, Floats]  # b and c, unit vectors in scaled unknowns
 
-    def _bordered(self, A: Floats, scale: Floats) -> tuple[float, Floats, Floats]:
-        """g, and the vectors of its derivative ``-w^T dA v`` in the unknowns' own units."""
-        b, c = self.border
-        s = scale[: A.shape[0]]
-        bordered = np.zeros((A.shape[0] + 1,) * 2)
-        bordered[:-1, :-1] = A * s / s[:, None]
-        bordered[:-1, -1], bordered[-1, :-1] = b, c
-        last = np.zeros(A.shape[0] + 1)
-        last[-1] = 1.0
-        right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
-        return float(right[-1]), left[:-1] / s, right[:-1] * s
-
     def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
         """The shooting residual and g, with their Jacobian.
 
@@ -107,9 +95,17 @@ class FoldCurve(TwoParameterCurve):
         R, A, passage = self.shoot(u)
         scale = self.scale(u)[0]
         k = R.size
-        g, w, v = self._bordered(A[:, :k], scale)
+        s = scale[:k]
+        bordered = np.zeros((k + 1,) * 2)
+        bordered[:-1, :-1] = A[:, :k] * s / s[:, None]
+        bordered[:-1, -1], bordered[-1, :-1] = self.border
+        last = np.zeros(k + 1)
+        last[-1] = 1.0
+        right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
+        # of the derivative -w^T dA v of g in the unknowns' own units
+        g, w, v = float(right[-1]), left[:-1] / s, right[:-1] * s
         # 1e-6: step along v, against the unknowns' scale
-        step = 1e-6 / float(np.linalg.norm(v / scale[:k]))
+        step = 1e-6 / float(np.linalg.norm(v / s))
         h = np.append(v * step, np.zeros(2))
         change = self.shoot(u + h)[1] - self.shoot(u - h)[1]
         return np.append(R, g), np.vstack([A, -w @ change / (2.0 * step)]), passage
@@ -169,7 +165,7 @@ def start_of_curve(
     curve: FoldCurve | GrazingCurve
     if at.kind == "fold":
         scale = orbits.scale(at.point.u)[0][:-1]
-        A = orbits.monodromy(at.point) - np.eye(orbits.flow.size)
+        A = at.point.data.transition - np.eye(orbits.flow.size)
         U, _, V = np.linalg.svd(A * scale / scale[:, None])
         curve = FoldCurve(orbits, second, (U[:, -1], V[-1]))
     else:

@@ -26,7 +26,7 @@ from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.sweep import Continuation, FrequencyPath
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Complexes, Floats
+from beamsim.typing import Complexes, Floats
 
 HALVINGS = 24  # of the factor, at most
 WANTED = 7  # factors at which the exact motion is found
@@ -45,7 +45,8 @@ def with_forced_expansion(result: ContinuationResult) -> ContinuationResult:
 
 
 def _summary(comparison: ForcedExpansionComparison) -> dict[str, Any]:
-    """Summary of one level."""
+    """Summary of one level; an order is that between the two smallest factors."""
+    orders = [of[np.isfinite(of)] for of in comparison.orders.T]
     near = comparison.difference[:, 0] < np.inf  # False where no exact motion was found
     return {
         "level": comparison.level,
@@ -56,15 +57,9 @@ def _summary(comparison: ForcedExpansionComparison) -> dict[str, Any]:
         "largest_first_order_m": {name: float(x.max()) for name, x in comparison.first.items()},
         "factor": comparison.factor[near].tolist(),
         "difference": comparison.difference[near].tolist(),
-        "observed_orders": [_last_order(comparison.orders[:, k]) for k in (0, 1)],
+        "observed_orders": [float(of[-1]) if of.size else np.nan for of in orders],
         "stability_agrees": bool(near.any() and comparison.stability_agrees[near].all()),
     }
-
-
-def _last_order(orders: Floats) -> float:
-    """The order between the two smallest factors."""
-    known = orders[np.isfinite(orders)]
-    return float(known[-1]) if known.size else float("nan")
 
 
 def compare_forced_expansion(scenario: Scenario) -> tuple[ForcedExpansionComparison, ...]:
@@ -196,7 +191,16 @@ def _compare(
     first = [coarse.with_correction(m.complex_amplitude, resonant.omega + m.sigma, 1.0) for m in motions]
     amplitude = NEAR_TIP * tip
     reference = resonant.motion(amplitude, resonant.detunings(amplitude)[0])
-    factor, difference, agrees = _differences(system, resonant, reference)
+    # halved from one on until enough factors are small enough for the exact motion to be near
+    rows: list[tuple[float, float, float, bool]] = []
+    for half in 0.5 ** np.arange(HALVINGS):
+        positive = resonant.omega + half * reference.sigma > 0
+        differences = _difference(system, resonant, reference, float(half)) if positive else None
+        rows.append((float(half), *(differences or (np.nan, np.nan, False))))
+        if sum(np.isfinite(row[1]) for row in rows) == WANTED:
+            break
+    table = np.array([row[:3] for row in rows])
+    factor, difference = table[:, 0], table[:, 1:]
     return ForcedExpansionComparison(
         level=level,
         mode=mode + 1,
@@ -210,26 +214,8 @@ def _compare(
         factor_frequency_hz=(omega + factor * reference.sigma) / (2 * np.pi),
         difference=difference,
         orders=np.array([observed_orders(factor, difference[:, k]) for k in (0, 1)]).T,
-        stability_agrees=agrees,
+        stability_agrees=np.array([row[3] for row in rows]),
     )
-
-
-def _differences(
-    system: StructuralSystem, resonant: ResonantForcing, motion: SteadyMotion
-) -> tuple[Floats, Floats, Bools]:
-    """Factors; the differences of leading and first order from the exact steady motion; whether stability agrees.
-
-    The factors are halved from one on until enough of them are small enough for the exact motion to be near.
-    """
-    rows: list[tuple[float, float, float, bool]] = []
-    for factor in 0.5 ** np.arange(HALVINGS):
-        omega = resonant.omega + factor * motion.sigma
-        differences = _difference(system, resonant, motion, float(factor)) if omega > 0 else None
-        rows.append((float(factor), *(differences or (np.nan, np.nan, False))))
-        if sum(np.isfinite(row[1]) for row in rows) == WANTED:
-            break
-    table = np.array([row[:3] for row in rows])
-    return table[:, 0], table[:, 1:], np.array([row[3] for row in rows])
 
 
 def _difference(

@@ -15,13 +15,12 @@ import numpy as np
 
 from beamsim.analyses.run.orbit_energy import balance_error, energy_error
 from beamsim.analyses.run.stepped_motion import SteppedChannels
-from beamsim.analyses.sweep.stepped import harmonic_loads
+from beamsim.analyses.sweep.stepped import harmonic_loads, sine_of
 from beamsim.analyses.values import DISPLACEMENT, LIMITED
 from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.flow.variational import VariationalFlow, motion_on
-from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.period import PIECES, polynomial_extrema
@@ -59,25 +58,6 @@ def measured(system: StructuralSystem, limited: Collection[str] = ()) -> Channel
     """
     keys = {value.key for name, value in LIMITED.items() if value.followed or name in limited}
     return system.channels.only(lambda channel: channel.key in keys or channel.section == "outputs")
-
-
-def sine_of(excitation: Sine, omega: float, level: float) -> complex:
-    """Amplitude of ``exp(i omega t)`` of the sine that all loads follow: of an acceleration, a force or a factor.
-
-    Parameters
-    ----------
-    excitation : harmonic.
-    omega : rad/s.
-    level : of the excitation's own quantity, which is what stays the same at other frequencies.
-
-    Returns
-    -------
-    complex
-        m/s^2, N or 1; the sine is the real part.
-    """
-    quantity = excitation.quantity or "acceleration"
-    amplitude = acceleration_amplitude(abs(level), quantity, omega / (2 * np.pi))
-    return complex(-1j * amplitude * np.exp(1j * (excitation.phase + phase_of_acceleration(quantity, level))))
 
 
 @dataclass

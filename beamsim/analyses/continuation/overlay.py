@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import fields, replace
+from itertools import count
 
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.errors import Problem, ScenarioError
-from beamsim.outcomes import Stop, never
+from beamsim.outcomes import Progress, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, FrequencyPath, SweptSine
 
 
-def swept_overlay(
-    scenario: Scenario, progress: Callable[[float], None] | None = None, stop: Stop = never
-) -> dict[str, OverlayCurve] | None:
+def swept_overlay(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> dict[str, OverlayCurve] | None:
     """The swept sine that a continuation's ``overlay`` asks for, at the same levels.
 
     Parameters
@@ -86,7 +84,8 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
                     f"{', '.join(sorted(probes))}", "give a sweep with a probe of the same name",
                 )
             )  # fmt: skip
-        name = _free_name(curve, overlay)
+        names = (f"{curve.direction}_{index}" for index in count(curve.level_index))
+        name = next(name for name in names if name not in overlay)
         overlay[name] = replace(_overlaid(curve, stored.title, source), name=name)
     return replace(result, overlay=overlay)
 
@@ -94,10 +93,3 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
 def _overlaid(curve: SweepCurve, title: str, source: str) -> OverlayCurve:
     values = {field.name: getattr(curve, field.name) for field in fields(curve)}
     return OverlayCurve(**values, source=source, title=title)
-
-
-def _free_name(curve: SweepCurve, taken: dict[str, OverlayCurve]) -> str:
-    index = curve.level_index
-    while f"{curve.direction}_{index}" in taken:
-        index += 1
-    return f"{curve.direction}_{index}"

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.analyses.continuation.motion import sine_of
+from beamsim.analyses.sweep.stepped import sine_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.snubbers import dashpot_from_ratio
 from beamsim.errors import Problem, ScenarioError, locating
@@ -28,7 +28,7 @@ from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.checks import in_metres, snubber_index
 from beamsim.scenario.excitation import Forces, Harmonic, Sine
-from beamsim.scenario.sweep import Continuation, HarmonicBalance, PositionPath, SnubberPath
+from beamsim.scenario.sweep import Continuation, HarmonicBalance, SnubberPath
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
@@ -107,26 +107,12 @@ class ResponseModel:
         assert isinstance(self.scenario.excitation, Harmonic | Forces)
         return self.scenario.excitation
 
-    def flow(self, frequency_hz: float, level: float) -> PeriodicFlow:
-        """A flow with its derivatives; of cubic springs by series.
-
-        Raises
-        ------
-        ScenarioError : where snubbers and cubic springs do not go together.
-        """
-        try:
-            return periodic_flow(self.system, self.loads, 2 * np.pi * frequency_hz, level)
-        except ValueError as error:
-            raise ScenarioError(
-                Problem("chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance")
-            ) from error
-
     def problem(self, level: float) -> ForcedOrbits | ForcedBalance:
         """Motions along the parameter, by the method that is asked for.
 
         Raises
         ------
-        ScenarioError : where the snubbers' law is beyond harmonic balance.
+        ScenarioError : where the snubbers' law is beyond harmonic balance, or does not go with cubic springs.
         """
         f, settings = self.followed, self.scenario.sweep
         assert isinstance(settings, Continuation)
@@ -139,10 +125,13 @@ class ResponseModel:
                     self.system.dynamics, self.loads, settings.method.harmonics, parameter, 2 * np.pi * hz, level,
                     cubic=cubic,
                 )  # fmt: skip
-        if f.moved is None:
-            return ForcedOrbits(self.flow(hz, f.first if f.kind == "level" else level), parameter)
-        flow = self.flow(hz, level)
-        return ForcedOrbits(flow, f.path(flow))
+        try:
+            flow = periodic_flow(self.system, self.loads, 2 * np.pi * hz, f.first if f.kind == "level" else level)
+        except ValueError as error:
+            raise ScenarioError(
+                Problem("chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance")
+            ) from error
+        return ForcedOrbits(flow, parameter if f.moved is None else f.path(flow))
 
 
 def periodic_flow(system: StructuralSystem, loads: PeriodicForcing, omega: float, level: float) -> PeriodicFlow:
@@ -200,8 +189,13 @@ def response_model(scenario: Scenario) -> ResponseModel:
     shape_at = None
     if moving:
         ends = [x for p in moving for x in (p.from_, p.to)]
-        places = [_moving_place(scenario, moving[0], end) for end in (min(ends), max(ends))]
-        system, shape_at = build_with_moving_point(forced, *places)
+        index = snubber_index(scenario, moving[0])
+        assert index is not None
+        site = snubber_site(scenario.located_snubbers[index])
+        assert isinstance(site, Place)
+        system, shape_at = build_with_moving_point(
+            forced, replace(site, point=min(ends)), replace(site, point=max(ends))
+        )
     else:
         system = build_system(forced)
     loads = periodic_forcing(forced, system)
@@ -214,15 +208,6 @@ def response_model(scenario: Scenario) -> ResponseModel:
         excitation.frequency,
         tuple(float(x) for x in levels),
     )
-
-
-def _moving_place(scenario: Scenario, path: PositionPath, position: float) -> Place:
-    """Where a snubber that moves is at a position, m."""
-    index = snubber_index(scenario, path)
-    assert index is not None
-    site = snubber_site(scenario.located_snubbers[index])
-    assert isinstance(site, Place)
-    return replace(site, point=position)
 
 
 def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, shape_at: Any) -> FollowedParameter:

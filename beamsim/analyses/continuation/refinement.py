@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.continuation.motion import MeasuredMotion
-from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
+from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end, share_of_step
 from beamsim.orbits.continuation import Settings, at_parameter, between, locate
 from beamsim.outcomes import Stop, never
 
@@ -130,8 +130,7 @@ def with_points_at(
             elif b is not a and a.parameter not in gaps and (each.of(a) - each.value) * (each.of(b) - each.value) < 0:
                 point = each.between(branch.problem, a, b)
                 between += [] if point is None else [(each, point)]
-        chord = (b.u - a.u) / a.scale
-        between.sort(key=lambda found: float(((found[1].u - a.u) / a.scale) @ chord))
+        between.sort(key=lambda found: share_of_step(a, b, found[1]))
         passed += between
         points += [point for _, point in between]
     return replace(branch, points=tuple(points)), passed

@@ -61,10 +61,22 @@ def side_branches(
     known: list[OrbitBranch] = []
     followed_at: list[float] = []
     waiting = [leaving for branch in main for leaving in leavings(branch, longest)]
+
+    def urgency(each: Leaving) -> tuple[bool, float]:
+        """The smallest one first: far from the bifurcations that were followed, so that all of the range is served."""
+        away = (abs(each.event.parameter - value) for value in followed_at)
+        return not each.at_stable, -min(away, default=0.0)
+
+    def is_an_end(each: Leaving) -> bool:
+        """Whether a branch that was followed ends there."""
+        value = each.event.parameter
+        ends = [p for b in known if b.problem.multiple == each.multiple for p in (b.points[0], b.points[-1])]
+        return any(abs(p.parameter - value) < SAME_PARAMETER * abs(value) for p in ends)
+
     while waiting:
-        leaving = min(waiting, key=lambda each: (not each.at_stable, -_distance(each, followed_at)))
+        leaving = min(waiting, key=urgency)
         waiting.remove(leaving)
-        if any(_ends_at(branch, leaving) for branch in known):
+        if is_an_end(leaving):
             continue
         if not budget.allows_another(len(main) + len(known)):
             budget.not_followed += 1
@@ -79,11 +91,6 @@ def side_branches(
     return known
 
 
-def _distance(leaving: Leaving, followed_at: list[float]) -> float:
-    """From the nearest bifurcation that was followed, so that all of the range is served."""
-    return min((abs(leaving.event.parameter - value) for value in followed_at), default=0.0)
-
-
 def leavings(branch: OrbitBranch, longest: int) -> list[Leaving]:
     """The bifurcations of a branch from which others leave."""
     places = {id(point): k for k, point in enumerate(branch.points)}
@@ -94,14 +101,6 @@ def leavings(branch: OrbitBranch, longest: int) -> list[Leaving]:
             beside = [branch.points[i] for i in (k - 1, k + 1) if 0 <= i < len(branch.points)]
             bifurcations.append(Leaving(branch, event, any(branch.problem.orbit(p).stable for p in beside)))
     return [leaving for leaving in bifurcations if leaving.multiple <= longest]
-
-
-def _ends_at(branch: OrbitBranch, leaving: Leaving) -> bool:
-    if branch.problem.multiple != leaving.multiple:
-        return False
-    value = leaving.event.parameter
-    ends = branch.points[0], branch.points[-1]
-    return any(abs(p.parameter - value) < SAME_PARAMETER * abs(value) for p in ends)
 
 
 def _branches(

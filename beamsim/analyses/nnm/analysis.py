@@ -36,14 +36,13 @@ from beamsim.flow.processor_time import processor_time
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import linear_mode
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Stop, Where, combined, interruption, never
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, combined, interruption, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.sweep import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
-Progress = Callable[[float], None]
 RequestedPoint = tuple[int, Wanted, BranchPoint]  # number of its branch, what was asked for, and the point
 
 COMPARISONS = ("multiple_scales", "relaxed_minimisation")
@@ -77,7 +76,7 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
 
 
 def nnm(
-    scenario: Scenario, progress: Progress | None = None, compare: Collection[str] = (), stop: Stop = never
+    scenario: Scenario, progress: Progress = None, compare: Collection[str] = (), stop: Stop = never
 ) -> NormalModeResult:
     """Follow the nonlinear normal mode that a scenario asks for.
 
@@ -116,8 +115,10 @@ def nnm(
     if given_up and not followed.backbone.outcome.interrupted:
         work.left_out.append("the search for special points")
     branches = _branches(system, job, work, special)
-    shown, point = _shown(branches)
+    # the motion to be shown is the backbone's last one, or the furthest from rest where one is never at rest
+    shown = next((k for k, each in enumerate(branches) if each.kind == "non_brake"), 0)
     branch = branches[shown]
+    point = int(np.argmax(branch.least_kinetic)) if shown else branch.parameter.size - 1
     state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
     flow = (work.full_period or followed).every[shown].points[point].data.flow
     motion = orbit_motion(system, flow, state, 1.0 / float(branch.frequency_hz[point]))
@@ -127,7 +128,7 @@ def nnm(
         resonance = hold_mode(
             scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
         )
-    outcome = job.shown_in(with_failed_searches(_outcome(work, resonance), failed))
+    outcome = job.ended(with_failed_searches(_outcome(work, resonance), failed))
     outcome = reduction_checked(balanced(outcome, branches, branch.unit), scenario, system.modes)
     result = NormalModeResult(
         scenario=scenario,
@@ -202,7 +203,7 @@ def _followed(
     system: StructuralSystem,
     job: ModePath,
     compare: Collection[str],
-    progress: Progress | None,
+    progress: Progress,
     stop: Stop,
 ) -> _MethodResults:
     """Exact motions first, then what is compared with them."""
@@ -211,12 +212,7 @@ def _followed(
     begin = processor_time()
     if solver.kind == "multiple_scales":
         return _near_expansion(scenario, system, job)
-    relaxing: RelaxedMinimisationMethod | None = None
-    if isinstance(solver, RelaxedMinimisationMethod):
-        relaxing = solver
-    elif "relaxed_minimisation" in compare:
-        relaxing = RelaxedMinimisationMethod()
-    followed, requested = _with_points(scenario, job.follow(progress, stop))
+    followed, requested = _with_points(scenario, job, job.follow(progress, stop))
     work = _MethodResults(followed, 0.0, requested=requested)
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
@@ -224,9 +220,10 @@ def _followed(
         if solver.branches and work.full_period.backbone.outcome.complete:
             work.goes_on("the end of the search for non-brake orbits", stop)
     work.processor_time_s = processor_time() - begin
-    if relaxing is not None and work.goes_on("relaxed minimisation", stop):
+    if (work.relaxing or "relaxed_minimisation" in compare) and work.goes_on("relaxed minimisation", stop):
+        steps = solver if isinstance(solver, RelaxedMinimisationMethod) else RelaxedMinimisationMethod()
         work.relaxed = compare_relaxed(
-            job, work.followed, work.processor_time_s, relaxing, system.deflection, progress, stop
+            job, work.followed, work.processor_time_s, steps, system.deflection, progress, stop
         )
     if "multiple_scales" in compare and work.goes_on("the expansion", stop):
         path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
@@ -234,7 +231,9 @@ def _followed(
     return work
 
 
-def _with_points(scenario: Scenario, followed: ModeBranches) -> tuple[ModeBranches, list[RequestedPoint]]:
+def _with_points(
+    scenario: Scenario, job: ModePath, followed: ModeBranches
+) -> tuple[ModeBranches, list[RequestedPoint]]:
     """The branches with points at the energies and frequencies asked for; the outcome names what none passes."""
     settings = scenario.nnm
     assert settings is not None
@@ -246,10 +245,9 @@ def _with_points(scenario: Scenario, followed: ModeBranches) -> tuple[ModeBranch
     }  # fmt: skip
     wanted: list[Wanted] = []
     for quantity, values in (("energy", settings.energies), ("frequency", settings.frequencies)):
-        followed_here = quantity == problem.parameter
         for value in values:
-            inward = float(np.log(value) if quantity == "energy" else 2 * np.pi * value)
-            wanted.append(Wanted(quantity, float(value), numbers[quantity], inward if followed_here else None))
+            inward = job.inward(float(value)) if quantity == problem.parameter else None
+            wanted.append(Wanted(quantity, float(value), numbers[quantity], inward))
     branches: list[OrbitBranch] = []
     requested: list[RequestedPoint] = []
     for index, branch in enumerate((followed.backbone, *followed.tongues)):
@@ -339,14 +337,6 @@ def _branches(
         branch_result(system, job, brake, backbone, **of_backbone),
         *(branch_result(system, job, brake, branch) for branch in others),
     )
-
-
-def _shown(branches: tuple[ModeBranch, ...]) -> tuple[int, int]:
-    """Branch and point of the motion to be shown: the backbone's last, or the furthest from rest where there is one."""
-    for k, branch in enumerate(branches):
-        if branch.kind == "non_brake":
-            return k, int(np.argmax(branch.least_kinetic))
-    return 0, branches[0].parameter.size - 1
 
 
 def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Outcome:

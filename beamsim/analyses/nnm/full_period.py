@@ -10,7 +10,7 @@ shift in time, :math:`\delta v = \nabla V(q_0)`; it is set aside by bordering wi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -22,7 +22,7 @@ from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, reached
 from beamsim.orbits.continuation import Branch, Settings, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
-from beamsim.outcomes import Outcome, OutcomeKind, Stop, never, until
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, never, until
 from beamsim.scenario.sweep import FullPeriodMethod
 from beamsim.typing import Floats
 
@@ -37,9 +37,6 @@ SAME = 1e-5  # scaled distance of two that are one
 NEAR = 0.2  # scaled distance between a branch's end and a symmetry breaking that is the other end of it
 LARGEST_RATIO = 12  # of the frequencies of a mode and the branch
 FIRST_KICKS = (0.03, 0.01, 0.003, 0.1)  # speed that the branch begins with, over sqrt(2 E)
-
-
-Report = Callable[[float], None] | None
 
 
 @dataclass(frozen=True)
@@ -164,7 +161,7 @@ def non_brake_branch(
 
 
 def over_full_period(
-    brake: BrakeOrbits, points: Sequence[BranchPoint], gaps: Collection[float] = (), report: Report = None,
+    brake: BrakeOrbits, points: Sequence[BranchPoint], gaps: Collection[float] = (), report: Progress = None,
     stop: Stop = never,
 ) -> OrbitBranch:  # fmt: skip
     """A path of brake orbits followed again over the whole period: a check that assumes no instant of rest.
@@ -238,7 +235,7 @@ def follow_full_period(
     job: ModePath,
     branches: ModeBranches,
     settings: FullPeriodMethod,
-    report: Report = None,
+    report: Progress = None,
     stop: Stop = never,
 ) -> ModeBranches:
     """Follow a half-period backbone again over the whole period, and the non-brake orbits that branch off.
@@ -265,7 +262,11 @@ def follow_full_period(
     backbone = over_full_period(branches.problem, points, branches.gaps, report, stop)
     if not backbone.points:
         raise NotTrustedError(f"full-period shooting found no motion to start from: {backbone.outcome}")
-    breakings = list(until(_breakings(branches), stop)) if settings.branches and not stop() else []
+    breakings: list[SymmetryBreaking] = []  # along the backbone, its tongues, and the ways back into them; each once
+    for a, b in until(_steps(branches) if settings.branches and not stop() else (), stop):
+        origin = breaking_between(branches.problem, a, b, Settings())
+        if origin is not None and not any(_alike(branches.problem, origin, known) for known in breakings):
+            breakings.append(origin)
     reach = min(points[0].parameter, points[-1].parameter), max(points[0].parameter, points[-1].parameter)
     non_brake: list[OrbitBranch] = []
     steps = Settings(step=FIRST_STEP, largest_step=LARGEST_STEP, most_points=settings.points)
@@ -282,32 +283,19 @@ def follow_full_period(
     return replace(branches, backbone=backbone, non_brake=tuple(non_brake), breakings=left_at)
 
 
-def _breakings(branches: ModeBranches) -> list[SymmetryBreaking]:
-    """Along the backbone, its tongues, and the ways back into a tongue from beyond a jump; each once."""
-    orbits, breakings = branches.problem, list[SymmetryBreaking]()
-    for points in _paths(branches):
-        for a, b in pairwise(points):
-            origin = breaking_between(orbits, a, b, Settings())
-            if origin is not None and not any(_alike(orbits, origin, known) for known in breakings):
-                breakings.append(origin)
-    return breakings
-
-
-def _paths(branches: ModeBranches) -> Iterator[list[BranchPoint]]:
-    low, high = sorted((branches.backbone.points[0].parameter, branches.backbone.points[-1].parameter))
-    stretch: list[BranchPoint] = []
-    for point in branches.backbone.points:
-        stretch.append(point)
-        if point.parameter in branches.gaps:
-            yield stretch
-            stretch = []
-    yield stretch
+def _steps(branches: ModeBranches) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+    """Neighbours along the backbone, its tongues, and the ways back into a tongue from beyond a jump."""
+    points = branches.backbone.points
+    low, high = sorted((points[0].parameter, points[-1].parameter))
+    for a, b in pairwise(points):
+        if a.parameter not in branches.gaps:
+            yield a, b
     for tongue in branches.tongues:
-        yield list(tongue.points)
-    for a, b in pairwise(branches.backbone.points):
+        yield from pairwise(tongue.points)
+    for a, b in pairwise(points):
         if a.parameter in branches.gaps:
             start = b.towards(a.parameter - b.parameter)
-            yield list(Branch(branches.problem, start, low, high, Settings(most_points=BACK)))
+            yield from pairwise(Branch(branches.problem, start, low, high, Settings(most_points=BACK)))
 
 
 def _alike(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from beamsim.analyses.nnm.paths import ModeBranches, flexible_mode, held_energy, spring_family
@@ -28,16 +26,6 @@ MOST_HARMONICS = 4000
 NOISE = 5e-12  # relative differences below it are those of the exact motion's own convergence
 LEAST_SHARE = 0.5  # of the energy in the mode asked for, for an exact motion to count as its continuation
 FURTHEST = 0.3  # relative distance of an exact initial vector from the expansion's
-
-
-def factors_from(largest: float, reach: float) -> Floats:
-    """From the factor asked for by halves into a third of the expansion's reach, and on from there."""
-    small = largest
-    above = []
-    while small > reach / SAFELY:
-        above.append(small)
-        small *= 0.5
-    return np.concatenate([above, small * 0.5 ** np.arange(7)])
 
 
 def expansion_path(
@@ -84,10 +72,13 @@ def expansion_path(
             return expand_mode_at_energy(family, index, held, factor, order, sign, harmonics, uniform)
 
     linear = expand(0.0, 0)
-    if factors is None:
-        chosen = factors_from(min(1.0, linear.reach / SAFELY) if largest is None else largest, linear.reach)
-    else:
-        chosen = np.atleast_1d(np.asarray(factors, dtype=float))
+    chosen = np.asarray(factors, dtype=float)
+    if factors is None:  # by halves into the reach, and on from there
+        first = min(1.0, linear.reach / SAFELY) if largest is None else largest
+        above = 0
+        while first * 0.5**above > linear.reach / SAFELY:
+            above += 1
+        chosen = first * 0.5 ** np.arange(above + 7)
     n = structure.dynamics.size
     frequency = np.empty((chosen.size, 3))
     shape, uniform = np.empty((chosen.size, 3, n)), np.empty((chosen.size, 3, n))
@@ -154,17 +145,6 @@ def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: Mod
     return orbits, points
 
 
-def _modes_of(structure: StructuralSystem, orbits: BrakeOrbits, points: Sequence[BranchPoint | None]) -> ExactModes:
-    """Exact motions beside an expansion, as a table."""
-    frequency, residual = np.full((2, len(points)), np.nan)
-    shape = np.full((len(points), orbits.n), np.nan)
-    for i, point in enumerate(points):
-        if point is not None:
-            orbit = orbits.orbit(point)
-            frequency[i], shape[i], residual[i] = orbit.frequency_hz, orbit.state[: orbits.n], orbit.residual
-    return ExactModes(frequency, shape, shape @ structure.deflection.T, residual)
-
-
 def compare_expansion(
     structure: StructuralSystem, path: ExpansionPath, exact: ExactPoints | None = None
 ) -> ExpansionComparison:
@@ -180,7 +160,14 @@ def compare_expansion(
     ExpansionComparison
         NaN at factors without an exact motion.
     """
-    modes = _modes_of(structure, *(exact_points(structure, path) if exact is None else exact))
+    orbits, points = exact_points(structure, path) if exact is None else exact
+    frequency_hz, residual = np.full((2, len(points)), np.nan)
+    shape = np.full((len(points), orbits.n), np.nan)
+    for i, point in enumerate(points):
+        if point is not None:
+            orbit = orbits.orbit(point)
+            frequency_hz[i], shape[i], residual[i] = orbit.frequency_hz, orbit.state[: orbits.n], orbit.residual
+    modes = ExactModes(frequency_hz, shape, shape @ structure.deflection.T, residual)
     weight = np.sqrt(structure.dynamics.stiffness)
     frequency = np.abs(path.frequency_hz / modes.frequency_hz[:, None] - 1.0)
     size = np.linalg.norm(modes.coordinates * weight, axis=1)

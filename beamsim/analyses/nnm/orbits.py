@@ -46,17 +46,6 @@ def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
     )
 
 
-def _beginnings(branch: OrbitBranch, n: int) -> tuple[Floats, Floats]:
-    """States (points, 2 n) with which motions over the whole period are given, and their least shares of energy."""
-    states, least = np.zeros((len(branch.points), 2 * n)), np.zeros(len(branch.points))
-    for k, point in enumerate(branch.points):
-        time, kinetic = slowest_instant(point.data.flow, point.data.passage, n)
-        instant = np.array([time if branch.kind == "non_brake" else 0.0])
-        states[k] = point.data.flow.states_at(point.data.passage, instant)[0, : 2 * n]
-        least[k] = kinetic / point.data.energy
-    return states, least
-
-
 def branch_result(
     system: StructuralSystem,
     job: ModePath,
@@ -90,7 +79,11 @@ def branch_result(
     if branch.problem is brake:
         shares = [brake.share_at(point) for point in branch.points]
     else:
-        states, least = _beginnings(branch, n)
+        for k, point in enumerate(branch.points):
+            flow, passage = point.data.flow, point.data.passage
+            time, kinetic = slowest_instant(flow, passage, n)
+            instant = np.array([time if branch.kind == "non_brake" else 0.0])
+            states[k], least[k] = flow.states_at(passage, instant)[0, : 2 * n], kinetic / point.data.energy
         factors = [branch.problem.split(point.u)[2] for point in branch.points]
         shares = [brake.share(state[:n], factor, state[n:]) for state, factor in zip(states, factors, strict=True)]
     return ModeBranch(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,11 +14,11 @@ from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import Problem, ScenarioError
 from beamsim.orbits.backbone import MODE_LOST, Backbone, Jump
 from beamsim.orbits.branch import INTERRUPTED, REACHED_END, BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import Branch, Settings, solve_at
+from beamsim.orbits.continuation import Branch, Settings, at_parameter, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
-from beamsim.outcomes import Outcome, OutcomeKind, Stop, Where, never, until
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, never, until
 from beamsim.scenario import Scenario
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import StructuralSystem
@@ -67,14 +67,12 @@ class ModeBranches:
     def at_factor(self, factor: float) -> BranchPoint | None:
         """The motion of a backbone in the stiffness factor between its points; None where a jump crosses the factor."""
         points, gaps = self.backbone.points, self.gaps
-        forward = points[-1].parameter >= points[0].parameter
         for a, b in pairwise(points):
-            low, high = (a.parameter, b.parameter) if forward else (b.parameter, a.parameter)
+            low, high = sorted((a.parameter, b.parameter))
             if low - ROUND_OFF <= factor <= high + ROUND_OFF:
-                share = (factor - a.parameter) / (b.parameter - a.parameter)
-                if a.parameter in gaps and 0.0 < share < 1.0:
+                if a.parameter in gaps and low < factor < high:
                     return None
-                return solve_at(self.problem, (1.0 - share) * a.u + share * b.u, Settings(iterations=12), factor)
+                return at_parameter(self.problem, a, b, factor, Settings(iterations=12))
         return None
 
 
@@ -91,7 +89,7 @@ class ModePath:
     basis: tuple[Floats, Floats] | None
     away_from: Floats | None
 
-    def follow(self, progress: Callable[[float], None] | None, stop: Stop = never) -> ModeBranches:
+    def follow(self, progress: Progress, stop: Stop = never) -> ModeBranches:
         """The backbone, with what was found beside it, until its end or until ``stop`` returns True.
 
         Raises
@@ -100,21 +98,20 @@ class ModePath:
             Where it has nowhere to begin.
         """
         if self.parameter == "stiffness_factor":
-            return self._in_factor(progress, stop)
-        if self.parameter == "energy":
-            return self._in_energy(np.log(self.first), np.log(self.last), progress, stop)
-        return self._in_frequency(progress, stop)
-
-    def _in_factor(self, progress: Callable[[float], None] | None, stop: Stop) -> ModeBranches:
-        orbits = BrakeOrbits(self.family, energy=self.energy)
-        start = solve_at(orbits, linear_mode(orbits, self.mode, 0.0, self.away_from), Settings(), 0.0)
-        if start is None:
-            raise ScenarioError(
-                Problem("nnm.mode", f"= {self.mode + 1} gives no motion to start from", "ask for another")
-            )
-        if self.first != 0.0:
-            start = self._led_to(orbits, start, self.first)
-        return self._backbone(orbits, start, self.last, progress, stop)
+            by_factor = BrakeOrbits(self.family, energy=self.energy)
+            linear = solve_at(by_factor, linear_mode(by_factor, self.mode, 0.0, self.away_from), Settings(), 0.0)
+            if linear is None:
+                where = f"= {self.mode + 1} gives no motion to start from"
+                raise ScenarioError(Problem("nnm.mode", where, "ask for another"))
+            if self.first != 0.0:
+                linear = self._led_to(by_factor, linear, self.first)
+            return self._backbone(by_factor, linear, self.last, progress, stop)
+        orbits, start = self._small()
+        if self.parameter == "frequency":
+            return self._in_frequency(orbits, start, progress, stop)
+        if abs(start.parameter - self.inward(self.first)) > 1e-12:
+            start = self._led_to(orbits, start, self.inward(self.first), " J")
+        return self._backbone(orbits, start, self.inward(self.last), progress, stop)
 
     def _small(self) -> tuple[BrakeOrbits, BranchPoint]:
         """A motion so small that it is linear, or nearly so."""
@@ -171,17 +168,9 @@ class ModePath:
             raise ScenarioError(Problem("nnm.continue_in.from", problem, f"begin at {possible} or below"))
         return reached
 
-    def _in_energy(
-        self, first: float, last: float, progress: Callable[[float], None] | None, stop: Stop
-    ) -> ModeBranches:
-        orbits, start = self._small()
-        if abs(start.parameter - first) > 1e-12:
-            start = self._led_to(orbits, start, first, " J")
-        return self._backbone(orbits, start, last, progress, stop)
-
-    def _in_frequency(self, progress: Callable[[float], None] | None, stop: Stop) -> ModeBranches:
-        orbits, start = self._small()
-        first, last = 2 * np.pi * self.first, 2 * np.pi * self.last
+    def _in_frequency(self, orbits: BrakeOrbits, start: BranchPoint, progress: Progress, stop: Stop) -> ModeBranches:
+        """From the motion of the first frequency, where the backbone in the energy passes it."""
+        first, last = self.inward(self.first), self.inward(self.last)
         low, high = sorted((first, last))
         in_energy = Backbone(orbits, start, start.parameter + 30.0, self.mode, points=1)
         before: BranchPoint | None = None
@@ -224,7 +213,7 @@ class ModePath:
         return ModeBranches(OrbitBranch(by_frequency, points, self.ended(outcome, points[-1]), kind="backbone"))
 
     def _backbone(
-        self, orbits: BrakeOrbits, start: BranchPoint, last: float, progress: Callable[[float], None] | None, stop: Stop
+        self, orbits: BrakeOrbits, start: BranchPoint, last: float, progress: Progress, stop: Stop
     ) -> ModeBranches:
         backbone = Backbone(orbits, start, last, self.mode, points=POINTS)
         points = list(until(_reporting(backbone, start.parameter, last, progress), stop))
@@ -235,20 +224,22 @@ class ModePath:
         tongues = (replace(t, outcome=self.ended(t.outcome, t.points[-1])) for t in backbone.tongues)
         return ModeBranches(branch, tuple(tongues), tuple(backbone.jumps))
 
+    def inward(self, value: float) -> float:
+        """The unknown that stands for a value: the logarithm of an energy, rad/s."""
+        if self.parameter == "energy":
+            return float(np.log(value))
+        return 2 * np.pi * value if self.parameter == "frequency" else value
+
     def shown(self, value: float) -> float:
         """The parameter as people read it: J instead of its logarithm, Hz instead of rad/s."""
         if self.parameter == "energy":
             return float(np.exp(value))
         return value / (2 * np.pi) if self.parameter == "frequency" else value
 
-    def ended(self, outcome: Outcome, last: BranchPoint) -> Outcome:
-        """How a path ended, its parameter as people read it."""
-        if outcome.code == INTERRUPTED.code:
+    def ended(self, outcome: Outcome, last: BranchPoint | None = None) -> Outcome:
+        """How a path ended, after its last point where that is told; its parameter is as people read it."""
+        if last is not None and outcome.code == INTERRUPTED.code:
             outcome = outcome.but(place=Where(last.parameter))
-        return self.shown_in(outcome)
-
-    def shown_in(self, outcome: Outcome) -> Outcome:
-        """An outcome with its parameter as people read it."""
         return outcome.shown(self.shown, UNITS[self.parameter], _NAMES.get(self.parameter, ""))
 
 
@@ -267,9 +258,7 @@ def _at_frequency(
     return None
 
 
-def _reporting(
-    points: Iterable[BranchPoint], first: float, last: float, progress: Callable[[float], None] | None
-) -> Iterable[BranchPoint]:
+def _reporting(points: Iterable[BranchPoint], first: float, last: float, progress: Progress) -> Iterable[BranchPoint]:
     for point in points:
         if progress is not None:
             progress((point.parameter - first) / (last - first))
@@ -338,8 +327,19 @@ def spring_family(system: StructuralSystem) -> SpringFamily:
                 "leave out prestress, gravity and constant forces",
             )
         )  # fmt: skip
+    rigid = int(np.count_nonzero(dynamics.stiffness == 0))
+
+    def rest(moved: PiecewiseLinearSystem) -> Floats:
+        springs = springs_of(moved.contacts)
+        acting = springs.take(springs.stiffness != 0)  # none at a factor of zero
+        equilibrium = find_equilibrium(moved.stiffness, rigid, acting, moved.constant_load[None, :])
+        if equilibrium.q is None:
+            reason = f"has no static equilibrium to vibrate about: {equilibrium.reason}"
+            raise ScenarioError(Problem("nnm", reason, "support the structure"))
+        return equilibrium.q
+
     cubic = system.cubic if system.cubic.count else None
-    return SpringFamily(dynamics, _equilibrium(system) if loaded else None, cubic=cubic)
+    return SpringFamily(dynamics, rest if loaded else None, cubic=cubic)
 
 
 def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
@@ -381,24 +381,6 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
         away = -away  # at rest with the contacts closed, where the closed structure's modes share out all the energy
     first = getattr(parameter, "from_", 0.0)
     return ModePath(family, mode, parameter.kind, float(first), float(parameter.to), energy, basis, away)
-
-
-def _equilibrium(system: StructuralSystem) -> Callable[[PiecewiseLinearSystem], Floats]:
-    rigid = int(np.count_nonzero(system.dynamics.stiffness == 0))
-
-    def rest(dynamics: PiecewiseLinearSystem) -> Floats:
-        springs = springs_of(dynamics.contacts)
-        acting = springs.take(springs.stiffness != 0)  # none at a factor of zero
-        equilibrium = find_equilibrium(dynamics.stiffness, rigid, acting, dynamics.constant_load[None, :])
-        if equilibrium.q is None:
-            raise ScenarioError(
-                Problem(
-                    "nnm", f"has no static equilibrium to vibrate about: {equilibrium.reason}", "support the structure"
-                )
-            )
-        return equilibrium.q
-
-    return rest
 
 
 def alike(system: StructuralSystem) -> bool:

@@ -6,10 +6,10 @@ shooting (:mod:`beamsim.orbits.phase_resonance` holds both).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,7 @@ from beamsim.orbits.phase_resonance import (
     quadrature,
 )
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Stop, Where, interruption, never, together
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
@@ -209,7 +209,7 @@ def hold_mode(
     points: Sequence[BranchPoint],
     *,
     alike: bool,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
     stop: Stop = never,
 ) -> PhaseResonanceResult:
     """Hold a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
@@ -371,50 +371,47 @@ def _resonance(
 
 
 def _exact_motion(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float) -> BranchPoint | None:
-    """The exact motion at phase resonance: from the prediction, or by way of other levels of the same backbone.
-
-    Damping fills thin tongues of internal resonance, in which the undamped mode is no guide.
-    """
-    point = find_phase_resonance(problem, motion.states(np.zeros(1))[0], motion.force.omega)
-    if point is not None:
-        return point
-    if held.alike:
-        return _by_way_of_factors(held, problem, level)
-    near = [m for m in held.motions if 1.0 / FARTHEST_LEVEL < m.level / level < FARTHEST_LEVEL]
-    near.sort(key=lambda m: abs(np.log(m.level / level)) - m.share)
-    for other in near[:ATTEMPTS]:
-        problem.level = other.level
-        point = find_phase_resonance(problem, other.states(np.zeros(1))[0], other.force.omega)
-        count = 1 + int(abs(np.log(level / other.level)) / LEVEL_STEP)
-        for step in np.geomspace(other.level, level, count + 1)[1:]:
+    """The exact motion at phase resonance: from the prediction, or by way of other motions of the same backbone."""
+    for beginning, way in _ways(held, problem, motion, level):
+        z, omega, point = beginning.states(np.zeros(1))[0], beginning.force.omega, None
+        for here in way:
+            point = find_phase_resonance(here, z, omega)
             if point is None:
                 break
-            z = point.u[:-1][: 2 * held.damped.dynamics.size]
-            problem.level = float(step)
-            point = find_phase_resonance(problem, z, point.parameter)
+            z, omega = point.u[: 2 * held.damped.dynamics.size], point.parameter
         if point is not None:
             return point
     problem.level = level
     return None
 
 
-def _by_way_of_factors(held: _Levels, problem: ForcedOrbits, level: float) -> BranchPoint | None:
-    """The same along a backbone in the stiffness factor: from where the mode is a guide, on to its end."""
-    n, last = held.damped.dynamics.size, len(held.points) - 1
-    for begin in range(last - BACK, max(last - ATTEMPTS * BACK, -1), -BACK):
-        motion = held.motion(held.points[begin])
-        z, omega = motion.scaled(level / motion.level).states(np.zeros(1))[0], motion.force.omega
-        point: BranchPoint | None = None
-        for k in range(begin, last + 1):
-            factor = held.orbits.split(held.points[k].u)[2]
-            here = problem if k == last else held.problem(level, omega, factor)
-            point = find_phase_resonance(here, z, omega)
-            if point is None:
-                break
-            z, omega = point.u[:-1][: 2 * n], point.parameter
-        if point is not None:
-            return point
-    return None
+def _ways(
+    held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, level: float
+) -> Iterator[tuple[_BackboneMotion, Iterable[ForcedOrbits]]]:
+    """Motions to begin with, and the problems that lead from each to the one asked for.
+
+    Damping fills thin tongues of internal resonance, in which the undamped mode is no guide: from others the way goes
+    over levels between, or along a backbone in the stiffness factor to its end.
+    """
+    yield motion, [problem]
+
+    def over(levels: Floats) -> Iterator[ForcedOrbits]:
+        for problem.level in levels.tolist():
+            yield problem
+
+    if held.alike:
+        last = len(held.points) - 1
+        for begin in range(last - BACK, max(last - ATTEMPTS * BACK, -1), -BACK):
+            other = held.motion(held.points[begin])
+            factors = (held.orbits.split(point.u)[2] for point in held.points[begin:last])
+            softer = (held.problem(level, other.force.omega, factor) for factor in factors)
+            yield other.scaled(level / other.level), chain(softer, [problem])
+        return
+    near = [m for m in held.motions if 1.0 / FARTHEST_LEVEL < m.level / level < FARTHEST_LEVEL]
+    near.sort(key=lambda m: abs(np.log(m.level / level)) - m.share)
+    for other in near[:ATTEMPTS]:
+        count = 1 + int(abs(np.log(level / other.level)) / LEVEL_STEP)
+        yield other, over(np.geomspace(other.level, level, count + 1))
 
 
 def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float) -> ResponseAboutResonance:

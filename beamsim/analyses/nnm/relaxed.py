@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
@@ -13,7 +11,7 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.free_orbits import BrakeOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Stop, Where, interruption, never, until
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, until
 from beamsim.scenario.sweep import RelaxedMinimisationMethod
 from beamsim.typing import Floats
 
@@ -27,7 +25,7 @@ def compare_relaxed(
     shooting_time_s: float,
     settings: RelaxedMinimisationMethod,
     field: Floats,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
     stop: Stop = never,
 ) -> RelaxedComparison:
     """Take steps of relaxed minimisation along a backbone that shooting has followed, and compare.
@@ -59,29 +57,25 @@ def compare_relaxed(
         if progress is not None:
             progress(len(steps) / settings.steps)
         if not step.reached:
-            outcome = _why(step, settings)
             break
-    if outcome.complete and len(steps) < settings.steps:
-        outcome = interruption("during relaxed minimisation", at=_place(steps[-1]))
-    return _compared(orbits, steps, exact[: len(steps)], settings, outcome, field, shooting_passages, shooting_time_s)
-
-
-def _place(step: RelaxedStep) -> Where:
-    return Where(step.factor, "", "stiffness factor")
-
-
-def _why(step: RelaxedStep, settings: RelaxedMinimisationMethod) -> Outcome:
-    reached = f"the functional of relaxed minimisation is {step.functional:.3g}, the tolerance {settings.tolerance:g}; "
-    if step.stalled:
-        return Outcome.of(
-            OutcomeKind.STOPPED, "no_descent", reached + "no further descent was found", at=_place(step),
-            remedy="use more nnm.method.steps or a larger tolerance",
+    last = Where(steps[-1].factor, "", "stiffness factor")
+    if not steps[-1].reached:
+        code, sentence, remedy = (
+            "too_few_iterations",
+            f"the limit of {settings.iterations} iterations is reached",
+            ("raise nnm.method.iterations, steps or the tolerance"),
+        )
+        if steps[-1].stalled:
+            code, sentence = "no_descent", "no further descent was found"
+            remedy = "use more nnm.method.steps or a larger tolerance"
+        outcome = Outcome.of(
+            OutcomeKind.STOPPED, code,
+            f"the functional of relaxed minimisation is {steps[-1].functional:.3g}, the tolerance "
+            f"{settings.tolerance:g}; {sentence}", at=last, remedy=remedy,
         )  # fmt: skip
-    return Outcome.of(
-        OutcomeKind.STOPPED, "too_few_iterations",
-        reached + f"the limit of {settings.iterations} iterations is reached", at=_place(step),
-        remedy="raise nnm.method.iterations, steps or the tolerance",
-    )  # fmt: skip
+    elif len(steps) < settings.steps:
+        outcome = interruption("during relaxed minimisation", at=last)
+    return _compared(orbits, steps, exact[: len(steps)], settings, outcome, field, shooting_passages, shooting_time_s)
 
 
 def _compared(
@@ -106,7 +100,10 @@ def _compared(
         if point is not None:
             apart[k] = _distance(orbits, step.shape, point.u[:n])
         near = solve_at(orbits, orbits.unknowns(step.shape, step.period, step.factor), Settings(iterations=15))
-        fates.append(_fate(orbits, near, point))
+        fates.append("none" if near is None else "between" if point is None else "other")
+        if near is not None and point is not None:
+            same = _distance(orbits, near.u[:n], point.u[:n]) < SAME
+            fates[-1] = "same" if same and abs(near.u[-2] / point.u[-2] - 1.0) < SAME else "other"
         here = None if near is None else near.u[:n]
         moved.append(fates[-1] in ("other", "none") and (k == 0 or fates[-2] in ("same", "between")))
         if fates[-1] == "other" and not moved[-1] and last is not None and here is not None:
@@ -138,12 +135,3 @@ def _distance(orbits: BrakeOrbits, shape: Floats, other: Floats) -> float:
     """Of two shapes at rest, relative to the second, in the norm of the linear strain energy."""
     w = orbits.family.omega
     return float(np.linalg.norm(w * (shape - other)) / max(float(np.linalg.norm(w * other)), 1e-300))
-
-
-def _fate(orbits: BrakeOrbits, near: BranchPoint | None, exact: BranchPoint | None) -> str:
-    if near is None:
-        return "none"
-    if exact is None:
-        return "between"
-    same = _distance(orbits, near.u[: orbits.n], exact.u[: orbits.n]) < SAME
-    return "same" if same and abs(near.u[-2] / exact.u[-2] - 1.0) < SAME else "other"

@@ -351,7 +351,7 @@ def nnm_summary(
     dict
         The entries of the summary; None for what the analysis has not done.
     """
-    backbone = result.backbone
+    backbone, resonance = result.backbone, result.phase_resonance
     return {
         "points": int(backbone.parameter.size),
         "energy_error": largest_error(result.branches),
@@ -381,7 +381,13 @@ def nnm_summary(
         "full_period": None if backbone.half_period_difference is None else _full_period(result),
         "multiple_scales": None if result.expansion is None else expansion_summary(result.expansion),
         "thesis": None if result.relaxed is None else _relaxed(result.relaxed),
-        "phase_resonance": None if result.phase_resonance is None else _phase_resonance(result.phase_resonance),
+        "phase_resonance": None
+        if resonance is None
+        else {
+            **{name: getattr(resonance, name) for name in ("quantity", "unit", "probe")},
+            "status": resonance.outcome.text,
+            "levels": list(_level_summaries(resonance)),
+        },
     }
 
 
@@ -483,18 +489,8 @@ def _order(orders: Floats, small: Bools) -> float:
     return float(orders[known][-1]) if np.any(known) else float("nan")
 
 
-def _phase_resonance(result: PhaseResonanceResult) -> dict[str, Any]:
-    """Forced motions at phase resonance, level by level."""
-    return {
-        "status": result.outcome.text,
-        "quantity": result.quantity,
-        "unit": result.unit,
-        "probe": result.probe,
-        "levels": list(_level_summaries(result)),
-    }
-
-
 def _level_summaries(result: PhaseResonanceResult) -> Iterator[dict[str, Any]]:
+    """Forced motions at phase resonance, level by level."""
     for m in result.motions:
         peak, at = np.nan, np.nan
         if m.curve is not None:

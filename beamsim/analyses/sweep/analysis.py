@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,27 +15,22 @@ from beamsim.analyses.sweep.notching import with_limited_outputs
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import (
-    LevelWork,
     LinearCurve,
-    ResponsePeak,
     SweepCurve,
-    SweepHistory,
     SweepResult,
     SweepWork,
 )
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level
-from beamsim.analyses.values import OUTPUT, VALUES, Margins, margins_of
+from beamsim.analyses.values import OUTPUT, VALUES, Margins, margins_along
 from beamsim.errors import Problem, ScenarioError
-from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.measured import read_profile
-from beamsim.outcomes import Outcome, combined, interruption, never
+from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic, holds_levels
-from beamsim.scenario.reporting import BASE_FORCE, OF_OUTPUTS
+from beamsim.scenario.reporting import BASE_FORCE
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
-from beamsim.system.modes import ModeTable
 from beamsim.system.structural import StructuralSystem
 
 SAVED_EVERY_S = 1.0  # between two partial results
@@ -45,9 +39,9 @@ LINEAR_POINTS = 2000  # of the curve without snubbers
 
 def sweep(
     scenario: Scenario,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
     *,
-    stop: Callable[[], bool] = never,
+    stop: Stop = never,
     save: Callable[[SweepResult], object] | None = None,
     resume: SweepResult | None = None,
 ) -> SweepResult:
@@ -90,106 +84,95 @@ def sweep(
     limited = () if scenario.limits is None else tuple(scenario.limits.given)
     if np.any(static_penetration(system) > 0):
         limited = tuple(dict.fromkeys((*limited, "gap")))
-    done = _LevelsDone(scenario, settings, system, len(levels), begin)
+    runs: dict[int, LevelRun] = {}
+
+    def done() -> SweepResult:
+        return _result(scenario, settings, system, runs, len(levels), clock.perf_counter() - begin)
+
     next_save = begin
     for index, level in enumerate(levels):
-        if resume is not None and done.takes_over(index, resume):
+        earlier = None if resume is None else _computed_before(index, resume)
+        if earlier is not None:
+            runs[index] = earlier
             continue
-        report = None if progress is None else _part(progress, index, len(levels))
+        report = part_of(progress, index / len(levels), (index + 1) / len(levels))
         one = SweepLevel(system, settings, excitation, level, index, limited, scenario.base_force or BASE_FORCE.name)
-        run = (sweep_level if isinstance(settings, SweptSine) else step_level)(one, report, stop)
-        done.add(index, run)
+        runs[index] = (sweep_level if isinstance(settings, SweptSine) else step_level)(one, report, stop)
         if stop():
             break
         if save is not None and clock.perf_counter() >= next_save:
             started = clock.perf_counter()
-            save(done.result())
+            save(done())
             # saving takes at most a tenth of the time
             next_save = clock.perf_counter() + max(SAVED_EVERY_S, 10.0 * (clock.perf_counter() - started))
-    return done.result()
+    return done()
 
 
-@dataclass
-class _LevelsDone:
-    """What the levels computed so far gave, and the result that they make."""
+def _computed_before(index: int, earlier: SweepResult) -> LevelRun | None:
+    """A level of an interrupted sweep, if that completed it."""
+    if index not in earlier.levels or not earlier.levels[index].outcome.complete:
+        return None
+    curves = tuple(curve for curve in earlier.curves.values() if curve.level_index == index)
+    return LevelRun(curves, earlier.levels[index], earlier.histories.get(index))
 
-    scenario: Scenario
-    settings: SweptSine | SteppedSine
-    system: StructuralSystem
-    count: int  # of all levels
-    begin: float  # when the sweep began, s
-    curves: dict[str, SweepCurve] = field(default_factory=dict)
-    histories: dict[int, SweepHistory] = field(default_factory=dict)
-    work: dict[int, LevelWork] = field(default_factory=dict)
 
-    def takes_over(self, index: int, earlier: SweepResult) -> bool:
-        """Take a level from an interrupted sweep, if that completed it."""
-        if index not in earlier.levels or not earlier.levels[index].outcome.complete:
-            return False
-        self.work[index] = earlier.levels[index]
-        self.curves.update({name: curve for name, curve in earlier.curves.items() if curve.level_index == index})
-        if index in earlier.histories:
-            self.histories[index] = earlier.histories[index]
-        return True
-
-    def add(self, index: int, run: LevelRun) -> None:
-        """Take what a level gave."""
-        if run.history is not None:
-            self.histories[index] = run.history
-        self.curves.update({curve.name: curve for curve in run.curves})
-        self.work[index] = run.work
-
-    def outcome(self) -> Outcome:
-        """That of the levels, and of the sweep where some are missing."""
-        outcome = combined(level.outcome for level in self.work.values())
-        if len(self.work) == self.count:
-            return outcome
+def _result(
+    scenario: Scenario,
+    settings: SweptSine | SteppedSine,
+    system: StructuralSystem,
+    runs: dict[int, LevelRun],
+    count: int,
+    wall_time_s: float,
+) -> SweepResult:
+    """The result of the levels computed so far, of ``count`` in all."""
+    work = {index: run.work for index, run in runs.items()}
+    outcome = combined(level.outcome for level in work.values())
+    if len(work) < count:
         doubts = () if outcome.trusted else (outcome,)
-        return interruption(f"after {len(self.work)} of {self.count} levels of the sweep", *doubts)
-
-    def base_correction(self) -> CorrectionSize | None:
-        """The largest correction of the motion of the base."""
-        sizes = [level.base_correction for level in self.work.values() if level.base_correction is not None]
-        return max(sizes, key=lambda size: size.share, default=None)
-
-    def result(self) -> SweepResult:
-        """The result of these levels."""
-        scenario, settings, system, curves = self.scenario, self.settings, self.system, self.curves
-        logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
-        linear = _linear_curve(system, settings.from_, settings.to, logarithmic)
-        correction, summary = self.base_correction(), _summary(scenario, curves)
-        return SweepResult(
-            scenario=scenario,
-            kind=settings.kind,
-            outcome=reduction_checked(self.outcome(), scenario, system.modes),
-            curves=dict(curves),
-            linear=linear,
-            peaks=tuple(peak for curve in curves.values() for peak in _peaks(curve, system.modes)),
-            modes=system.modes,
-            work=_sum([self.work[index].work for index in sorted(self.work)]),
-            levels=dict(self.work),
-            histories=dict(self.histories),
-            truncation=max((level.truncation for level in self.work.values()), default=0.0),
-            warnings=(
-                *scenario.warnings,
-                *system.warnings,
-                *_not_followed(system, summary["margins"]),
-                *([] if correction is None else correction.warnings(held=holds_levels(settings))),
-                *deflection_warnings(
-                    scenario,
-                    system.modes,
-                    ({name: x.peak for name, x in curve.displacement.items()} for curve in curves.values()),
-                ),
-                *forces_beyond_tables(
-                    scenario, ({name: x.peak for name, x in curve.force.items()} for curve in curves.values())
-                ),
+        outcome = interruption(f"after {len(work)} of {count} levels of the sweep", *doubts)
+    corrections = [level.base_correction for level in work.values() if level.base_correction is not None]
+    correction = max(corrections, key=lambda size: size.share, default=None)
+    curves = {curve.name: curve for run in runs.values() for curve in run.curves}
+    logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
+    linear = _linear_curve(system, settings.from_, settings.to, logarithmic)
+    summary = _summary(scenario, curves)
+    return SweepResult(
+        scenario=scenario,
+        kind=settings.kind,
+        outcome=reduction_checked(outcome, scenario, system.modes),
+        curves=curves,
+        linear=linear,
+        peaks=tuple(
+            peak
+            for curve in curves.values()
+            for probe in curve.displacement
+            for peak in find_peaks(curve, probe, system.modes)
+        ),
+        modes=system.modes,
+        work=_sum([work[index].work for index in sorted(work)]),
+        levels=work,
+        histories={index: run.history for index, run in runs.items() if run.history is not None},
+        truncation=max((level.truncation for level in work.values()), default=0.0),
+        warnings=(
+            *scenario.warnings,
+            *system.warnings,
+            *_not_followed(system, summary["margins"]),
+            *([] if correction is None else correction.warnings(held=holds_levels(settings))),
+            *deflection_warnings(
+                scenario,
+                system.modes,
+                ({name: x.peak for name, x in curve.displacement.items()} for curve in curves.values()),
             ),
-            wall_time_s=clock.perf_counter() - self.begin,
-        ).with_summary(
-            **summary,
-            **_gapping(linear, curves),
-            **({} if correction is None else correction.summary()),
-        )
+            *forces_beyond_tables(
+                scenario, ({name: x.peak for name, x in curve.force.items()} for curve in curves.values())
+            ),
+        ),
+        wall_time_s=wall_time_s,
+    ).with_summary(
+        **summary,
+        **_gapping(linear, curves),
+        **({} if correction is None else correction.summary()),
+    )
 
 
 def sweep_system(scenario: Scenario) -> StructuralSystem:
@@ -236,10 +219,6 @@ def _settings(scenario: Scenario) -> SweptSine | SteppedSine:
     return settings.model_copy(update={"profile": points, "between": "log_log"})
 
 
-def _part(progress: Callable[[float], None], index: int, count: int) -> Callable[[float], None]:
-    return lambda fraction: progress((index + fraction) / count)
-
-
 def _sum(parts: list[SweepWork]) -> SweepWork:
     return SweepWork(
         cycles=sum(p.cycles for p in parts),
@@ -249,11 +228,6 @@ def _sum(parts: list[SweepWork]) -> SweepWork:
         states=max((p.states for p in parts), default=0),
         processor_time_s=sum(p.processor_time_s for p in parts),
     )
-
-
-def _peaks(curve: SweepCurve, modes: ModeTable) -> Iterator[ResponsePeak]:
-    for probe in curve.displacement:
-        yield from find_peaks(curve, probe, modes)
 
 
 def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
@@ -281,7 +255,14 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
         or None,
         "energy_error": max((float(np.max(c.energy_error)) for c in curves.values() if c.energy_error is not None),
                             default=None),
-        "margins": _margins(scenario, curves),
+        "margins": margins_along(
+            scenario.limits,
+            (
+                (value, name, largest, f"{frequency:.4g} Hz {curve.direction}")
+                for curve in curves.values()
+                for value, name, largest, frequency in curve.largest_values()
+            ),
+        ),
     }  # fmt: skip
 
 
@@ -327,16 +308,3 @@ def _not_followed(system: StructuralSystem, margins: Margins) -> Iterator[str]:
     for name, item in margins.items():
         if math.isnan(item["value"]):
             yield f"limits.{name} is not checked: this sweep does not follow its value"
-
-
-def _margins(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
-    """Margins against the allowables: the smallest over all curves."""
-    if scenario.limits is None:
-        return {}
-    worst: dict[str, tuple[float, str]] = {}
-    for curve in curves.values():
-        for value, name, largest, frequency in curve.largest_values():
-            limit, place = (value.limit, name) if value.limit else (OF_OUTPUTS + name, "")
-            at = f"{place}, {frequency:.4g} Hz {curve.direction}".removeprefix(", ")
-            worst[limit] = max(worst.get(limit, (-1.0, "")), (largest, at))
-    return margins_of(scenario.limits, worst)

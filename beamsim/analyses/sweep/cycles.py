@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from typing import Any
@@ -300,26 +300,20 @@ def energy_errors(imbalance: Floats, energy: Floats, complete: Bools | None = No
 
 def balanced(outcome: Outcome, curves: Iterable[SweepCurve]) -> Outcome:
     """The outcome of a level, whose curves are not to be trusted where the balance is lost."""
-    parts = [part for curve in curves for part in _lost(curve)]
-    if not parts:
-        return outcome
-    return together([*parts, *outcome.unless_complete])
-
-
-def _lost(curve: SweepCurve) -> Iterator[Outcome]:
-    """Where a curve loses its balance."""
-    error = np.zeros(0) if curve.energy_error is None else curve.energy_error
-    bad = np.flatnonzero(~(error <= LARGEST_ERROR))
-    if not bad.size:
-        return
-    first = bad[0]
-    if not np.all(np.isfinite(error)):
-        yield not_finite(float(curve.time[first]))
-        return
-    yield Outcome.of(
-        OutcomeKind.UNTRUSTED, "sweep_energy_not_balanced",
-        f"sweeping {curve.direction}, the energy balance is wrong by {error.max():.2g} of the energy, from "
-        f"{curve.frequency_hz[first]:.6g} Hz on by more than {LARGEST_ERROR:g}",
-        at=Where(curve.level, curve.level_unit, "level"), remedy="sweep a smaller range around it",
-        error=float(error.max()), frequency=float(curve.frequency_hz[first]),
-    )  # fmt: skip
+    parts = []
+    for curve in curves:
+        error = np.zeros(0) if curve.energy_error is None else curve.energy_error
+        bad = np.flatnonzero(~(error <= LARGEST_ERROR))
+        if bad.size and not np.all(np.isfinite(error)):
+            parts.append(not_finite(float(curve.time[bad[0]])))
+        elif bad.size:
+            first = float(curve.frequency_hz[bad[0]])
+            part = Outcome.of(
+                OutcomeKind.UNTRUSTED, "sweep_energy_not_balanced",
+                f"sweeping {curve.direction}, the energy balance is wrong by {error.max():.2g} of the energy, from "
+                f"{first:.6g} Hz on by more than {LARGEST_ERROR:g}",
+                at=Where(curve.level, curve.level_unit, "level"), remedy="sweep a smaller range around it",
+                error=float(error.max()), frequency=first,
+            )  # fmt: skip
+            parts.append(part)
+    return together([*parts, *outcome.unless_complete]) if parts else outcome

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamsim.analyses.sweep.outputs import SweepOutputs
+from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.result import NotchedRange, Notching, NotchLimit, SweepCurve
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import LevelControl, SweptLoads
 from beamsim.inputs.profiles import Leg, Profile, power_of
-from beamsim.outcomes import Outcome, OutcomeKind, Where, never
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, never
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
@@ -43,14 +43,13 @@ def with_limited_outputs(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def limited_of(limits: Mapping[str, float], outputs: SweepOutputs, base_force: str) -> tuple[Limited, ...]:
-    """The limits with their columns.
+def limited_of(limits: Mapping[str, float], one: SweepLevel) -> tuple[Limited, ...]:
+    """The limits with the columns of a level to which they apply.
 
     Parameters
     ----------
     limits : by name, such as ``probes.tip.acceleration``, in SI units.
-    outputs : of the sweep.
-    base_force : name of the output that is the force of the base.
+    one : the level.
 
     Returns
     -------
@@ -64,59 +63,58 @@ def limited_of(limits: Mapping[str, float], outputs: SweepOutputs, base_force: s
     """
     columns = {
         LimitedQuantity(c.section, c.name, "" if c.section == "outputs" else c.quantity.removeprefix("absolute_")): k
-        for c, k in outputs.channels.located
+        for c, k in one.channels.located
     }
     limited = []
     for name, limit in limits.items():
-        of = limited_quantity(name, base_force)
+        of = limited_quantity(name, one.base_force)
         assert of is not None
         limited.append(Limited(name, float(limit), of, columns[of]))
     return tuple(limited)
 
 
 def notched_level(
+    one: SweepLevel,
     loads: SweptLoads,
-    outputs: SweepOutputs,
     limited: Sequence[Limited],
     leg: Leg,
     profile: Profile,
-    *,
-    quantity: str,
     phase: float,
-    of_base: bool,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] = never,
+    progress: Progress = None,
+    stop: Stop = never,
 ) -> Notching:
     """Follow a leg and lower its level to the limits; what the response is then is left to `compared`.
 
     Parameters
     ----------
-    loads : on the system, under given windows.
-    outputs : of the sweep.
+    one : the level, of a swept sine.
+    loads : on its system, under given windows.
     limited : the limits.
     leg : the sweep, up or down.
     profile : the level without notches.
-    quantity : of which the table is, with which the sweep starts.
     phase : of the sine at the start, rad.
-    of_base : whether the sine moves the base.
     progress : called with the share of the leg that is done.
     stop : asked on the way; once it says so, the table ends there.
 
     Returns
     -------
     Notching
-        The table of the level, without limits and ranges.
+        The table of the level, in the quantity with which the sweep begins, without limits and ranges.
     """
+    system, settings, quantity = one.system, one.settings, one.quantity
+    assert isinstance(settings, SweptSine)
+    if settings.profile:
+        quantity = settings.profile[0].quantity or ("acceleration" if power_of(quantity) else quantity)
     specification = continuous(profile, leg)
     columns = np.array([each.column for each in limited])
 
     def limited_outputs(flow: ExactFlow) -> OutputOf:
-        rows = outputs.rows(flow)
+        rows = one.rows(flow)
         return lambda phases: rows(phases).some(columns)
 
     control = LevelControl(
-        outputs.system.dynamics, loads, limited_outputs, np.array([each.limit for each in limited]), leg, specification,
-        phase, of_base, outputs.system.initial_state, stop, progress,
+        system.dynamics, loads, limited_outputs, np.array([each.limit for each in limited]), leg, specification,
+        phase, system.base_acceleration is not None, system.initial_state, stop, progress,
     )  # fmt: skip
     frequency, amplitude = control.level()
     divisor = (2 * np.pi * frequency) ** power_of(quantity)
@@ -140,43 +138,35 @@ def continuous(profile: Profile, leg: Leg) -> Profile:
     return Profile.through(frequency, profile(np.append(frequency[:-1], np.nextafter(high, 0.0))))
 
 
-def profile_through(notching: Notching) -> Profile:
-    """The notched level as the same table in a file would give it."""
-    table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
-    return Profile.interpolated([(f, level, notching.quantity) for f, level in table])
-
-
-def compared(notching: Notching, limited: Sequence[Limited], curve: SweepCurve) -> Notching:
-    """The notching with what the response under its level is: largest values, and which limit governs where.
+def with_notching(
+    notching: Notching, limited: Sequence[Limited], curve: SweepCurve
+) -> tuple[SweepCurve, Outcome | None]:
+    """The response under a notched level, with its largest values, and which limit governs where.
 
     Parameters
     ----------
     notching : without limits and ranges.
     limited : the limits.
-    curve : the response under the notched level.
+    curve : the response.
 
     Returns
     -------
-    Notching
-        With its limits and ranges.
+    curve : with the notching.
+    not_held : what to say where a limit is exceeded by more than is allowed; None where all are met.
     """
-    peaks = np.array([curve.envelope_of(each.of).peak for each in limited])  # (limits, C)
-    share = peaks / np.array([each.limit for each in limited])[:, None]
-    largest = np.nanargmax(share, axis=1)
+    envelopes = [curve.envelope_of(each.of) for each in limited]
+    share = np.array([of.peak / each.limit for of, each in zip(envelopes, limited, strict=True)])  # (limits, C)
     limits = tuple(
         NotchLimit(
-            each.name, curve.envelope_of(each.of).unit, each.limit, float(peaks[k, at]), float(share[k, at]),
-            float(curve.frequency_hz[at]),
+            each.name, of.unit, each.limit, float(of.peak[at]), float(shares[at]), float(curve.frequency_hz[at]),
         )
-        for k, (each, at) in enumerate(zip(limited, largest, strict=True))
+        for each, of, shares, at in zip(limited, envelopes, share, np.nanargmax(share, axis=1), strict=True)
     )  # fmt: skip
-    return replace(notching, limits=limits, ranges=tuple(_ranges(notching, limited, curve, share)))
+    notching = replace(notching, limits=limits, ranges=tuple(_ranges(notching, limited, curve, share)))
+    return replace(curve, notching=notching), _not_held(curve, limited, share)
 
 
-def not_held(curve: SweepCurve, limited: Sequence[Limited]) -> Outcome | None:
-    """What to say where a limit is exceeded by more than is allowed; None where all are met."""
-    assert curve.notching is not None
-    shares = np.array([curve.envelope_of(each.of).peak / each.limit for each in limited])
+def _not_held(curve: SweepCurve, limited: Sequence[Limited], shares: Floats) -> Outcome | None:
     over = shares > 1.0 + ALLOWED_EXCESS
     if not over.any():
         return None

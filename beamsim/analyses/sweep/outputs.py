@@ -1,4 +1,4 @@
-"""The outputs of a sweep, and the curve that is made of their values in every cycle."""
+"""One level of a sweep: its channels, and the curve that is made of their values in every cycle."""
 
 from __future__ import annotations
 
@@ -46,15 +46,18 @@ class LevelRun:
 
 @dataclass(frozen=True)
 class SweepLevel:
-    """One level of a sweep.
+    """One level of a sweep, and the channels that are looked at: what impacts and sliding follow from comes after them.
 
     Parameters
     ----------
-    system : that is swept.
-    settings, excitation : of the scenario.
+    system : displacements of its probes, forces of its snubbers and the outputs that are no energies are looked at.
+    settings : whether the probes' accelerations are, too, and the rates and losses of impacts with the sliding speeds
+        of friction contacts.
+    excitation : of the scenario.
     value : of the excitation; with a profile the factor applied to it.
     index : number of the level.
-    limited : names of the limits.
+    limited : names of the limits: penetrations of the snubbers where it holds "gap", and the stress along the bodies
+        where it holds "bending_stress".
     base_force : name of the output that is the force of the base, if that is limited.
     """
 
@@ -72,42 +75,10 @@ class SweepLevel:
         return self.excitation.quantity or "acceleration"
 
     @cached_property
-    def outputs(self) -> SweepOutputs:
-        """What is looked at."""
-        return SweepOutputs(self.system, self.settings.accelerations, self.limited, self.settings.impacts)
-
-    def curve(self, record: CycleRecord, direction: str, **fields: Any) -> SweepCurve:
-        """The curve of one way; ``fields`` are those of `SweepCurve` that follow from neither."""
-        return self.outputs.curve(
-            record, name=f"{direction}_{self.index}", direction=direction, level_index=self.index, level=self.value,
-            quantity=self.quantity, orders=np.array(self.settings.tracked_orders), **fields,
-        )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class SweepOutputs:
-    """Channels of a system, and what impacts and sliding follow from, whose columns come after those of the channels.
-
-    Parameters
-    ----------
-    system : displacements of its probes, forces of its snubbers and the outputs that are no energies are looked at.
-    with_accelerations : whether the accelerations of the probes are, too.
-    limited : names of the limits: penetrations of the snubbers where it holds "gap", and the stress along the bodies
-        where it holds "bending_stress".
-    with_impacts : whether the rates and losses of the impacts, and the sliding speeds of friction contacts, are asked
-        for.
-    """
-
-    system: StructuralSystem
-    with_accelerations: bool
-    limited: Collection[str] = ()
-    with_impacts: bool = False
-
-    @cached_property
     def channels(self) -> ChannelSet:
         """Those whose extremes, means and harmonics are asked for."""
         asked = {value.key for name, value in LIMITED.items() if value.followed or name in self.limited}
-        if not self.with_accelerations:
+        if not self.settings.accelerations:
             asked.discard(ACCELERATION)
 
         def wanted(channel: Channel) -> bool:
@@ -119,7 +90,7 @@ class SweepOutputs:
         """All columns by the phases of the contacts, written for a flow."""
         count, rubbing = len(self.system.snubbers), friction_contacts(self.system)
         channels = outputs_of(template, self.channels.linear)
-        if not self.with_impacts:
+        if not self.settings.impacts:
             return channels
 
         def output_of(phases: Ints) -> LinearOutput:
@@ -130,31 +101,27 @@ class SweepOutputs:
 
         return output_of
 
-    def _groups(self) -> dict[str, slice]:
-        """Columns of what is no channel, in the order of `rows`."""
-        losses = loss_owner(self._contacts).size
-        sizes = {
-            "impacts": (len(self.system.snubbers) + losses) * self.with_impacts,
-            "sliding": friction_contacts(self.system).size * self.with_impacts,
-            "wear": 2 * self._contacts.pressed.size * self.with_impacts,
-        }
-        ends = self.channels.order.size + np.cumsum(list(sizes.values()))
-        return {name: slice(int(end) - size, int(end)) for (name, size), end in zip(sizes.items(), ends, strict=True)}
+    @cached_property
+    def _beyond(self) -> tuple[Ints, ...]:
+        """Columns of impacts, sliding speeds and wear, which come after those of the channels in `rows`."""
+        contacts, first = self.system.dynamics.contacts, self.channels.order.size
+        impacts = len(self.system.snubbers) + loss_owner(contacts).size
+        sizes = [impacts, friction_contacts(self.system).size, 2 * contacts.pressed.size]
+        return tuple(np.split(first + np.arange(sum(sizes)), np.cumsum(sizes)[:-1]))
 
     @property
     def searched(self) -> Ints:
         """Numbers of the columns whose extremes are asked for: the channels, and the rates of impacts."""
-        rates = len(self.system.snubbers) * self.with_impacts
-        return np.arange(self.channels.order.size + rates)
+        return np.arange(self.channels.order.size + len(self.system.snubbers) * self.settings.impacts)
 
     def _named(self, key: Key) -> dict[str, int]:
         """Columns of channels that are alike, by name of probe, snubber or output."""
         alike = [channel.name for channel in self.channels.channels if channel.key == key]
         return dict(zip(alike, self.channels.places.get(key, np.zeros(0, dtype=np.int64)).tolist(), strict=True))
 
-    def curve(self, record: CycleRecord, **fields: Any) -> SweepCurve:
-        """The curve of these values of cycles; ``fields`` are the other fields of `SweepCurve`."""
-        force = self._named(FORCE)
+    def curve(self, record: CycleRecord, direction: str, **fields: Any) -> SweepCurve:
+        """The curve of one way from the values of its cycles; ``fields`` are the other fields of `SweepCurve`."""
+        force, stress = self._named(FORCE), self.channels.places.get(STRESS)
 
         def numbers(k: int) -> tuple[Floats, Floats, Floats, Floats, Complexes]:
             rms, harmonic = np.sqrt(np.maximum(record.mean_square[:, k], 0.0)), record.harmonic[:, k]
@@ -165,32 +132,40 @@ class SweepOutputs:
             of.sort(key=lambda located: located[0].quantity)
             return tuple(Envelope(c.name, c.quantity, c.unit, *numbers(k)) for c, k in of)
 
+        if "gap" in self.limited:
+            fields["peak_gap"] = {name: -record.low[:, k] for name, k in self._named(PENETRATION).items()}
+        if stress is not None:
+            extremes = np.abs(record.high[:, stress]), np.abs(record.low[:, stress])
+            fields["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
+        if self.settings.impacts:
+            fields |= {"impacts": self._impacts(record), "sliding": self._sliding(record)}
         return SweepCurve(
+            name=f"{direction}_{self.index}",
+            direction=direction,
+            level_index=self.index,
+            level=self.value,
+            quantity=self.quantity,
+            orders=np.array(self.settings.tracked_orders),
             probes=envelopes("probes"),
             snubbers=envelopes("snubbers"),
             contact_share={name: record.contact_share[:, k] for k, name in enumerate(force)},
             contacts={name: record.closings[:, k] for k, name in enumerate(force)},
             bent=bent(record.contact_share[:, len(force) :]),
-            impacts=self._impacts(record),
-            sliding=self._sliding(record),
             outputs={
                 c.name: OutputEnvelope(c.name, c.quantity, c.unit, c.at, *numbers(k))
                 for c, k in self.channels.located
                 if c.section == "outputs"
             },
-            **self._of_limits(record),
             **fields,
         )
 
     def _impacts(self, record: CycleRecord) -> dict[str, CycleImpacts]:
         """Impacts by snubber, from rates in contact and from outputs whose squares are the power lost."""
-        if not self.with_impacts:
-            return {}
         force = self._named(FORCE)
-        first, count = self._groups()["impacts"].start, len(force)
+        rates, losses = np.split(self._beyond[0], [len(force)])
+        owner = loss_owner(self.system.dynamics.contacts)
         period, out = record.duration / record.cycles, {}
         for k, (name, column) in enumerate(force.items()):
-            lossy = first + count + np.flatnonzero(loss_owner(self._contacts) == k)
             per_cycle = record.closings[:, k] / record.cycles
             with np.errstate(divide="ignore", invalid="ignore"):
                 time = np.where(per_cycle > 0, record.contact_share[:, k] * period / per_cycle, np.nan)
@@ -198,8 +173,8 @@ class SweepOutputs:
                 per_cycle=per_cycle,
                 contact_time=time,
                 impulse=record.harmonic[:, column, 0].real * period,
-                energy_lost=np.maximum(record.mean_square[:, lossy].sum(axis=1), 0.0) * period,
-                penetration_rate=record.high[:, first + k],
+                energy_lost=np.maximum(record.mean_square[:, losses[owner == k]].sum(axis=1), 0.0) * period,
+                penetration_rate=record.high[:, rates[k]],
             )
         return out
 
@@ -209,26 +184,25 @@ class SweepOutputs:
         Under the force of a snubber from the mean of that force times the speed, and from that force where sliding
         begins.
         """
-        if not self.with_impacts:
-            return {}
-        columns, which, contacts = self._groups()["sliding"], friction_contacts(self.system), self._contacts
+        which, contacts = friction_contacts(self.system), self.system.dynamics.contacts
         springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
-        period, of_wear = record.duration / record.cycles, record.mean_square[:, self._groups()["wear"]]
-        wear = dict(zip(contacts.pressed.tolist(), (of_wear[:, ::2] - of_wear[:, 1::2]).T, strict=True))
+        _, columns, of_wear = self._beyond
+        period, square = record.duration / record.cycles, record.mean_square[:, of_wear]
+        wear = dict(zip(contacts.pressed.tolist(), (square[:, ::2] - square[:, 1::2]).T, strict=True))
         begun = dict(zip(contacts.pressed.tolist(), record.pressing.T / record.cycles, strict=True))
         out = {}
-        for column, j, spring in zip(range(columns.start, columns.stop), which.tolist(), springs, strict=True):
+        for column, j, spring in zip(columns.tolist(), which.tolist(), springs, strict=True):
             name, normal, law = spring.name, spring.normal_force, contacts.laws[j]
             sliding, begins, (loss, pressed_loss) = sliding_limit(law), snap(law), law.arrays.event_loss[STICK, 0]
             slides = record.closings[:, j] / record.cycles
             moved = record.harmonic[:, column, 0].real * period
             if normal is None:  # numbers are those of a unit of the force
-                force, square = begun[j]
+                force, squared = begun[j]
                 out[name] = CycleSliding(
                     per_cycle=slides,
                     distance=moved + begins * force,
-                    energy_lost=sliding * wear[j] * period + pressed_loss * square,
-                    wear_power=wear[j] + begins * square / period,
+                    energy_lost=sliding * wear[j] * period + pressed_loss * squared,
+                    wear_power=wear[j] + begins * squared / period,
                 )
                 continue
             distance = moved + slides * begins
@@ -239,21 +213,6 @@ class SweepOutputs:
                 wear_power=normal * distance / period,
             )
         return out
-
-    @property
-    def _contacts(self) -> Contacts:
-        return self.system.dynamics.contacts
-
-    def _of_limits(self, record: CycleRecord) -> dict[str, Any]:
-        """Fields of a curve that are computed for limits only."""
-        gaps, stress = self._named(PENETRATION), self.channels.places.get(STRESS)
-        fields: dict[str, Any] = {}
-        if "gap" in self.limited:
-            fields["peak_gap"] = {name: -record.low[:, k] for name, k in gaps.items()}
-        if stress is not None:
-            extremes = np.abs(record.high[:, stress]), np.abs(record.low[:, stress])
-            fields["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
-        return fields
 
     def history(self, time: Floats, values: Floats) -> SweepHistory:
         """The time history of all columns (nt, K)."""

@@ -53,7 +53,10 @@ def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[R
     order = np.argsort(curve.frequency_hz[good], kind="stable")
     index = np.flatnonzero(good)[order]
     frequency, peak = curve.frequency_hz[index], envelope.peak[index]
-    bins = _bins(frequency, BINS) if frequency.size > 3 * BINS else np.arange(frequency.size)
+    bins = np.arange(frequency.size)
+    if frequency.size > 3 * BINS:
+        edges = np.geomspace(frequency[0], frequency[-1], BINS + 1)
+        bins = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, BINS - 1)
     first = np.flatnonzero(np.append(True, np.diff(bins) > 0))
     high = np.maximum.reduceat(peak, first)
     padded = np.concatenate([[0.0], np.log(high), [0.0]])
@@ -66,11 +69,6 @@ def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[R
     return [_named(curve, probe, modes, index, frequency, at) for at in largest]
 
 
-def _bins(frequency: Floats, count: int) -> Ints:
-    edges = np.geomspace(frequency[0], frequency[-1], count + 1)
-    return np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, count - 1)
-
-
 def _named(
     curve: SweepCurve, probe: str, modes: ModeTable | None, index: Ints, frequency: Floats, at: int
 ) -> ResponsePeak:
@@ -78,7 +76,10 @@ def _named(
     f = frequency[at]
 
     def median(r: int, part: Ints) -> float:
-        return _median(np.abs(envelope.harmonics[r, index[part]]))
+        """NaN where there is no number: order 1/2 has no value in the first cycle."""
+        numbers = np.abs(envelope.harmonics[r, index[part]])
+        numbers = numbers[~np.isnan(numbers)]
+        return float(np.median(numbers)) if numbers.size else np.nan
 
     here = _around(frequency, f * 0.99, f * 1.01, at)
     below = _around(frequency, f / NEIGHBOURHOOD, f / NEIGHBOURHOOD**0.5, None)
@@ -103,27 +104,17 @@ def _named(
         kind = "beat"
     else:
         kind = "superharmonic" if order > 1 else "subharmonic"
-    if linear and _has_step(curve.excitation_amplitude[index[here]]):
+    steps = np.diff(np.log(np.abs(curve.excitation_amplitude[index[here]])))
+    if linear and np.any(np.abs(steps) > np.log(LEVEL_STEP)):
         kind = "level step"
     value = float(envelope.peak[index[at]])
     share = float(median(r, here) / value)
     return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
 
 
-def _median(values: Floats) -> float:
-    """Median of the numbers among the values; NaN where there is none: order 1/2 has no value in the first cycle."""
-    numbers = values[~np.isnan(values)]
-    return float(np.median(numbers)) if numbers.size else np.nan
-
-
 def _around(frequency: Floats, low: float, high: float, fallback: int | None) -> Ints:
     inside = np.flatnonzero((frequency >= low) & (frequency <= high))
     return inside if inside.size or fallback is None else np.array([fallback])
-
-
-def _has_step(level: Floats) -> bool:
-    """Whether the level has a step among the cycles of these levels."""
-    return bool(np.any(np.abs(np.diff(np.log(np.abs(level)))) > np.log(LEVEL_STEP)))
 
 
 def _has_passed_a_mode(curve: SweepCurve, modes: ModeTable, cycle: int) -> bool:

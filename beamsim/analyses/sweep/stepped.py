@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
-from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel, SweepOutputs
+from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.march import Motion
@@ -18,8 +16,9 @@ from beamsim.flow.processor_time import processor_time
 from beamsim.flow.transient import start
 from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.inputs.signal import Signal
-from beamsim.orbits.steady import CycleStepper, Settled, largest_exponent, settle
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
+from beamsim.orbits.steady import CycleStepper, Exponent, Settled, largest_exponent, settle
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never
+from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.equations import Forcing
@@ -28,16 +27,7 @@ from beamsim.typing import Floats
 
 MOST_MEASURED = 240
 
-
-@dataclass
-class _Point:
-    frequency_hz: float
-    amplitude: float
-    settled: Settled
-    kind: str
-    exponent: float
-    measured: CycleRecord
-    section: Floats
+_SteadyPoint = tuple[float, Settled, Exponent | None, CycleRecord]  # Hz, and the steady motion there
 
 
 def frequencies_of(settings: SteppedSine) -> Floats:
@@ -47,9 +37,7 @@ def frequencies_of(settings: SteppedSine) -> Floats:
     return np.linspace(settings.from_, settings.to, settings.points)
 
 
-def step_level(
-    one: SweepLevel, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never
-) -> LevelRun:
+def step_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -> LevelRun:
     """Step through the frequencies at one level, in all directions.
 
     Parameters
@@ -63,37 +51,33 @@ def step_level(
     LevelRun
         Up to a frequency at which the motion could not be computed, or to where it was stopped.
     """
-    begin, system, settings, level = processor_time(), one.system, one.settings, one.value
+    begin, system, settings = processor_time(), one.system, one.settings
     assert isinstance(settings, SteppedSine)
     up = frequencies_of(settings)
-    sequences = {"up": [("up", up)], "down": [("down", up[::-1])], "both": [("up", up), ("down", up[::-1])]}
-    directions = sequences[settings.direction]
-    quantity = one.quantity
-    phase = one.excitation.phase + phase_of_acceleration(quantity, level)
-    total = sum(f.size for _, f in directions)
+    ways = {"up": {"up": up}, "down": {"down": up[::-1]}, "both": {"up": up, "down": up[::-1]}}[settings.direction]
+    total = sum(f.size for f in ways.values())
 
     def under(f: float) -> tuple[Forcing, tuple[Signal, ...], float]:
-        sine = -1j * acceleration_amplitude(abs(level), quantity, f) * np.exp(1j * phase)
-        return *harmonic_loads(system, 2 * np.pi * f, sine), 1.0 / f
+        omega = 2 * np.pi * f
+        return *harmonic_loads(system, omega, sine_of(one.excitation, omega, one.value)), 1.0 / f
 
-    forcing, observers, period = under(float(directions[0][1][0]))
+    forcing, observers, period = under(float(next(iter(ways.values()))[0]))
     flow = ExactFlow(system.dynamics, forcing, period, observers)
     motion, _ = start(flow, system.initial_state)
     stepper = CycleStepper(flow, period)
     curves, outcome, done = [], COMPLETE, 0
-    for direction, frequencies in directions:
-        points: list[_Point] = []
-        for f in frequencies:
+    for direction, frequencies in ways.items():
+        points: list[_SteadyPoint] = []
+        for f in frequencies.tolist():
             if done and stop():
                 outcome = interruption(f"before {f:.6g} Hz")
                 break
-            forcing, observers, period = under(float(f))
+            forcing, observers, period = under(f)
             stepper.use(stepper.flow.under(forcing, observers, period), period, motion)
-            amplitude = acceleration_amplitude(abs(level), quantity, float(f))
             try:
-                points.append(_point(stepper, motion, settings, float(f), amplitude, one.outputs))
+                points.append((f, *_steady(one, settings, stepper, motion)))
             except ArithmeticError as error:
-                outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Where(float(f), "Hz"))
+                outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Where(f, "Hz"))
                 break
             done += 1
             if progress is not None:
@@ -110,7 +94,26 @@ def step_level(
         states=len(stepper.flow.visited),
         processor_time_s=processor_time() - begin,
     )
-    return LevelRun(tuple(curves), LevelWork(float(level), balanced(outcome, curves), 0.0, work))
+    return LevelRun(tuple(curves), LevelWork(float(one.value), balanced(outcome, curves), 0.0, work))
+
+
+def sine_of(excitation: Sine, omega: float, level: float) -> complex:
+    """Amplitude of ``exp(i omega t)`` of the sine that all loads follow: of an acceleration, a force or a factor.
+
+    Parameters
+    ----------
+    excitation : harmonic.
+    omega : rad/s.
+    level : of the excitation's own quantity, which is what stays the same at other frequencies.
+
+    Returns
+    -------
+    complex
+        m/s^2, N or 1; the sine is the real part.
+    """
+    quantity = excitation.quantity or "acceleration"
+    amplitude = acceleration_amplitude(abs(level), quantity, omega / (2 * np.pi))
+    return complex(-1j * amplitude * np.exp(1j * (excitation.phase + phase_of_acceleration(quantity, level))))
 
 
 def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tuple[Forcing, tuple[Signal, ...]]:
@@ -148,51 +151,45 @@ def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
     return max(repeat, min(math.ceil(settings.measured_cycles / repeat) * repeat, MOST_MEASURED // repeat * repeat))
 
 
-def _point(
-    stepper: CycleStepper,
-    motion: Motion,
-    settings: SteppedSine,
-    frequency: float,
-    amplitude: float,
-    outputs: SweepOutputs,
-) -> _Point:
-    """The steady motion at one frequency."""
+def _steady(
+    one: SweepLevel, settings: SteppedSine, stepper: CycleStepper, motion: Motion
+) -> tuple[Settled, Exponent | None, CycleRecord]:
+    """The steady motion at one frequency, with the exponent of one that does not repeat."""
     settled = settle(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
         most_cycles=settings.most_cycles,
     )  # fmt: skip
-    kind, exponent, section = "periodic", float("nan"), settled.section[:0]
     cycles = _cycles_to_measure(settings, settled.period) if settled.period else 64  # measured if there is no period
-    if not settled.period:
-        lyapunov = largest_exponent(stepper, motion, min(400, settings.most_cycles))
-        kind, exponent, section = lyapunov.kind, lyapunov.value, settled.section
+    exponent = None if settled.period else largest_exponent(stepper, motion, min(400, settings.most_cycles))
     measured = record_cycles(
-        stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, outputs.rows(stepper.flow),
-        (0.0, *settings.tracked_orders), SinePhase.constant(stepper.omega), outputs.searched,
+        stepper.trajectory(motion, cycles), np.arange(cycles + 1.0) * stepper.period, one.rows(stepper.flow),
+        (0.0, *settings.tracked_orders), SinePhase.constant(stepper.omega), one.searched,
     )  # fmt: skip
-    return _Point(frequency, amplitude, settled, kind, exponent, measured, section)
+    return settled, exponent, measured
 
 
-def _curve(one: SweepLevel, direction: str, points: list[_Point]) -> SweepCurve:
+def _curve(one: SweepLevel, direction: str, points: list[_SteadyPoint]) -> SweepCurve:
     probes, n = one.system.probes, one.system.dynamics.size
-    frequency = np.array([p.frequency_hz for p in points])
     shapes = np.array([p.shape for p in probes]).reshape(-1, n)
-    section = np.concatenate([p.section for p in points])
-    elapsed = np.cumsum([0.0] + [(p.settled.cycles + p.measured.count) / p.frequency_hz for p in points])
+    frequencies, settled, exponents, measured = zip(*points, strict=True)
+    frequency = np.array(frequencies)
+    sections = [each.section[: 0 if each.period else None] for each in settled]
+    section = np.concatenate(sections)
+    elapsed = np.cumsum([0.0] + [(each.cycles + m.count) / f for f, each, _, m in points])
     steady = SteadyStates(
-        kind=tuple(p.kind for p in points),
-        period_cycles=np.array([p.settled.period for p in points], dtype=np.int64),
-        cycles=np.array([p.settled.cycles for p in points], dtype=np.int64),
-        change=np.array([p.settled.change for p in points]),
-        lyapunov_exponent=np.array([p.exponent for p in points]),
-        poincare_frequency_hz=np.repeat(frequency, [p.section.shape[0] for p in points]),
+        kind=tuple("periodic" if each is None else each.kind for each in exponents),
+        period_cycles=np.array([each.period for each in settled], dtype=np.int64),
+        cycles=np.array([each.cycles for each in settled], dtype=np.int64),
+        change=np.array([each.change for each in settled]),
+        lyapunov_exponent=np.array([np.nan if each is None else each.value for each in exponents]),
+        poincare_frequency_hz=np.repeat(frequency, [each.shape[0] for each in sections]),
         probes=tuple(p.name for p in probes),
         poincare_displacement=section[:, :n] @ shapes.T,
         poincare_velocity=section[:, n : 2 * n] @ shapes.T,
     )
     return one.curve(
-        CycleRecord.joined([p.measured.merged() for p in points]), direction,
-        level_unit=level_unit(one.quantity), frequency_hz=frequency, time=elapsed[:-1],
-        excitation_amplitude=np.array([p.amplitude for p in points]), steady=steady,
-        energy_error=np.array([energy_errors(p.measured.imbalance, p.measured.energy).max() for p in points]),
+        CycleRecord.joined([m.merged() for m in measured]), direction,
+        level_unit=level_unit(one.quantity), frequency_hz=frequency, time=elapsed[:-1], steady=steady,
+        excitation_amplitude=np.array([acceleration_amplitude(abs(one.value), one.quantity, f) for f in frequencies]),
+        energy_error=np.array([energy_errors(m.imbalance, m.energy).max() for m in measured]),
     )  # fmt: skip

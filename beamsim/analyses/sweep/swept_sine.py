@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
-from beamsim.analyses.sweep.notching import Limited, compared, limited_of, not_held, notched_level, profile_through
+from beamsim.analyses.sweep.notching import Limited, limited_of, notched_level, with_notching
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.swept_motion import SweptLoads, SweptMotion
 from beamsim.inputs.drift import CorrectionSize, jumps
-from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration, power_of
+from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
-from beamsim.outcomes import never
-from beamsim.scenario.excitation import Sine
+from beamsim.outcomes import Progress, Stop, never
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.equations import Forcing
@@ -51,12 +48,6 @@ def legs_of(settings: SweptSine) -> list[Leg]:
     return legs
 
 
-def _profile_of(settings: SweptSine, excitation: Sine, level: float) -> Profile:
-    """Amplitude of acceleration or force against frequency; with a table ``level`` is a factor."""
-    quantity = excitation.quantity or "acceleration"
-    return make_profile(level, quantity, settings.profile, settings.between, settings.notches)
-
-
 def swept_loads(system: StructuralSystem) -> SweptLoads:
     """The loads of a built system whose sine is replaced by the swept one; observed is the base's acceleration."""
     moves, forcing = system.base_acceleration, system.forcing
@@ -75,9 +66,7 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
     return loads
 
 
-def sweep_level(
-    one: SweepLevel, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never
-) -> LevelRun:
+def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -> LevelRun:
     """Sweep at one level in all directions; each direction starts from the final motion of the previous one.
 
     Parameters
@@ -96,32 +85,38 @@ def sweep_level(
     ScenarioError
         Where the rate makes the sweep too long, or shorter than two cycles.
     """
-    system, settings, outputs = one.system, one.settings, one.outputs
+    system, settings = one.system, one.settings
     assert isinstance(settings, SweptSine)
     legs = legs_of(settings)
-    profile = _profile_of(settings, one.excitation, one.value)
+    # with a table the level is a factor
+    profile = make_profile(one.value, one.quantity, settings.profile, settings.between, settings.notches)
     phase = one.excitation.phase + phase_of_acceleration(one.quantity, one.value, settings.profile)
+    report, beginning = progress or (lambda _: None), 0.0 if settings.notch_to is None else CONTROL
     notching: Notching | None = None
     notch_limits: tuple[Limited, ...] = ()
     if settings.notch_to is not None:
-        notch_limits = limited_of(settings.notch_to, outputs, one.base_force)
-        notching = _notching(one, notch_limits, legs[0], profile, phase, progress, stop)
-        profile = profile_through(notching)
-        progress = None if progress is None else partial(_second_part, progress)
+        notch_limits = limited_of(settings.notch_to, one)
+        notching = notched_level(
+            one, swept_loads(system), notch_limits, legs[0], profile, phase, lambda part: report(CONTROL * part), stop
+        )
+        # as the same table in a file would give it
+        table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
+        profile = Profile.interpolated([(f, level, notching.quantity) for f, level in table])
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     march = SweptMotion(
-        system.dynamics, swept_loads(system), windows, system.initial_state, progress=progress, stop=stop
-    )
+        system.dynamics, swept_loads(system), windows, system.initial_state, stop=stop,
+        progress=lambda part: report(beginning + (1.0 - beginning) * part),
+    )  # fmt: skip
     orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
-    times = np.zeros(0) if rate is None else _history_times(rate, windows.duration)
+    times = np.arange(0 if rate is None else int(np.floor(windows.duration * rate * (1 + 1e-12))) + 1) / (rate or 1.0)
     parts: list[CycleRecord] = []
     samples: list[Floats] = []
     for stretch in march.stretches():
-        output_of = outputs.rows(stretch.motion.flow)
+        output_of = one.rows(stretch.motion.flow)
         if stretch.reached:
             phases = SinePhase.of_windows(stretch.windows)
-            record = record_cycles(stretch.motion, stretch.edge, output_of, orders, phases, outputs.searched)
+            record = record_cycles(stretch.motion, stretch.edge, output_of, orders, phases, one.searched)
             parts.append(record.some(slice(stretch.reached)))
         sampled = sum(values.shape[0] for values in samples)
         here = times[sampled : int(np.searchsorted(times, march.end * (1 + 1e-12), side="right"))]
@@ -130,7 +125,7 @@ def sweep_level(
     history = None
     if rate is not None:
         values = np.concatenate(samples)
-        history = outputs.history(times[: values.shape[0]], values)
+        history = one.history(times[: values.shape[0]], values)
     work = SweepWork(
         cycles=sum(part.count for part in parts),
         events=march.events,
@@ -142,35 +137,10 @@ def sweep_level(
     correction = None if corrections is None else CorrectionSize.of(corrections)
     outcome = balanced(march.outcome, curves)
     if notching is not None:
-        curves = tuple(replace(curve, notching=compared(notching, notch_limits, curve)) for curve in curves)
-        missed = [out for curve in curves if (out := not_held(curve, notch_limits)) is not None]
+        judged = [with_notching(notching, notch_limits, curve) for curve in curves]
+        curves, missed = tuple(curve for curve, _ in judged), [not_held for _, not_held in judged if not_held]
         outcome = missed[0].but(*outcome.unless_complete) if missed else outcome
     return LevelRun(curves, LevelWork(float(one.value), outcome, windows.truncation, work, correction), history)
-
-
-def _notching(
-    one: SweepLevel,
-    limits: Sequence[Limited],
-    leg: Leg,
-    profile: Profile,
-    phase: float,
-    progress: Callable[[float], None] | None,
-    stop: Callable[[], bool],
-) -> Notching:
-    """The level of a leg that keeps the limits, in the quantity with which the sweep begins."""
-    system, settings, quantity = one.system, one.settings, one.quantity
-    assert isinstance(settings, SweptSine)
-    of_base = system.base_acceleration is not None
-    if settings.profile:
-        quantity = settings.profile[0].quantity or ("acceleration" if power_of(quantity) else quantity)
-    return notched_level(
-        swept_loads(system), one.outputs, limits, leg, profile, quantity=quantity, phase=phase, of_base=of_base,
-        progress=None if progress is None else lambda part: progress(CONTROL * part), stop=stop,
-    )  # fmt: skip
-
-
-def _second_part(progress: Callable[[float], None], part: float) -> None:
-    progress(CONTROL + (1.0 - CONTROL) * part)
 
 
 def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
@@ -195,7 +165,3 @@ def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: Cy
         )  # fmt: skip
         curves.append(curve)
     return tuple(curves)
-
-
-def _history_times(rate: float, end: float) -> Floats:
-    return np.arange(int(np.floor(end * rate * (1 + 1e-12))) + 1) / rate

@@ -61,13 +61,13 @@ def relaxed_path(
     weight = np.append(np.sqrt(2 * orbits.energy) / omega, start[-2])
     x = start[: n + 1] / weight
     for factor in factors.tolist():
-        begin, functional = processor_time(), _Deviation(orbits, factor, omega, weight)
+        begin, earlier = processor_time(), orbits.family.passages
         bounds = [(None, None)] * n + [(SHORTEST * float(x[n]), LONGEST * float(x[n]))]
         value, remaining, stalls = np.inf, iterations, 0
         # 3: restarts of the optimiser, forgetting its curvature, that gained nothing: it is at a minimum
         while remaining > 0 and stalls < 3 and value > tolerance:
             done = minimize(
-                functional, x, jac=True, method="L-BFGS-B", bounds=bounds,
+                _deviation, x, args=(orbits, factor, omega, weight), jac=True, method="L-BFGS-B", bounds=bounds,
                 options={"maxiter": remaining, "maxfun": 20 * remaining, "gtol": 0.0, "ftol": 0.0, "maxcor": n + 1},
                 callback=lambda intermediate_result: _enough(intermediate_result.fun, tolerance),
             )  # fmt: skip
@@ -76,37 +76,27 @@ def relaxed_path(
             stalls += done.fun > 0.99 * value
             value = float(done.fun)
         yield RelaxedStep(
-            factor, x[:n] * weight[:n], float(x[n] * weight[n]), value, functional.count, processor_time() - begin,
-            value <= tolerance, remaining > 0,
+            factor, x[:n] * weight[:n], float(x[n] * weight[n]), value, orbits.family.passages - earlier,
+            processor_time() - begin, value <= tolerance, remaining > 0,
         )  # fmt: skip
 
 
-@dataclass
-class _Deviation:
-    """The functional at a factor, of the shape and the period over their weights, with its gradient."""
-
-    orbits: BrakeOrbits
-    factor: float
-    omega: Floats  # (n,) rad/s
-    weight: Floats  # (n + 1,)
-    count: int = 0  # evaluations
-
-    def __call__(self, w: Floats) -> tuple[float, Floats]:
-        n, energy, family, omega = self.orbits.n, self.orbits.energy, self.orbits.family, self.omega
-        self.count += 1
-        q, period = w[:n] * self.weight[:n], float(w[n] * self.weight[n])
-        passage = family.flow_at(self.factor)[0].carry(np.append(q, np.zeros(n)), period)
-        miss = np.concatenate([omega * (passage.end[:n] - q), passage.end[n : 2 * n]])
-        J = np.zeros((2 * n, n + 1))
-        J[:n, :n] = omega[:, None] * (passage.transition[:n, :n] - np.eye(n))
-        J[n:, :n] = passage.transition[n : 2 * n, :n]
-        J[:n, n], J[n:, n] = omega * passage.slope[:n], passage.slope[n : 2 * n]
-        value, gradient, _ = family.potential(q, self.factor)
-        excess = value / energy - 1.0
-        total = float(miss @ miss) / (2 * energy) + excess**2
-        by = (J.T @ miss) / energy
-        by[:n] += 2 * excess * gradient / energy
-        return total, by * self.weight
+def _deviation(w: Floats, orbits: BrakeOrbits, factor: float, omega: Floats, weight: Floats) -> tuple[float, Floats]:
+    """The functional at a factor with its gradient, of the shape and the period over their weights (n + 1,)."""
+    n, energy, family = orbits.n, orbits.energy, orbits.family
+    q, period = w[:n] * weight[:n], float(w[n] * weight[n])
+    passage = family.flow_at(factor)[0].carry(np.append(q, np.zeros(n)), period)
+    miss = np.concatenate([omega * (passage.end[:n] - q), passage.end[n : 2 * n]])
+    J = np.zeros((2 * n, n + 1))
+    J[:n, :n] = omega[:, None] * (passage.transition[:n, :n] - np.eye(n))
+    J[n:, :n] = passage.transition[n : 2 * n, :n]
+    J[:n, n], J[n:, n] = omega * passage.slope[:n], passage.slope[n : 2 * n]
+    value, gradient, _ = family.potential(q, factor)
+    excess = value / energy - 1.0
+    total = float(miss @ miss) / (2 * energy) + excess**2
+    by = (J.T @ miss) / energy
+    by[:n] += 2 * excess * gradient / energy
+    return total, by * weight
 
 
 def _enough(value: float, tolerance: float) -> None:
