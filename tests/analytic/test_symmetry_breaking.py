@@ -1,14 +1,16 @@
 """Motions that are never at rest: where they leave in closed form, and what an independent integrator says of them."""
 
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
-from beamsim.analyses.nnm.analysis import nnm
-from beamsim.analyses.nnm.full_period import over_full_period
+from beamsim.analyses.nnm.analysis import conservative_system, nnm
+from beamsim.analyses.nnm.full_period import follow_full_period, over_full_period
+from beamsim.analyses.nnm.paths import mode_path
 from beamsim.orbits.backbone import Backbone
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
@@ -48,6 +50,19 @@ def test_where_they_leave_in_closed_form(cubic):
     breaking = [e for e in cubic.backbone.special if e.kind == "symmetry_breaking"]
     assert len(breaking) == 1
     assert breaking[0].parameter == pytest.approx(136 / 225, rel=1e-10)
+
+
+def test_an_interruption_ends_the_search_for_where_they_leave():
+    near = {"kind": "energy", "from": 0.5, "to": 0.7}  # about 136 / 225
+    scenario = load_scenario({**CUBIC, "nnm": {**CUBIC["nnm"], "continue_in": near}})
+    job = mode_path(scenario, conservative_system(scenario))
+    followed, asked = job.follow(None), count()
+    points = len(followed.backbone.points)
+    # once after every point over the whole period, once before the search, and after its first step
+    found = follow_full_period(job, followed, scenario.nnm.method, stop=lambda: next(asked) > points)
+    assert found.backbone.outcome.complete
+    assert len(found.backbone.points) == points
+    assert found.breakings == ()
 
 
 def test_a_branch_point_in_closed_form():
