@@ -41,7 +41,7 @@ from beamsim.analyses.continuation.side_branches import leavings, side_branches
 from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, LIMITED, OUTPUT, PENETRATION, STRESS, Value, margins_along
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.flow.processor_time import processor_time
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
 from beamsim.orbits.harmonic_balance import truncation
@@ -172,13 +172,11 @@ def _trace(
     if not branches and budget.spent() is not INTERRUPTED:
         at = "sweep.from" if settings.continue_in is None else "sweep.continue_in.from"
         raise model.scenario.located(
-            ScenarioError(
-                Problem(
-                    at,
-                    f"= {f.first:g} {f.unit} has no periodic motion that a transient comes to, nor has any other value "
-                    "that was tried",
-                    "begin elsewhere, or sweep with kind: stepped to see what the motions are",
-                )
+            ScenarioError.at(
+                at,
+                f"= {f.first:g} {f.unit} has no periodic motion that a transient comes to, nor has any other value "
+                "that was tried",
+                "begin elsewhere, or sweep with kind: stepped to see what the motions are",
             )
         )
     if settings.side_branches != "none":

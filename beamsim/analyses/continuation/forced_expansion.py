@@ -14,7 +14,7 @@ import numpy as np
 
 from beamsim.analyses.continuation.paths import periodic_forcing
 from beamsim.analyses.continuation.result import ContinuationResult, ForcedExpansionComparison
-from beamsim.errors import Problem, ScenarioError, locating
+from beamsim.errors import ScenarioError, locating
 from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
@@ -72,21 +72,19 @@ def compare_forced_expansion(scenario: Scenario) -> tuple[ForcedExpansionCompari
     """
     excitation, settings = scenario.excitation, scenario.sweep
     if isinstance(excitation, Forces):
-        raise ScenarioError(
-            Problem("excitation", "lists several forces, and multiple scales is written for one", "leave --compare out")
+        raise ScenarioError.at(
+            "excitation", "lists several forces, and multiple scales is written for one", "leave --compare out"
         )
     if not isinstance(excitation, Harmonic) or not isinstance(settings, Continuation):
-        raise ScenarioError(
-            Problem("sweep.kind", "is not followed by continuation", "use --compare with sweep: {kind: continuation}")
+        raise ScenarioError.at(
+            "sweep.kind", "is not followed by continuation", "use --compare with sweep: {kind: continuation}"
         )
     path = settings.parameter
     if not isinstance(path, FrequencyPath):
-        raise ScenarioError(
-            Problem(
-                "sweep.continue_in.kind",
-                f"= {path.kind}, and multiple scales goes along the frequency",
-                "leave --compare out, or follow the frequency",
-            )
+        raise ScenarioError.at(
+            "sweep.continue_in.kind",
+            f"= {path.kind}, and multiple scales goes along the frequency",
+            "leave --compare out, or follow the frequency",
         )
     system = build_system(scenario.model_copy(update={"run": None}))
     _refuse(system)
@@ -110,7 +108,7 @@ def _refuse(system: StructuralSystem) -> None:
     elif not contacts.one_sided:
         why = "is written for the law of Kelvin and Voigt, and a snubber's dashpot never pulls here"
     if why:
-        raise ScenarioError(Problem("sweep", f"--compare multiple_scales {why}", "leave --compare out"))
+        raise ScenarioError.at("sweep", f"--compare multiple_scales {why}", "leave --compare out")
 
 
 def _mode(system: StructuralSystem, loads: PeriodicForcing, low: float, high: float) -> int:
@@ -125,9 +123,7 @@ def _mode(system: StructuralSystem, loads: PeriodicForcing, low: float, high: fl
         if (away, -moved) < score and force > 0:
             best, score = int(j), (away, -moved)
     if best < 0:
-        raise ScenarioError(
-            Problem("excitation.applied_to", ": the force works on no vibration mode", "apply it elsewhere")
-        )
+        raise ScenarioError.at("excitation.applied_to", ": the force works on no vibration mode", "apply it elsewhere")
     return best
 
 
@@ -180,12 +176,10 @@ def _compare(
     tip = _tip(resonant)
     motions = _curve(resonant, tip, 2 * np.pi * low, 2 * np.pi * high)
     if not motions:
-        raise ScenarioError(
-            Problem(
-                "sweep",
-                f"holds no steady motion of mode {mode + 1} ({omega / (2 * np.pi):.6g} Hz) by multiple scales",
-                "sweep about that frequency",
-            )
+        raise ScenarioError.at(
+            "sweep",
+            f"holds no steady motion of mode {mode + 1} ({omega / (2 * np.pi):.6g} Hz) by multiple scales",
+            "sweep about that frequency",
         )
     leading = [coarse.response(m, 1.0, 0) for m in motions]
     first = [coarse.with_correction(m.complex_amplitude, resonant.omega + m.sigma, 1.0) for m in motions]

@@ -8,7 +8,7 @@ from itertools import count
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.outcomes import Progress, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, FrequencyPath, SweptSine
@@ -46,7 +46,7 @@ def swept_overlay(scenario: Scenario, progress: Progress = None, stop: Stop = ne
     if result.outcome.interrupted:
         return None
     if not result.complete:
-        raise ScenarioError(Problem("sweep.overlay", f"was not computed: {result.status}", "leave it out"))
+        raise ScenarioError.at("sweep.overlay", f"was not computed: {result.status}", "leave it out")
     return {name: _overlaid(curve, result.title, "") for name, curve in result.curves.items()}
 
 
@@ -70,20 +70,21 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
         Where the two have nothing in common to draw.
     """
     if result.parameter != "frequency":
-        raise ScenarioError(
-            Problem("--overlay", f"overlays a sweep on a curve in frequency, and this one is in {result.parameter}",
-                    "leave it out, or follow the frequency")
-        )  # fmt: skip
+        raise ScenarioError.at(
+            "--overlay",
+            f"overlays a sweep on a curve in frequency, and this one is in {result.parameter}",
+            "leave it out, or follow the frequency",
+        )
     probes = {name for branch in result.branches for name in branch.displacement}
     overlay = dict(result.overlay)
     for curve in stored.curves.values():
         if not probes & set(curve.displacement):
-            raise ScenarioError(
-                Problem(
-                    "--overlay", f"{source} has the probes {', '.join(curve.displacement)}, and the curve has "
-                    f"{', '.join(sorted(probes))}", "give a sweep with a probe of the same name",
-                )
-            )  # fmt: skip
+            raise ScenarioError.at(
+                "--overlay",
+                f"{source} has the probes {', '.join(curve.displacement)}, and the curve has "
+                f"{', '.join(sorted(probes))}",
+                "give a sweep with a probe of the same name",
+            )
         names = (f"{curve.direction}_{index}" for index in count(curve.level_index))
         name = next(name for name in names if name not in overlay)
         overlay[name] = replace(_overlaid(curve, stored.title, source), name=name)

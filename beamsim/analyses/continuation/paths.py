@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.analyses.sweep.stepped import sine_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.snubbers import dashpot_from_ratio
-from beamsim.errors import Problem, ScenarioError, locating
+from beamsim.errors import ScenarioError, locating
 from beamsim.flow.periodic_flow import ContactDirection, PeriodicFlow, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
@@ -128,8 +128,8 @@ class ResponseModel:
         try:
             flow = periodic_flow(self.system, self.loads, 2 * np.pi * hz, f.first if f.kind == "level" else level)
         except ValueError as error:
-            raise ScenarioError(
-                Problem("chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance")
+            raise ScenarioError.at(
+                "chain.snubbers", f"cannot be followed: {error}", "use method: harmonic_balance"
             ) from error
         return ForcedOrbits(flow, parameter if f.moved is None else f.path(flow))
 
@@ -168,17 +168,17 @@ def response_model(scenario: Scenario) -> ResponseModel:
     """
     settings, excitation = scenario.sweep, scenario.excitation
     if not isinstance(settings, Continuation):
-        raise ScenarioError(
-            Problem("sweep.kind", "is not continuation", "write `sweep: {kind: continuation, from: …, to: …}`")
+        raise ScenarioError.at(
+            "sweep.kind", "is not continuation", "write `sweep: {kind: continuation, from: …, to: …}`"
         )
     if not isinstance(excitation, Harmonic | Forces):
-        raise ScenarioError(Problem("excitation.kind", "has no frequency to follow", "use a harmonic excitation"))
+        raise ScenarioError.at("excitation.kind", "has no frequency to follow", "use a harmonic excitation")
     levels = settings.levels or (excitation.level,)
     for at, level in [(f"sweep.levels[{k}]", x) for k, x in enumerate(settings.levels)] or [
         ("excitation.level", excitation.level)
     ]:
         if settings.parameter.kind != "level" and level == 0:
-            raise scenario.located(ScenarioError(Problem(at, "= 0 excites nothing", "give a positive level")))
+            raise scenario.located(ScenarioError.at(at, "= 0 excites nothing", "give a positive level"))
     parameter, second = (in_metres(scenario, path) for path in (settings.parameter, settings.follow_folds_in))
     highest = excitation.frequency
     if parameter.kind == "frequency":
@@ -224,22 +224,21 @@ def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, 
     kind = path.kind  # type: ignore[attr-defined]
     if kind == "stiffness" and ratio and system.cubic.count:
         raise scenario.located(
-            ScenarioError(
-                Problem(
-                    "chain.snubbers", "have a damping ratio, whose dashpot changes with the stiffness that is followed",
-                    "with cubic springs give the dashpot itself: damping: {kind: viscous, coefficient: …}",
-                )
+            ScenarioError.at(
+                "chain.snubbers",
+                "have a damping ratio, whose dashpot changes with the stiffness that is followed",
+                "with cubic springs give the dashpot itself: damping: {kind: viscous, coefficient: …}",
             )
-        )  # fmt: skip
+        )
     if system.dynamics.contacts.laws[index].family is None and (kind == "stiffness" or (kind == "position" and ratio)):
         raise scenario.located(
-            ScenarioError(
-                Problem(
-                    f"{at}.kind", f"= {kind} changes the stiffness or dashpot of {snubber.name}, whose contact law is "
-                    "not made of these two alone", "continue in the gap, the level or the frequency",
-                )
+            ScenarioError.at(
+                f"{at}.kind",
+                f"= {kind} changes the stiffness or dashpot of {snubber.name}, whose contact law is "
+                "not made of these two alone",
+                "continue in the gap, the level or the frequency",
             )
-        )  # fmt: skip
+        )
     rigid = int(np.sum(system.dynamics.stiffness == 0))
     moved = MovedContact(system.dynamics.contacts, system.dynamics.stiffness, index, kind, ratio, rigid, shape_at)
     unit = "N/m" if kind == "stiffness" else "m"

@@ -31,7 +31,7 @@ from beamsim.analyses.nnm.result import (
     nnm_summary,
 )
 from beamsim.analyses.run.orbit_energy import balanced
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.flow.processor_time import processor_time
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
@@ -63,10 +63,11 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
             what = (
                 f"hardening of {name}" if yields else f"the friction contact {name}" if rubs else f"maxwell of {name}"
             )
-            raise ScenarioError(
-                Problem("nnm", f"needs contacts without losses, and that of {name} rubs or keeps internal states",
-                        f"leave out {what}")
-            )  # fmt: skip
+            raise ScenarioError.at(
+                "nnm",
+                f"needs contacts without losses, and that of {name} rubs or keeps internal states",
+                f"leave out {what}",
+            )
     undamped = replace(
         dynamics,
         damping=np.zeros_like(dynamics.damping),
@@ -104,7 +105,7 @@ def nnm(
     """
     begin = clock.perf_counter()
     if scenario.nnm is None:
-        raise ScenarioError(Problem("nnm", "is missing", "add for example `nnm: {mode: 1}`"))
+        raise ScenarioError.at("nnm", "is missing", "add for example `nnm: {mode: 1}`")
     compare = [OLD_NAMES.get(name, name) for name in compare]
     _refuse_comparisons(scenario, compare)
     system = conservative_system(scenario)
@@ -184,18 +185,17 @@ def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
         if name not in COMPARISONS:
             raise ValueError(f"no comparison with {name}; there are {', '.join(COMPARISONS)}")
         if scenario.nnm.continue_in.kind != "stiffness_factor":
-            raise ScenarioError(
-                Problem(
-                    "nnm.continue_in.kind",
-                    f"= {scenario.nnm.continue_in.kind}, but {name} goes in the stiffness factor",
-                    "use continue_in: {kind: stiffness_factor, from: 0, to: 1}, or leave out the comparison",
-                )
+            raise ScenarioError.at(
+                "nnm.continue_in.kind",
+                f"= {scenario.nnm.continue_in.kind}, but {name} goes in the stiffness factor",
+                "use continue_in: {kind: stiffness_factor, from: 0, to: 1}, or leave out the comparison",
             )
     if scenario.nnm.method.kind == "multiple_scales" and "relaxed_minimisation" in compare:
-        raise ScenarioError(
-            Problem("nnm.method", "= multiple_scales follows no backbone to compare relaxed minimisation with",
-                    "use method: shooting; both can be compared with it")
-        )  # fmt: skip
+        raise ScenarioError.at(
+            "nnm.method",
+            "= multiple_scales follows no backbone to compare relaxed minimisation with",
+            "use method: shooting; both can be compared with it",
+        )
 
 
 def _followed(
@@ -297,7 +297,7 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
     rising = sorted((p for p in exact if p is not None), key=lambda p: p.parameter)
     points = [p for p in (linear, *rising) if p is not None]
     if not points:
-        raise ScenarioError(Problem("nnm.mode", f"= {job.mode + 1} gives no motion to start from", "ask for another"))
+        raise ScenarioError.at("nnm.mode", f"= {job.mode + 1} gives no motion to start from", "ask for another")
     small = path.factor <= path.small  # beyond, that no exact motion is near is no surprise
     missed = [float(f) for f, p, s in zip(path.factor, exact, small, strict=True) if p is None and s]
     outcome = COMPLETE

@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.contacts.equilibrium import find_equilibrium
 from beamsim.contacts.snubbers import springs_of
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.orbits.backbone import MODE_LOST, Backbone, Jump
 from beamsim.orbits.branch import INTERRUPTED, REACHED_END, BranchPoint, OrbitBranch
 from beamsim.orbits.continuation import Branch, Settings, at_parameter, solve_at
@@ -102,7 +102,7 @@ class ModePath:
             linear = solve_at(by_factor, linear_mode(by_factor, self.mode, 0.0, self.away_from), Settings(), 0.0)
             if linear is None:
                 where = f"= {self.mode + 1} gives no motion to start from"
-                raise ScenarioError(Problem("nnm.mode", where, "ask for another"))
+                raise ScenarioError.at("nnm.mode", where, "ask for another")
             if self.first != 0.0:
                 linear = self._led_to(by_factor, linear, self.first)
             return self._backbone(by_factor, linear, self.last, progress, stop)
@@ -130,12 +130,10 @@ class ModePath:
             grown = self._grown(orbits, share * (self.first if self.parameter == "energy" else self.energy))
             if grown is not None:
                 return orbits, grown
-        raise ScenarioError(
-            Problem(
-                "nnm.continue_in.from",
-                f"= {self.first:g} has no nearly linear motion below it to start from",
-                "give a lower energy, or a gap or preload that leaves small motions linear",
-            )
+        raise ScenarioError.at(
+            "nnm.continue_in.from",
+            f"= {self.first:g} has no nearly linear motion below it to start from",
+            "give a lower energy, or a gap or preload that leaves small motions linear",
         )
 
     def _grown(self, orbits: BrakeOrbits, energy: float) -> BranchPoint | None:
@@ -165,7 +163,7 @@ class ModePath:
         if lead_in.outcome.code != REACHED_END:
             asked, possible = (f"{self.shown(x):.4g}{unit}" for x in (first, reached.parameter))
             problem = f"= {asked} was not reached: {self.ended(lead_in.outcome, reached)}"
-            raise ScenarioError(Problem("nnm.continue_in.from", problem, f"begin at {possible} or below"))
+            raise ScenarioError.at("nnm.continue_in.from", problem, f"begin at {possible} or below")
         return reached
 
     def _in_frequency(self, orbits: BrakeOrbits, start: BranchPoint, progress: Progress, stop: Stop) -> ModeBranches:
@@ -186,13 +184,11 @@ class ModePath:
                     break
             before = point
         if begin is None:
-            raise ScenarioError(
-                Problem(
-                    "nnm.continue_in.from",
-                    f"= {self.first:g} Hz is not reached by mode {self.mode + 1}",
-                    f"choose one between {min(passed):.6g} and {max(passed):.6g} Hz, which its backbone passes (with "
-                    "gaps at internal resonances)",
-                )
+            raise ScenarioError.at(
+                "nnm.continue_in.from",
+                f"= {self.first:g} Hz is not reached by mode {self.mode + 1}",
+                f"choose one between {min(passed):.6g} and {max(passed):.6g} Hz, which its backbone passes (with "
+                "gaps at internal resonances)",
             )
         branch = Branch(by_frequency, begin, low, high, Settings(most_points=MOST_POINTS))
         points: list[BranchPoint] = []
@@ -273,19 +269,17 @@ def flexible_mode(system: StructuralSystem, mode: int) -> int:
     ScenarioError
     """
     if not 1 <= mode <= system.kept_modes:
-        raise ScenarioError(
-            Problem(
-                "nnm.mode",
-                f"= {mode} is not among the {system.kept_modes} modes of the model",
-                "choose a lower mode, or raise reduction.modes or beam.elements",
-            )
+        raise ScenarioError.at(
+            "nnm.mode",
+            f"= {mode} is not among the {system.kept_modes} modes of the model",
+            "choose a lower mode, or raise reduction.modes or beam.elements",
         )
     if system.dynamics.stiffness[mode - 1] <= 0:
-        raise ScenarioError(
-            Problem("nnm.mode", f"= {mode} is a rigid-body mode, which does not vibrate", "ask for a higher mode")
+        raise ScenarioError.at(
+            "nnm.mode", f"= {mode} is a rigid-body mode, which does not vibrate", "ask for a higher mode"
         )
     if system.dynamics.contacts.count == 0 and system.cubic.count == 0:
-        raise ScenarioError(Problem("nnm", "has no snubber or cubic spring to work on", "add one under snubbers"))
+        raise ScenarioError.at("nnm", "has no snubber or cubic spring to work on", "add one under snubbers")
     return mode - 1
 
 
@@ -300,12 +294,10 @@ def held_energy(system: StructuralSystem, energy: float | None) -> float:
     if energy is not None:
         return float(energy)
     if not alike(system):
-        raise ScenarioError(
-            Problem(
-                "nnm.energy",
-                "is missing: with a gap, a load or a cubic spring the motion depends on its energy",
-                "add for example `energy: 0.1 J`",
-            )
+        raise ScenarioError.at(
+            "nnm.energy",
+            "is missing: with a gap, a load or a cubic spring the motion depends on its energy",
+            "add for example `energy: 0.1 J`",
         )
     return 1.0
 
@@ -321,12 +313,11 @@ def spring_family(system: StructuralSystem) -> SpringFamily:
     dynamics = system.dynamics
     loaded = bool(np.any(dynamics.contacts.clearances < 0) or np.any(dynamics.constant_load))
     if system.cubic.count and loaded:
-        raise ScenarioError(
-            Problem(
-                "nnm", "follows structures with cubic springs that rest at zero deflection only",
-                "leave out prestress, gravity and constant forces",
-            )
-        )  # fmt: skip
+        raise ScenarioError.at(
+            "nnm",
+            "follows structures with cubic springs that rest at zero deflection only",
+            "leave out prestress, gravity and constant forces",
+        )
     rigid = int(np.count_nonzero(dynamics.stiffness == 0))
 
     def rest(moved: PiecewiseLinearSystem) -> Floats:
@@ -335,7 +326,7 @@ def spring_family(system: StructuralSystem) -> SpringFamily:
         equilibrium = find_equilibrium(moved.stiffness, rigid, acting, moved.constant_load[None, :])
         if equilibrium.q is None:
             reason = f"has no static equilibrium to vibrate about: {equilibrium.reason}"
-            raise ScenarioError(Problem("nnm", reason, "support the structure"))
+            raise ScenarioError.at("nnm", reason, "support the structure")
         return equilibrium.q
 
     cubic = system.cubic if system.cubic.count else None
@@ -356,20 +347,16 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
     contacts = system.dynamics.contacts.split()
     parameter = settings.continue_in
     if settings.phase_resonance is not None and parameter.kind == "stiffness_factor" and not alike(system):
-        raise ScenarioError(
-            Problem(
-                "nnm.phase_resonance",
-                "needs the motions of one structure, and continue_in: stiffness_factor changes its springs",
-                "use continue_in: {kind: energy, from: 1 uJ, to: 1 J}",
-            )
+        raise ScenarioError.at(
+            "nnm.phase_resonance",
+            "needs the motions of one structure, and continue_in: stiffness_factor changes its springs",
+            "use continue_in: {kind: energy, from: 1 uJ, to: 1 J}",
         )
     if parameter.kind != "stiffness_factor" and alike(system):
-        raise ScenarioError(
-            Problem(
-                "nnm.continue_in.kind",
-                f"= {parameter.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
-                "use stiffness_factor, or give a gap",
-            )
+        raise ScenarioError.at(
+            "nnm.continue_in.kind",
+            f"= {parameter.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
+            "use stiffness_factor, or give a gap",
         )
     energy = held_energy(system, settings.energy) if parameter.kind == "stiffness_factor" else FIRST_ENERGY
     family = spring_family(system)

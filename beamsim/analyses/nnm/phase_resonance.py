@@ -125,14 +125,12 @@ class _Levels:
         try:
             force = appropriate_force(self.damped.dynamics, flow, whole, load)
         except ValueError as error:
-            raise ScenarioError(Problem("excitation.applied_to", f": {error}", "apply it elsewhere")) from None
+            raise ScenarioError.at("excitation.applied_to", f": {error}", "apply it elsewhere") from None
         if force.dissipated <= 0:
-            raise ScenarioError(
-                Problem(
-                    "nnm.phase_resonance",
-                    "has no damping to balance: without any, every level lets the motion grow",
-                    "give the structure or a snubber damping",
-                )
+            raise ScenarioError.at(
+                "nnm.phase_resonance",
+                "has no damping to balance: without any, every level lets the motion grow",
+                "give the structure or a snubber damping",
             )
         q, _, factor, _ = self.orbits.split(point.u)
         share = float(self.orbits.share(q, factor)[self.mode])

@@ -23,7 +23,7 @@ from beamsim.analyses.sweep.result import (
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level
 from beamsim.analyses.values import OUTPUT, VALUES, Margins, margins_along
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import read_profile
 from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
 from beamsim.scenario import Scenario
@@ -71,12 +71,10 @@ def sweep(
     begin = clock.perf_counter()
     system = sweep_system(scenario)
     if system.cubic.count:
-        raise ScenarioError(
-            Problem(
-                "chain",
-                "has cubic springs, whose motion has no closed form",
-                "use `beamsim run` with excitation: {kind: swept_sine, ...}, which steps through time",
-            )
+        raise ScenarioError.at(
+            "chain",
+            "has cubic springs, whose motion has no closed form",
+            "use `beamsim run` with excitation: {kind: swept_sine, ...}, which steps through time",
         )
     levels = settings.levels or (
         (1.0,) if isinstance(settings, SweptSine) and settings.profile else (excitation.level,)
@@ -203,15 +201,13 @@ def _settings(scenario: Scenario) -> SweptSine | SteppedSine:
     """The section of the sweep, with the table of the file that it names."""
     settings = scenario.sweep
     if settings is None:
-        raise ScenarioError(
-            Problem(
-                "sweep",
-                "is missing",
-                "add for example `sweep: {kind: swept_sine, from: 20 Hz, to: 400 Hz, rate: 2 oct/min}`",
-            )
+        raise ScenarioError.at(
+            "sweep",
+            "is missing",
+            "add for example `sweep: {kind: swept_sine, from: 20 Hz, to: 400 Hz, rate: 2 oct/min}`",
         )
     if not isinstance(settings, (SweptSine, SteppedSine)):
-        raise ScenarioError(Problem("sweep.kind", f"= {settings.kind} belongs to another analysis", ""))
+        raise ScenarioError.at("sweep.kind", f"= {settings.kind} belongs to another analysis", "")
     if not isinstance(settings, SweptSine) or settings.profile_file is None:
         return settings
     assert isinstance(scenario.excitation, Harmonic | Forces)

@@ -10,7 +10,7 @@ from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, ener
 from beamsim.analyses.sweep.notching import Limited, limited_of, notched_level, with_notching
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.flow.swept_motion import SweptLoads, SweptMotion
 from beamsim.inputs.drift import CorrectionSize, jumps
 from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration
@@ -34,16 +34,14 @@ def legs_of(settings: SweptSine) -> list[Leg]:
     legs = {"up": [up], "down": [down], "both": [up, down]}[settings.direction]
     cycles = sum(leg.cycles for leg in legs)
     if cycles > MOST_CYCLES:
-        raise ScenarioError(
-            Problem(
-                "sweep.rate",
-                f"= {settings.rate} makes a sweep of {cycles:.3g} cycles (at most {MOST_CYCLES:.0e})",
-                "sweep faster or over fewer frequencies",
-            )
+        raise ScenarioError.at(
+            "sweep.rate",
+            f"= {settings.rate} makes a sweep of {cycles:.3g} cycles (at most {MOST_CYCLES:.0e})",
+            "sweep faster or over fewer frequencies",
         )
     if cycles < 2:
-        raise ScenarioError(
-            Problem("sweep.rate", f"= {settings.rate} covers the range in {cycles:.2g} cycles", "sweep more slowly")
+        raise ScenarioError.at(
+            "sweep.rate", f"= {settings.rate} covers the range in {cycles:.2g} cycles", "sweep more slowly"
         )
     return legs
 
