@@ -5,29 +5,66 @@ What they do is imported when they run, so that ``beamsim --help`` is instant.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from beamsim.cli.failures import guarded
-from beamsim.cli.options import (
-    Case,
-    Check,
-    Debug,
-    Given,
-    Json,
-    NoPlots,
-    Output,
-    Overrides,
-    Quiet,
-    Reporting,
-    Stored,
-    Verbose,
-)
+from beamsim.cli.options import OPTIONS, Case, Given, Stored
 from beamsim.kinds import TemplateKind
 from beamsim.version import __version__
+
+COMPUTING = ("overrides", "output", "json", "no_plots", "quiet", "verbose")
+ABOUT_A_RESULT = ("output", "json", "quiet")
+
+app = typer.Typer(
+    name="beamsim",
+    help="Exact simulation of structures that vibrate against one-sided elastic stops.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def command(first: Any, *names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A command that is given its file and the options that commands share as one `Given`, then those of its own.
+
+    Parameters
+    ----------
+    first : the argument that names its file; None without one.
+    names : of `OPTIONS` that it has beside ``--debug``.
+
+    Returns
+    -------
+    Makes a command of a function of a `Given`.
+    """
+    keyword = Parameter.POSITIONAL_OR_KEYWORD
+    file = [] if first is None else [Parameter("case", keyword, annotation=first)]
+    shared = {name: Parameter(name, keyword, default=OPTIONS[name][1], annotation=OPTIONS[name][0]) for name in names}
+    debug = Parameter("debug", keyword, default=False, annotation=OPTIONS["debug"][0])
+
+    def registered(function: Callable[..., None]) -> Callable[..., None]:
+        own = list(signature(function, eval_str=True).parameters.values())[1:]
+        options = [option for option in own if option.default is not Parameter.empty]
+        arguments = [*file, *(argument for argument in own if argument not in options)]
+
+        def called(**values: Any) -> None:
+            values.pop("debug")
+            given = Given(**{name: values.pop(name) for name in Given._fields if name in values})
+            function(given, **values)
+
+        called.__name__, called.__doc__ = function.__name__, function.__doc__
+        parameters = Signature([*arguments, *options, *shared.values(), debug])
+        vars(called).update(__signature__=parameters)  # which Typer reads
+        app.command()(guarded(called))
+        return function
+
+    return registered
 
 
 class ComparedMethod(StrEnum):
@@ -38,15 +75,9 @@ class ComparedMethod(StrEnum):
     thesis = "thesis"  # old name of relaxed_minimisation
 
 
+@command(Case, *COMPUTING, "check")
 def run(
-    case: Case,
-    set_: Overrides = None,
-    output: Output = None,
-    json: Json = False,
-    no_plots: NoPlots = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    check: Check = False,
+    given: Given,
     against: Annotated[
         str | None,
         typer.Option(
@@ -55,22 +86,19 @@ def run(
             help="Compare with the reference integrator, at a relative tolerance of 1e-8 or as given.",
         ),
     ] = None,
-    debug: Debug = False,
 ) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
     from beamsim.cli import conclusion
 
-    conclusion.run(Given(case, set_, output, Reporting(not no_plots, json, quiet, check, verbose)), against)
+    conclusion.run(given, against)
 
 
+@command(Case, *COMPUTING, "check")
 def sweep(
-    case: Case,
-    set_: Overrides = None,
-    output: Output = None,
+    given: Given,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted sweep from its result file.")
     ] = False,
-    json: Json = False,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -87,11 +115,6 @@ def sweep(
     overlay: Annotated[
         list[Path] | None, typer.Option("--overlay", help="Overlay a stored sweep on a continuation; repeatable.")
     ] = None,
-    check: Check = False,
-    no_plots: NoPlots = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Sweep the frequency, or vary numbers of the case. Writes a result file and plots."""
     from beamsim.cli.sweeps import swept
@@ -99,49 +122,37 @@ def sweep(
     options = {
         "workers": workers, "scheduler": scheduler, "resume": resume, "overlay": overlay, "compare": compare_with,
     }  # fmt: skip
-    swept(Given(case, set_, output, Reporting(not no_plots, json, quiet, check, verbose)), options)
+    swept(given, options)
 
 
+@command(Case, *COMPUTING)
 def nnm(
-    case: Case,
-    set_: Overrides = None,
-    output: Output = None,
-    json: Json = False,
-    no_plots: NoPlots = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    given: Given,
     compare_with: Annotated[
         list[ComparedMethod] | None,
         typer.Option("--compare", help="Compare another method with the exact mode; repeatable."),
     ] = None,
-    debug: Debug = False,
 ) -> None:
     """Follow a nonlinear normal mode. In stiffness factor, energy or frequency. Writes a file and plots."""
     from beamsim.cli.conclusion import analysed
 
     methods = [method.value for method in compare_with or ()]
-    given = Given(case, set_, output, Reporting(not no_plots, json, quiet, verbose=verbose))
     analysed("nnm", given, "following the mode of", compare=methods)
 
 
+@command(Case, *COMPUTING)
 def identify_stiffness(
-    case: Case,
-    set_: Overrides = None,
-    output: Output = None,
-    json: Json = False,
-    no_plots: NoPlots = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
+    given: Given,
 ) -> None:
     """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
     from beamsim.cli.comparisons import identify
 
-    identify(Given(case, set_, output, Reporting(not no_plots, json, quiet, verbose=verbose)))
+    identify(given)
 
 
+@command(Stored, *COMPUTING[1:])
 def compare(
-    result: Stored,
+    given: Given,
     measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv or .h5.")],
     channel: Annotated[str | None, typer.Option("--channel", help="Channel of the measurement.")] = None,
     probe: Annotated[str | None, typer.Option("--probe", help="Probe (or snubber) to compare with.")] = None,
@@ -170,12 +181,6 @@ def compare(
     cycles: Annotated[
         int, typer.Option("--cycles", min=1, help="Track such a record over so many cycles: bandwidth is f / cycles.")
     ] = 1,
-    output: Output = None,
-    json: Json = False,
-    no_plots: NoPlots = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Overlay a run or sweep with measured signals. Prints differences of harmonics, phase aligned; of sweeps peaks."""
     from beamsim.cli.comparisons import compare_signals
@@ -183,14 +188,13 @@ def compare(
     pairing = {"channel": channel, "place": probe, "quantity": quantity, "unit": unit, "axis_unit": axis_unit}
     of_runs = {"harmonics": harmonics, "last": last}
     of_sweeps = {"curve": curve, "detector": detector, "reference": reference, "begin": begin, "cycles": cycles}
-    given = Given(result, None, output, Reporting(not no_plots, json, quiet, verbose=verbose))
     compare_signals(given, measured, pairing, of_runs, of_sweeps)
 
 
+@command(Case, *COMPUTING)
 def compare_modes(
-    case: Case,
+    given: Given,
     measured: Annotated[Path, typer.Argument(metavar="SHAPES", help="Measured mode shapes: .csv, or .uff dataset 55.")],
-    set_: Overrides = None,
     closed: Annotated[bool, typer.Option("--closed", help="Compute the modes with every snubber closed.")] = False,
     least_mac: Annotated[
         float | None,
@@ -200,138 +204,112 @@ def compare_modes(
         float | None,
         typer.Option("--most-difference", min=0.0, help="Exit with code 4 if frequencies differ by more, %."),
     ] = None,
-    output: Output = None,
-    json: Json = False,
-    no_plots: NoPlots = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    debug: Debug = False,
 ) -> None:
     """Pair measured with computed modes by their MAC. Prints frequencies, differences and MAC."""
     from beamsim.cli.comparisons import compare_shapes
 
-    given = Given(case, set_, output, Reporting(not no_plots, json, quiet, verbose=verbose))
     limits = {"least_mac": least_mac, "most_difference": most_difference}
     compare_shapes(given, measured, "closed" if closed else "open", limits)
 
 
-COMPUTING = (run, sweep, nnm, identify_stiffness, compare, compare_modes)
-
-
-def info(result: Stored, json: Json = False, debug: Debug = False) -> None:
+@command(Stored, "json")
+def info(given: Given) -> None:
     """Print the contents of a result file."""
     from beamsim.cli import stored
 
-    stored.info(result, as_json=json)
+    stored.info(given)
 
 
+@command(Stored, *ABOUT_A_RESULT)
 def plot(
-    result: Stored,
-    output: Output = None,
+    given: Given,
     form: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Picture format.")] = "png",
-    json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> None:
     """Plot a result file again without recomputing it."""
     from beamsim.cli import stored
 
-    stored.plot(result, output, form, json=json, quiet=quiet)
+    stored.plot(given, form)
 
 
+@command(Stored, *ABOUT_A_RESULT)
 def export(
-    result: Stored,
+    given: Given,
     form: Annotated[
         Literal["csv", "uff", "mat"] | None,
         typer.Option("--format", help="csv (mostly a folder of tables), uff or mat; default: by the name after -o."),
     ] = None,
-    output: Output = None,
-    json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> None:
     """Write a result file in another format."""
     from beamsim.cli import stored
 
-    stored.export(result, output, form, json=json, quiet=quiet)
+    stored.export(given, form)
 
 
+@command(Stored, *ABOUT_A_RESULT)
 def report(
-    result: Stored,
-    output: Output = None,
-    json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    given: Given,
 ) -> None:
     """Write one HTML file about a result. It has verdict, model, numbers, plots, animation, checks and scenario."""
     from beamsim.cli import html_report
 
-    html_report.report(result, output, json=json, quiet=quiet)
+    html_report.report(given)
 
 
+@command(Stored, *ABOUT_A_RESULT)
 def animate(
-    result: Stored,
-    output: Output = None,
-    json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    given: Given,
 ) -> None:
     """Write the motion of a result as a GIF and as HTML. It is slow around contact."""
     from beamsim.cli import html_report
 
-    html_report.animate(result, output, json=json, quiet=quiet)
+    html_report.animate(given)
 
 
-ABOUT_RESULTS = (info, plot, export, report, animate)
-
-
+@command(Case, "overrides", "output", "json")
 def validate(
-    case: Case,
-    set_: Overrides = None,
+    given: Given,
     sketch: Annotated[
         bool, typer.Option("--sketch", help="Draw the model: bodies, supports, masses, springs and stops.")
     ] = False,
-    output: Output = None,
-    json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Check a case without running it. Reports every problem with file, line and remedy."""
     from beamsim.cli import cases
 
-    cases.validate(case, set_ or (), output, sketch=sketch, as_json=json)
+    cases.validate(given, sketch=sketch)
 
 
-def schema(output: Output = None, json: Json = False, debug: Debug = False) -> None:
+@command(None, "output", "json")
+def schema(given: Given) -> None:
     """Print the JSON Schema of scenario files. Editors complete and check them by it."""
     from beamsim.cli import cases
 
-    cases.write_schema(output)
+    cases.write_schema(given.output)
 
 
+@command(None, "json")
 def new(
+    given: Given,
     file: Annotated[Path, typer.Argument(metavar="CASE.YAML", help="File to write.")] = Path("case.yaml"),
     kind: Annotated[TemplateKind, typer.Option("--kind", help="What to simulate.")] = TemplateKind.beam,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
-    json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Write a commented scenario to start from. The schema by which editors check and complete it is put beside it."""
     from beamsim.cli import cases
 
-    cases.write_template(file, kind, force=force, as_json=json)
+    cases.write_template(file, kind, force=force, as_json=given.json)
 
 
-def check(case: Case, set_: Overrides = None, json: Json = False, debug: Debug = False) -> None:
+@command(Case, "overrides", "json")
+def check(given: Given) -> None:
     """Check the matrices of each body. Mass, rigid motions, symmetry, frequencies. Exit code 3 if a check fails."""
     from beamsim.cli import structures
 
-    structures.check(case, set_ or (), as_json=json)
+    structures.check(given)
 
 
+@command(Case, "overrides", "output", "json")
 def export_structure(
-    case: Case,
-    set_: Overrides = None,
-    output: Output = None,
+    given: Given,
     body: Annotated[str | None, typer.Option("--body", help="Write one body by itself, without its joints.")] = None,
     modes: Annotated[
         int | None,
@@ -345,28 +323,29 @@ def export_structure(
         str, typer.Option("--units", help="Units of the files: SI, mm-t-s, mm-kg-ms, in-lbf-s, ... as in the scenario.")
     ] = "SI",
     binary: Annotated[bool, typer.Option("--binary", help="Write OP4 in binary instead of ASCII.")] = False,
-    json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Write the matrices of the structure. OP4 (default), MATLAB, MatrixMarket or NumPy files, and a table of nodes."""
     from beamsim.cli import structures
 
     form = structures.MatrixForm(body, modes, units, binary)
-    structures.export(case, set_ or (), output, form, as_json=json)
+    structures.export(given, form)
 
 
-def warmup(quiet: Quiet = False, json: Json = False, debug: Debug = False) -> None:
+@command(None, "quiet", "json")
+def warmup(given: Given) -> None:
     """Compile the numerical kernels beforehand, for images and installers. Prints the folder where they are kept."""
     from beamsim.cli.warmup import compile_kernels
 
-    compile_kernels(shown=not (quiet or json), as_json=json)
+    compile_kernels(shown=not (given.quiet or given.json), as_json=given.json)
 
 
 def _quantity(name: str, text: str) -> Any:
     return typer.Option(name, metavar="QUANTITY", help=text)
 
 
+@command(None, "json")
 def pad(
+    given: Given,
     modulus: Annotated[str | None, _quantity("--modulus", "Young's modulus of the pad, e.g. '5 MPa'.")] = None,
     area: Annotated[str | None, _quantity("--area", "Loaded area, e.g. '4 cm^2'.")] = None,
     height: Annotated[str | None, _quantity("--height", "Height, e.g. '6 mm'.")] = None,
@@ -379,8 +358,6 @@ def pad(
     ] = 5,
     loss_factor: Annotated[str | None, _quantity("--loss-factor", "Loss factor at --frequency.")] = None,
     frequency: Annotated[str | None, _quantity("--frequency", "Frequency of the dashpot, e.g. '65 Hz'.")] = None,
-    json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Find stiffness and dashpot of a snubber's pad. From its material or a measured curve; prints YAML."""
     from beamsim.cli import pad as pads
@@ -389,20 +366,7 @@ def pad(
         "modulus": modulus, "area": area, "height": height, "shape_factor": shape_factor, "loss_factor": loss_factor,
         "frequency": frequency,
     }  # fmt: skip
-    pads.pad(texts, curve, segments, as_json=json)
-
-
-AROUND_CASES = (validate, schema, new, check, export_structure, pad, warmup)
-
-
-app = typer.Typer(
-    name="beamsim",
-    help="Exact simulation of structures that vibrate against one-sided elastic stops.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+    pads.pad(texts, curve, segments, as_json=given.json)
 
 
 def _version(show: bool) -> None:
@@ -418,7 +382,3 @@ def _options(
     ] = False,
 ) -> None:
     pass
-
-
-for command in (*COMPUTING, *ABOUT_RESULTS, *AROUND_CASES):
-    app.command()(guarded(command))

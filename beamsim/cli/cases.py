@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from beamsim.cli.failures import say
+from beamsim.cli.options import Given
 from beamsim.cli.preparation import located, output_file, output_folder
 from beamsim.cli.printing import print_json
 from beamsim.errors import ScenarioError
@@ -22,23 +22,13 @@ from beamsim.system.structural import StructuralSystem
 SCHEMA = "beamsim.schema.json"
 
 
-class Validated(NamedTuple):
-    """A valid case."""
-
-    scenario: Scenario
-    files: tuple[FileSummary, ...]  # of bodies that are read from files
-    warnings: tuple[str, ...]
-    system: StructuralSystem | None  # of a case with a run
-
-
-def validate(case: Path, overrides: Sequence[str], output: Path | None, *, sketch: bool, as_json: bool) -> None:
+def validate(given: Given, *, sketch: bool) -> None:
     """Check a case, and draw its model if asked for.
 
     Parameters
     ----------
-    case, overrides, output : as they were given.
+    given : to the command.
     sketch : whether to draw the model.
-    as_json : whether to print JSON.
 
     Raises
     ------
@@ -47,52 +37,52 @@ def validate(case: Path, overrides: Sequence[str], output: Path | None, *, sketc
     ResultFileError
         If the picture cannot be written.
     """
-    folder = output_folder(output, case.stem) if sketch else None
-    files = []
+    case = given.case
+    folder = output_folder(given.output, case.stem) if sketch else None
+    drawn: list[Path] = []
     try:
-        valid = _validated(case, overrides)
+        scenario = load_scenario(case, given.overrides or ())
+        files, warnings, system = _checked(scenario)
         if folder is not None:
             from beamsim.cli.html_report import draw_model  # and with it everything that draws
 
-            files = draw_model(valid.scenario, valid.system, folder, case.stem)
+            drawn = draw_model(scenario, system, folder, case.stem)
     except ScenarioError as error:
-        if as_json:
+        if given.json:
             print_json({"valid": False, "problems": [vars(problem) for problem in error.problems]})
         raise
-    for warning in valid.warnings:
+    for warning in warnings:
         say(f"beamsim: warning: {warning}")
-    title = valid.scenario.title
-    if as_json:
-        drawn = {"files": [str(file) for file in files]} if sketch else {}
-        read = {"imported": {body.body: body.as_json for body in valid.files}} if valid.files else {}
-        print_json({"valid": True, "title": title, "warnings": list(valid.warnings), **read, **drawn})
+    title = scenario.title
+    if given.json:
+        pictures = {"files": [str(file) for file in drawn]} if sketch else {}
+        read = {"imported": {body.body: body.as_json for body in files}} if files else {}
+        print_json({"valid": True, "title": title, "warnings": warnings, **read, **pictures})
     else:
         found = f"{case}: valid ({title})" if title else f"{case}: valid"
-        print(found, *(body.text for body in valid.files), *files, sep="\n")
+        print(found, *(body.text for body in files), *drawn, sep="\n")
 
 
-def _validated(case: Path, overrides: Sequence[str]) -> Validated:
-    """Load the case and, if it has a run, build its model; else read the matrices that it names.
+def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
+    """What can be known without an analysis: summaries of bodies from files, warnings, and the system if it has a run.
 
     Raises
     ------
     ScenarioError
         With every problem found.
     """
-    scenario = load_scenario(case, overrides)
     if scenario.vary is not None:
         from beamsim.analyses.designs.plan import check_cases, plan_designs  # and with it every analysis
 
         check_cases(plan_designs(scenario))
     if scenario.run is not None:
         system = build_system(scenario)
-        return Validated(scenario, system.files, (*scenario.warnings, *system.warnings), system)
-    files: tuple[FileSummary, ...] = ()
+        return system.files, [*scenario.warnings, *system.warnings], system
+    files: Sequence[FileSummary] = ()
     if any(body.is_read_from_files for body in scenario.all_bodies.values()):
         with located(scenario):
             files = summaries_of_files(scenario)
-    remarks = (f"{each.body}: {remark}" for each in files for remark in each.remarks)
-    return Validated(scenario, files, (*scenario.warnings, *remarks), None)
+    return files, [*scenario.warnings, *(f"{each.body}: {remark}" for each in files for remark in each.remarks)], None
 
 
 def schema_text() -> str:

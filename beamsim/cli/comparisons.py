@@ -25,7 +25,7 @@ def identify(given: Given) -> None:
     """Find stiffness and damping of stops from tests."""
     scenario, target = prepared("identify-stiffness", given)
     concluded(
-        "identify-stiffness", target, given.reporting,
+        "identify-stiffness", target, given,
         lambda progress, stop: identify_stiffness(scenario, read_tests(scenario, given.case.parent), progress, stop),
         f"identifying {given.case.name}",
     )  # fmt: skip
@@ -68,7 +68,7 @@ def compare_signals(
         def compared(*_: object) -> Comparison:
             return compare(run, pairs, **of_runs)
 
-    concluded("compare", target, given.reporting, compared, f"comparing with {measured.name}")
+    concluded("compare", target, given, compared, f"comparing with {measured.name}")
 
 
 def _refuse_of_sweeps(options: Mapping[str, object]) -> None:
@@ -113,7 +113,7 @@ def compare_shapes(
         with located(scenario):
             return compare_modes(scenario, read_shapes(measured, scenario), contacts=contacts)
 
-    result = concluded("compare-modes", target, given.reporting, compared, f"comparing with {measured.name}")
+    result = concluded("compare-modes", target, given, compared, f"comparing with {measured.name}")
     beyond = list(_beyond(result.summary["pairs"], **limits))
     if beyond:
         raise VerdictError("; ".join(beyond), exit_code(result.outcome, [OnLimit.EXCEEDED]))

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from beamsim.analyses.result import Result
-from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import limits_not_met
 from beamsim.cli.failures import Interruption, interruptible, say
-from beamsim.cli.options import Given, Reporting
+from beamsim.cli.options import Given
 from beamsim.cli.preparation import located, prepared
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import Progress, progress_of
@@ -21,7 +20,6 @@ from beamsim.outcomes import exit_code
 from beamsim.plots.save import save_figures
 from beamsim.plots.style import scale_for, shown_in
 from beamsim.store.results import keep_result
-from beamsim.trust import checked
 
 _Result = TypeVar("_Result", bound=Result)
 Compute = Callable[[Progress, Interruption], _Result]
@@ -29,7 +27,7 @@ Compute = Callable[[Progress, Interruption], _Result]
 
 
 def concluded(
-    kind: str, target: Path, reporting: Reporting, compute: Compute[_Result], label: str, afterwards: str = ""
+    kind: str, target: Path, given: Given, compute: Compute[_Result], label: str, afterwards: str = ""
 ) -> _Result:
     """Compute a result, write, plot and print it, all under signals.
 
@@ -37,7 +35,7 @@ def concluded(
     ----------
     kind : of the result, one of `beamsim.kinds.KINDS`.
     target : the result file; the plots are written to the same folder.
-    reporting : what is written and printed.
+    given : to the command: what is written and printed.
     compute : the result.
     label, afterwards : what is done meanwhile, as of `Progress`.
 
@@ -53,20 +51,20 @@ def concluded(
         As `conclude`.
     """
     with interruptible() as interrupted:
-        with progress_of(label, shown=reporting.progress, afterwards=afterwards) as progress:
+        with progress_of(label, shown=not given.quiet, afterwards=afterwards) as progress:
             result = compute(progress, interrupted)
-        with progress_of(f"writing {target.name}", shown=reporting.progress):
+        with progress_of(f"writing {target.name}", shown=not given.quiet):
             keep_result(result, target)
-        conclude(kind, result, target, reporting, interrupted)
+        conclude(kind, result, target, given, interrupted)
     return result
 
 
-def conclude(kind: str, result: Result, target: Path, reporting: Reporting, interrupted: Interruption) -> None:
+def conclude(kind: str, result: Result, target: Path, given: Given, interrupted: Interruption) -> None:
     """Plot and print a result that has been written, and raise the error for the exit code of its outcome.
 
     Parameters
     ----------
-    kind, target, reporting : as of `concluded`.
+    kind, target, given : as of `concluded`.
     result : that was written.
     interrupted : whether a signal stopped the computation, or came while the file was written (no plots are made then).
 
@@ -77,12 +75,12 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, inte
     """
     with shown_in(result.scenario.display_scales):
         files = [target]
-        if reporting.plots and not interrupted():
-            files += _plots(kind, result, target, reporting, interrupted)
-        _print(kind, result, files, reporting)
-        left_out = reporting.plots or result.outcome.interrupted
+        if not given.no_plots and not interrupted():
+            files += _plots(kind, result, target, given, interrupted)
+        _print(kind, result, files, given)
+        left_out = not given.no_plots or result.outcome.interrupted
         signal = interrupted.signal if left_out else 0
-        checked = result.summary.get("margins", {}) if reporting.check else {}
+        checked = result.summary.get("margins", {}) if given.check else {}
         code = exit_code(result.outcome, [item["verdict"] for item in checked.values()], signal)
         if signal:
             what = "partial" if result.outcome.interrupted else "whole"
@@ -94,32 +92,35 @@ def conclude(kind: str, result: Result, target: Path, reporting: Reporting, inte
             raise VerdictError("; ".join([*ended, *limits_not_met(result.scenario, checked)]), code)
 
 
-def _plots(kind: str, result: Result, target: Path, reporting: Reporting, interrupted: Interruption) -> Iterator[Path]:
+def _plots(kind: str, result: Result, target: Path, given: Given, interrupted: Interruption) -> Iterator[Path]:
     """Save the plots, until a signal comes."""
-    with progress_of(f"plotting {target.name}", shown=reporting.progress):
+    with progress_of(f"plotting {target.name}", shown=not given.quiet):
         for name, figure in named(KINDS[kind].figures)(result).items():
             yield from save_figures({name: figure}, target.parent, target.stem)
             if interrupted():
                 return
 
 
-def _print(kind: str, result: Result, files: Sequence[Path], reporting: Reporting) -> None:
+def _print(kind: str, result: Result, files: Sequence[Path], given: Given) -> None:
     """Print the result of a command as JSON, as its first screen or as a table, with the files written."""
-    first = not (reporting.json or reporting.quiet or reporting.verbose)
+    first = not (given.json or given.quiet or given.verbose)
     for warning in () if first else result.warnings:
         say(f"beamsim: warning: {warning}")
-    if reporting.json:
+    if given.json:
         about = {"status": result.status, "warnings": list(result.warnings)}
         more = {"wall_time_s": result.wall_time_s, "files": [str(path) for path in files]}
         print_json({**about, **result.summary, **more})
     elif first:
         print(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
-    elif not reporting.quiet:
+    elif not given.quiet:
         written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
         print_table(result.title, [*table_rows(kind, result), *written])
 
 
-def analysed(kind: str, given: Given, doing: str, **options: Any) -> None:
+def analysed(
+    kind: str, given: Given, doing: str, then: Callable[[Any, Interruption], Result] = lambda result, _: result,
+    **options: Any,
+) -> None:  # fmt: skip
     """Compute the result of a kind whose command has the same name.
 
     Parameters
@@ -127,6 +128,7 @@ def analysed(kind: str, given: Given, doing: str, **options: Any) -> None:
     kind : of the result.
     given : to the command.
     doing : what is done with the case meanwhile, "simulating".
+    then : makes the result that is kept of the one computed.
     options : of the analysis.
 
     Raises
@@ -138,24 +140,18 @@ def analysed(kind: str, given: Given, doing: str, **options: Any) -> None:
 
     def computed(progress: Progress, stop: Interruption) -> Result:
         with located(scenario):
-            result: Result = named(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **options)
-            return result
+            return then(named(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **options), stop)
 
-    concluded(kind, target, given.reporting, computed, f"{doing} {given.case.name}")
+    name = given.case.name
+    concluded(kind, target, given, computed, f"{doing} {name}", f"evaluating the motion of {name}")
 
 
 def run(given: Given, against: str | None) -> None:
     """Simulate a case, and compare it with the reference integrator where ``against`` says so, ``reference[:RTOL]``."""
-    if against is not None:
-        from beamsim.trust import reference  # which runs without it do not load
+    if against is None:
+        analysed("run", given, "simulating")
+        return
+    from beamsim.trust import reference  # which runs without it do not load
 
-        rtol = reference.tolerance_of(against)
-    scenario, target = prepared("run", given)
-    name = given.case.name
-
-    def simulated(progress: Progress, stop: Interruption) -> RunResult:
-        with located(scenario):
-            result = checked.run(scenario, progress, stop)
-            return result if against is None else reference.against(result, rtol, stop)
-
-    concluded("run", target, given.reporting, simulated, f"simulating {name}", f"evaluating the motion of {name}")
+    rtol = reference.tolerance_of(against)
+    analysed("run", given, "simulating", lambda result, stop: reference.against(result, rtol, stop))

@@ -8,6 +8,7 @@ from typing import Any
 from beamsim.analyses.run.animation import BuiltModel, frames_of_orbit, frames_of_run, model_of
 from beamsim.analyses.run.result import RunResult
 from beamsim.cli.failures import say
+from beamsim.cli.options import Given
 from beamsim.cli.preparation import output_file, output_folder
 from beamsim.cli.printing import print_files
 from beamsim.cli.progress import progress_of
@@ -19,8 +20,9 @@ from beamsim.plots import animation
 from beamsim.plots.animation import Scene
 from beamsim.plots.model import model_figure
 from beamsim.plots.save import save_figures
+from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import shown_in
-from beamsim.report.contents import SketchedModel, page_of
+from beamsim.report.contents import page_of
 from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
 from beamsim.store.results import kind_of, open_result
@@ -50,24 +52,19 @@ def draw_model(scenario: Scenario, built: StructuralSystem | None, folder: Path,
     """
     system = built or build_system(scenario)
     with shown_in(scenario.display_scales):
-        stops = {stop.name: stop for stop in system.snubbers}
-        return save_figures({"sketch": model_figure(scenario, system.stations, stops)}, folder, stem)
+        return save_figures({"sketch": model_figure(_sketch_of(scenario, system))}, folder, stem)
 
 
-def report(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None:
+def report(given: Given) -> None:
     """Write one HTML file about a result.
-
-    Parameters
-    ----------
-    path, output : as they were given.
-    json, quiet : whether to print JSON, or nothing.
 
     Raises
     ------
     ResultFileError
         If the file cannot be read, or the page not be written.
     """
-    target = output_file(output, f"{path.stem}_report", ".html", ".htm")
+    path = given.case
+    target = output_file(given.output, f"{path.stem}_report", ".html", ".htm")
     plotly()  # that it is missing is said before anything is computed
     kind = kind_of(path)
     result: Any = open_result(path)
@@ -77,33 +74,29 @@ def report(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None:
         screen = named(KINDS[kind].screen)(result).text(result, [path.name]).rpartition("\n")[0]  # without the files
         limits = margins(result, result.summary.get("margins") or {})
         model = _model(result)
-        scene = _scene(result, model, shown=not (json or quiet))
+        scene = _scene(result, model, shown=not (given.json or given.quiet))
         rows = list(table_rows(kind, result))
-        page = page_of(result, about, screen, rows, limits, figures, _sketched(result, model), scene)
+        page = page_of(result, about, screen, rows, limits, figures, sketched(result, model), scene)
     with replacing(target) as temporary:
         temporary.write_text(page.html(), encoding="utf-8")
-    print_files([target], json=json)
+    print_files([target], json=given.json)
 
 
-def animate(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None:
+def animate(given: Given) -> None:
     """Write the motion of a result as a GIF and as HTML.
-
-    Parameters
-    ----------
-    path, output : as they were given.
-    json, quiet : whether to print JSON, or no progress.
 
     Raises
     ------
     ResultFileError
         If the file cannot be read or holds no motion, or a file cannot be written.
     """
+    path, output = given.case, given.output
     if output is not None and output.suffix.lower() in (".gif", ".html", ".htm"):
         targets = [output_file(output, path.stem, output.suffix.lower())]
     else:
         folder = output_folder(output, path.stem)
         targets = [folder / f"{path.stem}_animation{suffix}" for suffix in (".gif", ".html")]
-    shown = not (json or quiet)
+    shown = not (given.json or given.quiet)
     result: Any = open_result(path)
     with shown_in(result.scenario.display_scales):
         scene = scene_of(result, shown=shown)
@@ -116,7 +109,7 @@ def animate(path: Path, output: Path | None, *, json: bool, quiet: bool) -> None
             else:
                 with replacing(target) as temporary:
                     temporary.write_text(animation_page(scene), encoding="utf-8")
-    print_files(targets, json=json)
+    print_files(targets, json=given.json)
 
 
 def _scene(result: Any, model: BuiltModel | None, *, shown: bool) -> Scene | None:
@@ -128,13 +121,15 @@ def _scene(result: Any, model: BuiltModel | None, *, shown: bool) -> Scene | Non
         return None
 
 
-def _sketched(result: Any, model: BuiltModel | None) -> SketchedModel | None:
-    """What the sketch shows: of the model, or where that cannot be built of the result, if this is a run."""
-    if model is not None:
-        return SketchedModel(model.system.stations, {stop.name: stop for stop in model.system.snubbers})
+def _sketch_of(scenario: Scenario, system: StructuralSystem) -> Sketch:
+    return Sketch(scenario, system.stations, {stop.name: stop for stop in system.snubbers})
+
+
+def sketched(result: Any, model: BuiltModel | None) -> Sketch | None:
+    """The sketch of a result, with a run's own numbers; without one None where the model is not known."""
     if isinstance(result, RunResult):
-        return SketchedModel(result.modes.stations, result.snubbers)
-    return None
+        return Sketch(result.scenario, result.modes.stations, result.snubbers)
+    return None if model is None else _sketch_of(result.scenario, model.system)
 
 
 def _model(result: Any) -> BuiltModel | None:
@@ -170,12 +165,12 @@ def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool) -> Sc
     if isinstance(result, RunResult):
         with progress_of("computing the motion again", shown=shown) as progress:
             frames = frames_of_run(result, progress, model=model)
-        return animation.scene_of(frames, result.scenario, result.modes.stations, result.snubbers, result.title)
-    motion = next((b.motion for b in getattr(result, "branches", ()) if getattr(b, "motion", None) is not None), None)
-    if motion is None:
-        return None
-    stations = result.modes.stations
-    stops = {stop.name: stop for stop in (model or model_of(result.scenario)).system.snubbers}
-    return animation.scene_of(
-        frames_of_orbit(result.scenario, stations, motion), result.scenario, stations, stops, result.title
-    )
+    else:
+        branches = getattr(result, "branches", ())
+        motion = next((b.motion for b in branches if getattr(b, "motion", None) is not None), None)
+        if motion is None:
+            return None
+        model = model or model_of(result.scenario)
+        frames = frames_of_orbit(result.scenario, result.modes.stations, motion)
+    sketch = sketched(result, model)
+    return None if sketch is None else animation.scene_of(frames, sketch, result.title)

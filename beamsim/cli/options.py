@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -31,33 +31,33 @@ Output = Annotated[
         help="File or folder for the results (default: current folder).",
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print only one JSON object on standard output.")]
-NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress report and no summary.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print everything: the whole table and all notes.")]
-Check = Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded, 3 if it may be.")]
-Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
-
-
-class Reporting(NamedTuple):
-    """Options of a command that control its output."""
-
-    plots: bool = True
-    json: bool = False
-    quiet: bool = False
-    check: bool = False  # whether exceeding a limit is an error
-    verbose: bool = False  # whether the whole table is printed
-
-    @property
-    def progress(self) -> bool:
-        """Whether the command says how far it is."""
-        return not self.quiet
+OPTIONS: dict[str, tuple[Any, Any]] = {
+    "overrides": (Overrides, None),
+    "output": (Output, None),
+    "json": (Annotated[bool, typer.Option("--json", help="Print only one JSON object on standard output.")], False),
+    "no_plots": (Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")], False),
+    "quiet": (Annotated[bool, typer.Option("--quiet", "-q", help="No progress report and no summary.")], False),
+    "verbose": (
+        Annotated[bool, typer.Option("--verbose", "-v", help="Print everything: the whole table and all notes.")],
+        False,
+    ),
+    "check": (
+        Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded, 3 if it may be.")],
+        False,
+    ),
+    "debug": (Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")], False),
+}  # fmt: skip
+"""By name of a field of `Given`, and ``debug``: what Typer reads, and the default."""
 
 
 class Given(NamedTuple):
-    """What a command that computes is given: a case with its overrides, where to write, and what to print."""
+    """What commands are given alike: a file, numbers to replace in it, where to write, and what to print."""
 
-    case: Path
-    overrides: list[str] | None
-    output: Path | None
-    reporting: Reporting
+    case: Path = Path()  # scenario or result
+    overrides: list[str] | None = None
+    output: Path | None = None
+    json: bool = False
+    no_plots: bool = False
+    quiet: bool = False
+    verbose: bool = False  # whether the whole table is printed
+    check: bool = False  # whether exceeding a limit is an error

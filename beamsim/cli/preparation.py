@@ -23,7 +23,7 @@ def prepared(command: str, given: Given) -> tuple[Scenario, Path]:
         If the result could not be written.
     """
     scenario = load_scenario(given.case, given.overrides or (), command=command)
-    if given.reporting.check and scenario.limits is None:
+    if given.check and scenario.limits is None:
         raise ScenarioError(
             Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")
         )

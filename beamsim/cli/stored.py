@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from beamsim.cli.failures import say
+from beamsim.cli.options import Given
 from beamsim.cli.preparation import output_file, output_folder
 from beamsim.cli.printing import print_files, print_json, print_table
 from beamsim.cli.progress import progress_of
@@ -17,7 +18,7 @@ from beamsim.store.export import FORMATS, export_result, export_target, remark_o
 from beamsim.store.results import kind_of, open_result
 
 
-def info(path: Path, *, as_json: bool) -> None:
+def info(given: Given) -> None:
     """Print the contents of a result file of any kind: its table or summary, with who wrote it.
 
     Raises
@@ -25,9 +26,10 @@ def info(path: Path, *, as_json: bool) -> None:
     ResultFileError
         If the file cannot be read.
     """
+    path = given.case
     kind = kind_of(path)
     result = open_result(path)
-    if as_json:
+    if given.json:
         about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
         made = {"created": result.created, "beamsim_version": result.beamsim_version}
         print_json({**about, **result.summary, "wall_time_s": result.wall_time_s, **made})
@@ -38,39 +40,30 @@ def info(path: Path, *, as_json: bool) -> None:
         print_table(": ".join(filter(None, (str(path), result.title))), [made_by, *table_rows(kind, result), *warnings])
 
 
-def plot(path: Path, output: Path | None, form: str, *, json: bool, quiet: bool) -> None:
-    """Plot a result file of any kind.
-
-    Parameters
-    ----------
-    path, output : as they were given.
-    form : of the pictures: png, pdf or svg.
-    json, quiet : whether to print JSON, or nothing.
+def plot(given: Given, form: str) -> None:
+    """Plot a result file of any kind, as png, pdf or svg.
 
     Raises
     ------
     ResultFileError
         If the file cannot be read or a picture cannot be written.
     """
-    folder = output_folder(output, path.stem)
-    with progress_of(f"plotting {path.name}", shown=not (json or quiet)):
+    path = given.case
+    folder = output_folder(given.output, path.stem)
+    with progress_of(f"plotting {path.name}", shown=not (given.json or given.quiet)):
         figures = named(KINDS[kind_of(path)].figures)
         result = open_result(path)
         with shown_in(result.scenario.display_scales):
             files = save_figures(figures(result), folder, path.stem, form)
-    print_files(files, json=json, quiet=quiet)
+    print_files(files, json=given.json, quiet=given.quiet)
 
 
-def export(path: Path, output: Path | None, form: str | None, *, json: bool, quiet: bool) -> None:
+def export(given: Given, form: str | None) -> None:
     """Write a result file of any kind in another format.
 
     CSV is a folder of tables: ``-o tables.csv`` names the folder ``tables_csv``.
 
-    Parameters
-    ----------
-    path, output : as they were given.
-    form : csv, uff or mat; by default that of the suffix of ``output``.
-    json, quiet : whether to print JSON, or nothing.
+    The format is that of the suffix of the output by default.
 
     Raises
     ------
@@ -79,8 +72,8 @@ def export(path: Path, output: Path | None, form: str | None, *, json: bool, qui
     ResultFileError
         If the file cannot be read, the format does not support it, or a file cannot be written.
     """
-    form = _format(output, form)
-    with progress_of(f"exporting {path.name}", shown=not (json or quiet)):
+    path, output, form = given.case, given.output, _format(given.output, form)
+    with progress_of(f"exporting {path.name}", shown=not (given.json or given.quiet)):
         if form == "csv":
             folder, stem = output, path.stem
             if output is not None and output.suffix.lower() == f".{form}" and not output.is_dir():
@@ -92,7 +85,7 @@ def export(path: Path, output: Path | None, form: str | None, *, json: bool, qui
     remark = remark_on_places(path) if form == "uff" else ""
     if remark:
         say(f"beamsim: note: {remark}")
-    print_files(written, json=json, quiet=quiet)
+    print_files(written, json=given.json, quiet=given.quiet)
 
 
 def _format(output: Path | None, form: str | None) -> str:

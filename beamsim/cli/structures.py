@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, cast
 
 from beamsim.analyses.check import FAILS
 from beamsim.analyses.check import check as checked
+from beamsim.cli.options import Given
 from beamsim.cli.preparation import located, output_file
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import progress_of
@@ -23,13 +23,8 @@ from beamsim.structures.exported import boundary_rows, craig_bampton, named_stru
 from beamsim.structures.named_matrices import NamedMatrices, in_units, write_dof_table
 
 
-def check(case: Path, overrides: Sequence[str], *, as_json: bool) -> None:
+def check(given: Given) -> None:
     """Check the matrices of each body.
-
-    Parameters
-    ----------
-    case, overrides : as they were given.
-    as_json : whether to print JSON.
 
     Raises
     ------
@@ -38,11 +33,11 @@ def check(case: Path, overrides: Sequence[str], *, as_json: bool) -> None:
     VerdictError
         If a check fails.
     """
-    scenario = load_scenario(case, overrides)
-    with located(scenario), progress_of(f"checking {case.name}", shown=not as_json):
+    scenario = load_scenario(given.case, given.overrides or ())
+    with located(scenario), progress_of(f"checking {given.case.name}", shown=not given.json):
         bodies = checked(scenario)
     failed = [row.name for rows in bodies.values() for row in rows if row.verdict == FAILS]
-    if as_json:
+    if given.json:
         found = {
             name: {row.name: {"value": row.value, "verdict": row.verdict} for row in rows}
             for name, rows in bodies.items()
@@ -65,31 +60,26 @@ class MatrixForm(NamedTuple):
     binary: bool = False
 
 
-def export(case: Path, overrides: Sequence[str], output: Path | None, form: MatrixForm, *, as_json: bool) -> None:
+def export(given: Given, form: MatrixForm) -> None:
     """Write the matrices of the structure.
-
-    Parameters
-    ----------
-    case, overrides, output : as they were given.
-    form : of what is written.
-    as_json : whether to print JSON.
 
     Raises
     ------
     ScenarioError
         If the scenario or an option is invalid.
     """
+    case, output = given.case, given.output
     if form.units not in SYSTEMS:
         problem = Problem("--units", f"{form.units} is no system of units", f"give one of {', '.join(SYSTEMS)}")
         raise ScenarioError(problem)
     if output is not None and output.suffix.lower() in {*FORMATS} - {*ENDINGS} and not output.is_dir():
         message = f"{output} is of a format that is read, not written"
         raise ScenarioError(Problem("-o", message, f"give a name that ends with {', '.join(ENDINGS)}"))
-    scenario = load_scenario(case, overrides)
+    scenario = load_scenario(case, given.overrides or ())
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
-    with located(scenario), progress_of(f"exporting the structure of {case.name}", shown=not as_json):
+    with located(scenario), progress_of(f"exporting the structure of {case.name}", shown=not given.json):
         files, text = exported(scenario, target, form)
-    if as_json:
+    if given.json:
         print_json({"files": [str(file) for file in files], "body": text})
     else:
         print(*files, text, sep="\n")

@@ -16,7 +16,7 @@ from beamsim.analyses.designs.result import DesignsResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded
 from beamsim.cli.failures import Interruption, interruptible, say
-from beamsim.cli.options import Given, Reporting
+from beamsim.cli.options import Given
 from beamsim.cli.preparation import located, prepared
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
@@ -53,7 +53,6 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
         Where an option does not apply to the kind of sweep, and as `concluded`.
     """
     scenario, target = prepared("sweep", given)
-    reporting = given.reporting
     kind = _kind(scenario)
     for name, value in options.items():
         allowed, path, message, remedy = _OPTIONS[name]
@@ -61,11 +60,11 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
             raise ScenarioError(Problem(path or f"--{name}", message, remedy))
     if kind == "designs":
         of_study = {name: options[name] for name in ("workers", "scheduler", "resume")}
-        sweep_designs(scenario, target, reporting, **of_study)
+        sweep_designs(scenario, target, given, **of_study)
     elif kind == "continuation":
-        continue_motions(scenario, target, reporting, options["overlay"] or (), expansion=bool(options["compare"]))
+        continue_motions(scenario, target, given, options["overlay"] or (), expansion=bool(options["compare"]))
     else:
-        _sweep_sine(scenario, target, reporting, resume=options["resume"])
+        _sweep_sine(scenario, target, given, resume=options["resume"])
 
 
 def _kind(scenario: Scenario) -> str:
@@ -75,7 +74,7 @@ def _kind(scenario: Scenario) -> str:
     return "continuation" if scenario.sweep is not None and scenario.sweep.kind == "continuation" else "sweep"
 
 
-def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool) -> None:
+def _sweep_sine(scenario: Scenario, target: Path, given: Given, *, resume: bool) -> None:
     """Compute a swept or stepped sine, saving partial results."""
 
     def save(part: SweepResult) -> None:
@@ -92,7 +91,7 @@ def _sweep_sine(scenario: Scenario, target: Path, reporting: Reporting, *, resum
             raise KeyboardInterrupt
         return result
 
-    concluded("sweep", target, reporting, computed, "sweeping")
+    concluded("sweep", target, given, computed, "sweeping")
 
 
 def _earlier(path: Path | str, scenario: Scenario) -> SweepResult | None:
@@ -114,14 +113,14 @@ def _earlier(path: Path | str, scenario: Scenario) -> SweepResult | None:
 
 
 def continue_motions(
-    scenario: Scenario, target: Path, reporting: Reporting, overlay: Sequence[Path], *, expansion: bool
+    scenario: Scenario, target: Path, given: Given, overlay: Sequence[Path], *, expansion: bool
 ) -> None:
     """Follow periodic motions, add the requested overlays, save and print.
 
     Parameters
     ----------
     scenario : with a continuation.
-    target, reporting : as of `concluded`.
+    target, given : as of `concluded`.
     overlay : files of sweeps.
     expansion : whether to compare with the multiple-scales expansion.
 
@@ -139,16 +138,16 @@ def continue_motions(
         with located(scenario):
             return with_forced_expansion(result) if expansion and not result.outcome.interrupted else result
 
-    concluded("continuation", target, reporting, followed, "following periodic motions")
+    concluded("continuation", target, given, followed, "following periodic motions")
 
 
-def sweep_designs(scenario: Scenario, target: Path, reporting: Reporting, *, resume: bool, **options: Any) -> None:
+def sweep_designs(scenario: Scenario, target: Path, given: Given, *, resume: bool, **options: Any) -> None:
     """Compute all cases (or the missing ones), save and print.
 
     Parameters
     ----------
     scenario : with ``vary``.
-    target, reporting : as of `conclude`.
+    target, given : as of `conclude`.
     resume : whether to keep the cases that are computed already.
     options : workers and scheduler, as of `stored_study`.
 
@@ -163,12 +162,12 @@ def sweep_designs(scenario: Scenario, target: Path, reporting: Reporting, *, res
     check_cases(plan)
     stored = _finished(plan, target) if resume else None
     if stored is None:
-        _compute(plan, target, reporting, resume, options)
+        _compute(plan, target, given, resume, options)
         return
-    if not reporting.quiet:
+    if not given.quiet:
         say(f"beamsim: {target} is complete; there is nothing to compute")
     with interruptible() as interrupted:
-        conclude("designs", stored, target, reporting._replace(plots=False), interrupted)
+        conclude("designs", stored, target, given._replace(no_plots=True), interrupted)
 
 
 def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
@@ -181,16 +180,16 @@ def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
     return stored if same and stored.complete and dict(stored.limits) == limits else None
 
 
-def _compute(plan: DesignPlan, target: Path, reporting: Reporting, resume: bool, options: dict[str, Any]) -> None:
+def _compute(plan: DesignPlan, target: Path, given: Given, resume: bool, options: dict[str, Any]) -> None:
     cases = len(plan.cases)
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=resume) as journal, interruptible() as interrupted:
         if journal.dropped:
             say(f"beamsim: warning: starting again; --resume would have kept {journal.dropped} of {cases} cases")
-        elif journal.outcomes and not reporting.quiet:
+        elif journal.outcomes and not given.quiet:
             say(f"beamsim: {len(journal.outcomes)} of {cases} cases are already computed")
         try:
-            with progress_of(f"{cases} cases", shown=reporting.progress) as progress:
+            with progress_of(f"{cases} cases", shown=not given.quiet) as progress:
                 result = stored_study(plan, journal, target, progress=progress, stop=interrupted, **options)
             if len(journal.outcomes) < cases:
                 raise KeyboardInterrupt
@@ -203,4 +202,4 @@ def _compute(plan: DesignPlan, target: Path, reporting: Reporting, resume: bool,
                 raise VerdictError(f"interrupted; {kept}", code) from None
             say(f"beamsim: {kept}")
             raise
-        conclude("designs", result, target, reporting, interrupted)
+        conclude("designs", result, target, given, interrupted)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,7 @@ from beamsim.analyses.run.animation import Frames
 from beamsim.files import replacing
 from beamsim.plots.sketch import BODY, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
 from beamsim.plots.style import amount, round_length
-from beamsim.scenario import Scenario
 from beamsim.structures.places import Place, ends_of
-from beamsim.structures.stations import Stations
-from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Bools, Floats
 
 MILLISECONDS = 40  # of a frame
@@ -71,23 +68,9 @@ class Scene:
         return {**asdict(self), "slow": self.slow.tolist(), "milliseconds": MILLISECONDS}
 
 
-def scene_of(
-    frames: Frames, scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers], title: str
-) -> Scene:
-    """The frames in the sketch of the model, deflections and gaps to one scale.
-
-    Parameters
-    ----------
-    frames : of the motion.
-    scenario : with bodies.
-    stations, stops : those of its system, the stops by name.
-    title : what the motion is of.
-
-    Returns
-    -------
-    With as many frames as were given.
-    """
-    sketch = Sketch(scenario, stations, stops)
+def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
+    """The frames in the sketch of the model, deflections and gaps to one scale."""
+    stops = sketch.stops
     gaps = {name: float(stop.gap) if np.isfinite(stop.gap) else 0.0 for name, stop in stops.items()}
     sizes = [float(np.abs(frames.deflection).max(initial=0.0)), *(0.5 * abs(gap) for gap in gaps.values())]
     largest = max(sizes) or 1.0
@@ -102,7 +85,7 @@ def scene_of(
         x, y = zip(*(sketch.point(place) for place in ends_of(site)), strict=True)
         height, ends = 0.22 + 0.1 * len(drawn), frames.ends[name] * factor
         drawn.append(PictureStop(name, stops[name].side, x, y, gaps[name] * factor, height, ends, frames.force[name]))
-    bodies = scenario.all_bodies
+    bodies = sketch.scenario.all_bodies
     firsts = {name: sketch.lines_of(name)[0] for name in bodies if len(bodies) > 1}
     supports = tuple(
         (kind, *sketch.point(Place(name, coordinate)))

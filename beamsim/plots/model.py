@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -18,7 +18,6 @@ from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import Distributed, LoadSite, Place, ends_of
-from beamsim.structures.stations import Stations
 from beamsim.system.parts import exciting_forces
 from beamsim.system.structural import SnubberNumbers
 
@@ -70,21 +69,10 @@ def _number(ax: Axes, names: Sequence[Named], near: float) -> None:
         )  # fmt: skip
 
 
-def model_figure(scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> Picture:
-    """The sketch with its title, what excites the model, and the scale of the gaps.
-
-    Parameters
-    ----------
-    scenario : with bodies.
-    stations, stops : those of its system, the stops by name.
-
-    Returns
-    -------
-    One panel, with a legend below it.
-    """
-    sketch = Sketch(scenario, stations, stops)
+def model_figure(sketch: Sketch) -> Picture:
+    """The sketch with its title, what excites the model, and the scale of the gaps."""
     size = (8.0, 2.4 + 1.6 * sketch.count)
-    return Picture(scenario.title, [partial(plot_model, sketch)], size=size, legend_below=True)
+    return Picture(sketch.scenario.title, [partial(plot_model, sketch)], size=size, legend_below=True)
 
 
 def excitation_text(scenario: Scenario) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from beamsim.analyses.result import MARGINS, Result
 from beamsim.analyses.values import limit_label
@@ -13,13 +13,13 @@ from beamsim.outcomes import STANDINGS, OnLimit
 from beamsim.plots.animation import Scene
 from beamsim.plots.drawing import Picture
 from beamsim.plots.model import excitation_text, model_figure
+from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import amount, scale_for
 from beamsim.report.interactive import interactive
 from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema, plain
 from beamsim.structures.assembly import snubber_site
-from beamsim.structures.stations import Stations
 from beamsim.system.structural import SnubberNumbers
 from beamsim.trust.convergence import named
 
@@ -48,13 +48,6 @@ HOW_TO_READ = (
 )
 
 
-class SketchedModel(NamedTuple):
-    """What the sketch and the table of stops show beside the scenario."""
-
-    stations: Stations
-    stops: Mapping[str, SnubberNumbers]
-
-
 def page_of(
     result: Result,
     about: str,
@@ -62,7 +55,7 @@ def page_of(
     rows: Sequence[tuple[str, str]],
     limits: Mapping[str, Mapping[str, str]],
     figures: Mapping[str, Picture],
-    model: SketchedModel | None,
+    sketch: Sketch | None,
     scene: Scene | None,
 ) -> Page:
     """The page of a result.
@@ -74,7 +67,7 @@ def page_of(
     screen, rows : what is printed of it first, and its table.
     limits : the printed margin, value, place and verdict of each.
     figures : its pictures by name.
-    model : of its scenario; None where it has none, or it is not known.
+    sketch : of its model; None where it has none, or it is not known.
     scene : an animation of its motion; None without one.
 
     Returns
@@ -84,8 +77,8 @@ def page_of(
     page = Page(result.title or "beamsim", about, verdict_of(result))
     page.add("Summary", listing(screen))
     page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_limits(limits)))))
-    if model is not None:
-        page.add("Model", *_model(result.scenario, model))
+    if sketch is not None:
+        page.add("Model", *_model(sketch))
     page.add("Results", labelled(rows))
     if scene is not None:
         page.add("Motion", page.animated(scene.as_json(), NOTE))
@@ -132,11 +125,12 @@ def _limits(limits: Mapping[str, Mapping[str, str]]) -> Iterator[list[str]]:
         yield [name, of["value"], of["at"], of["limit"], of["margin"], signs.get(of["verdict"], "") + of["verdict"]]
 
 
-def _model(scenario: Scenario, model: SketchedModel) -> Iterator[str]:
-    yield f"<figure>{picture(model_figure(scenario, model.stations, model.stops), 'model')}</figure>"
+def _model(sketch: Sketch) -> Iterator[str]:
+    scenario = sketch.scenario
+    yield f"<figure>{picture(model_figure(sketch), 'model')}</figure>"
     yield labelled([("excitation", excitation_text(scenario)), *_bodies(scenario)])
     sites = {located.item.name: snubber_site(located).label for located in scenario.located_snubbers}
-    rows = [[name, sites.get(name, ""), stop.side, *_stop(stop)] for name, stop in model.stops.items()]
+    rows = [[name, sites.get(name, ""), stop.side, *_stop(stop)] for name, stop in sketch.stops.items()]
     heading = ("stop", "at", "side", "stiffness", "dashpot", "gap", "force at rest", "k L^3 / E I")
     yield table(Cells(heading, rows, "Stops"))
 

@@ -6,7 +6,7 @@ import enum
 import inspect
 import types
 from collections.abc import Iterator
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin
 
 from typer.models import ArgumentInfo
 
@@ -42,9 +42,8 @@ def _section(name: str, function: Any) -> str:
 
 def _parameters(function: Any) -> Iterator[tuple[str, str, bool]]:
     """Yield how each parameter is given, its help, and whether it is positional."""
-    hints = get_type_hints(function, include_extras=True)
-    for name in inspect.signature(function).parameters:
-        kind, info = get_args(hints[name])[:2]
+    for name, parameter in inspect.signature(function).parameters.items():
+        kind, info = get_args(parameter.annotation)[:2]
         if info.hidden:
             continue
         text = " ".join((info.help or "").split()).replace("|", "\\|")

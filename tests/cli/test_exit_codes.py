@@ -9,7 +9,7 @@ import pytest
 from beamsim.analyses.values import judged, margins_of
 from beamsim.cli.conclusion import conclude
 from beamsim.cli.failures import Interruption
-from beamsim.cli.options import Reporting
+from beamsim.cli.options import Given
 from beamsim.errors import VerdictError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import STANDINGS, OnLimit, Outcome, OutcomeKind, exit_code, on_limit
@@ -35,7 +35,7 @@ def of_kind(kind):
 def ended(result, **more):
     """Exit code of a command that ends with a result."""
     try:
-        conclude("run", result, Path("case.h5"), Reporting(plots=False, quiet=True, **more), Interruption())
+        conclude("run", result, Path("case.h5"), Given(no_plots=True, quiet=True, **more), Interruption())
     except VerdictError as error:
         return error.exit_code
     return 0
@@ -101,7 +101,7 @@ def test_a_limit_counts_only_where_it_is_checked(value, change, code, fabricated
     assert ended(result) == 0
     verdict = result.summary["margins"]["peak_force"]["verdict"]
     assert {0: "ok", 3: "not reliable", 4: "exceeded"}[code] == verdict
-    conclude("run", result, Path("case.h5"), Reporting(plots=False), Interruption())
+    conclude("run", result, Path("case.h5"), Given(no_plots=True), Interruption())
     assert f"peak force {verdict if verdict == 'ok' else verdict.upper()}" in capsys.readouterr().out
 
 

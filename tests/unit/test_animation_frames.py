@@ -6,6 +6,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.animation import FRAMES, frames_of_run
 from beamsim.plots.animation import scene_of
+from beamsim.plots.sketch import Sketch
 from beamsim.scenario import load_scenario
 
 CASE = {
@@ -50,7 +51,7 @@ def test_contact_is_slow_and_its_peak_is_shown(result):
 
 def test_a_stop_that_presses_is_drawn_at_the_body(result):
     frames = frames_of_run(result)
-    scene = scene_of(frames, result.scenario, result.modes.stations, result.snubbers, "case")
+    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, result.snubbers), "case")
     (stop,) = scene.stops
     face = -stop.gap  # of the stop below, at rest
     pressed = stop.force > 1e-6

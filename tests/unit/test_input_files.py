@@ -11,7 +11,7 @@ import pytest
 import beamsim
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.run.animation import model_of
-from beamsim.cli.html_report import _model, _sketched
+from beamsim.cli.html_report import sketched
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.scenario import named_files
@@ -61,9 +61,9 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
             model_of(open_result(file).scenario)
         assert "bodies.panel.mass.file = matrices/panel.op4 is not found" in str(caught.value)
         assert all(str(folder) in str(caught.value) for folder in (tmp_path, file.parent, matrices.parent))
-        sketched = _sketched(open_result(file), _model(open_result(file)))  # from the result's own numbers
-        np.testing.assert_array_equal(sketched.stations.points, result.modes.stations.points)
-        assert sketched.stops["corner"].gap == result.snubbers["corner"].gap
+        sketch = sketched(open_result(file), None)  # from the result's own numbers
+        np.testing.assert_array_equal(sketch.stations.points, result.modes.stations.points)
+        assert sketch.stops["corner"].gap == result.snubbers["corner"].gap
         shutil.copytree(kept, tmp_path / "matrices")
         matrix = tmp_path / "matrices" / "panel.op4"
         matrix.write_text(matrix.read_text().replace("1", "2", 1))  # as long as it was

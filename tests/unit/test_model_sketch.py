@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from beamsim.plots.model import model_figure, stop_text
+from beamsim.plots.sketch import Sketch
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke
@@ -21,7 +22,7 @@ BEAM = {"length": 0.4, "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9
 
 def sketched(scenario):
     system = build_system(scenario)
-    return model_figure(scenario, system.stations, {stop.name: stop for stop in system.snubbers}).figure()
+    return model_figure(Sketch(scenario, system.stations, {stop.name: stop for stop in system.snubbers})).figure()
 
 
 def faces(figure):
