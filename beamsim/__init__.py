@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     from beamsim.store.export import export_result
     from beamsim.store.results import open_result, write_result
     from beamsim.store.studies import ensemble
-    from beamsim.trust.checked import continuation, nnm, run, sweep
+    from beamsim.trust.checked import continuation, nnm, sweep
+    from beamsim.trust.runs import run
 
 _NAMES = {
     "beamsim.analyses.designs.plan": ("plan_designs",),

@@ -27,7 +27,7 @@ class Kind(NamedTuple):
 KINDS = {
     "run": Kind(
         "run", "the result of `beamsim run`",
-        analysis="beamsim.trust.checked:run",
+        analysis="beamsim.trust.runs:run",
         result="beamsim.analyses.run.result:RunResult",
         screen="beamsim.cli.motions:run_screen",
         views="beamsim.cli.motions:RUN_VIEWS",

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.matrix_files.formats import write_matrices
+from beamsim.matrix_files import write_matrices
 from beamsim.structures.named_matrices import DofTable, write_dof_table
 from beamsim.typing import Floats, Ints
 

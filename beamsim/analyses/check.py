@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.errors import MethodError
-from beamsim.matrix_files.formats import DIRECTIONS, MODAL
+from beamsim.matrix_files import DIRECTIONS, MODAL
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import bodies_of
 from beamsim.structures.matrices import NOT_HELD, MatricesStructure, structure_of

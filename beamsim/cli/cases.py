@@ -8,13 +8,13 @@ from pathlib import Path
 
 from beamsim.cli.failures import say
 from beamsim.cli.options import Given
-from beamsim.cli.preparation import located, output_file, output_folder
 from beamsim.cli.printing import print_json
 from beamsim.errors import ScenarioError
-from beamsim.files import replacing
+from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import TemplateKind
-from beamsim.scenario import Scenario, json_schema, load_scenario, template
-from beamsim.structures.assembly import summaries_of_files
+from beamsim.scenario import Scenario, load_scenario, template
+from beamsim.scenario.jsonschema import json_schema
+from beamsim.structures.matrices import summaries_of_files
 from beamsim.structures.named_matrices import FileSummary
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
@@ -80,7 +80,7 @@ def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], Stru
         return system.files, [*scenario.warnings, *system.warnings], system
     files: Sequence[FileSummary] = ()
     if any(body.is_read_from_files for body in scenario.all_bodies.values()):
-        with located(scenario):
+        with scenario.locating():
             files = summaries_of_files(scenario)
     return files, [*scenario.warnings, *(f"{each.body}: {remark}" for each in files for remark in each.remarks)], None
 

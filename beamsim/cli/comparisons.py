@@ -11,10 +11,10 @@ from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
 from beamsim.analyses.compare_modes import ModeComparison, compare_modes, read_shapes
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.cli.conclusion import concluded
+from beamsim.cli.conclusion import concluded, prepared
 from beamsim.cli.options import Given
-from beamsim.cli.preparation import located, output_file, prepared
 from beamsim.errors import Problem, ScenarioError, VerdictError
+from beamsim.files import output_file
 from beamsim.measurements.channels import history_named, read_tests
 from beamsim.outcomes import OnLimit, exit_code
 from beamsim.scenario import load_scenario
@@ -110,7 +110,7 @@ def compare_shapes(
     target = output_file(given.output, f"{given.case.stem}_modes", ".h5", ".hdf5")
 
     def compared(*_: object) -> ModeComparison:
-        with located(scenario):
+        with scenario.locating():
             return compare_modes(scenario, read_shapes(measured, scenario), contacts=contacts)
 
     result = concluded("compare-modes", target, given, compared, f"comparing with {measured.name}")

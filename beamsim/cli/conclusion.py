@@ -10,20 +10,39 @@ from beamsim.analyses.result import Result
 from beamsim.analyses.values import limits_not_met
 from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given
-from beamsim.cli.preparation import located, prepared
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.cli.report import table_rows
-from beamsim.errors import VerdictError
+from beamsim.errors import Problem, ScenarioError, VerdictError
+from beamsim.files import output_file
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import exit_code
-from beamsim.plots.save import save_figures
+from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import scale_for, shown_in
+from beamsim.scenario import Scenario, load_scenario
 from beamsim.store.results import keep_result
 
 _Result = TypeVar("_Result", bound=Result)
 Compute = Callable[[Progress, Interruption], _Result]
 """Computes a result; is given what to call with the fraction done, and what says whether to end."""
+
+
+def prepared(command: str, given: Given) -> tuple[Scenario, Path]:
+    """The scenario of a case for a command, whose section it must have, and the path of its result file.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario is invalid, or has no limits to check.
+    ResultFileError
+        If the result could not be written.
+    """
+    scenario = load_scenario(given.case, given.overrides or (), command=command)
+    if given.check and scenario.limits is None:
+        raise ScenarioError(
+            Problem("limits", "is missing, so that --check has nothing to check", "add limits: {peak_force: 50 N}")
+        )
+    return scenario, output_file(given.output, given.case.stem, ".h5", ".hdf5")
 
 
 def concluded(
@@ -139,7 +158,7 @@ def analysed(
     scenario, target = prepared(kind, given)
 
     def computed(progress: Progress, stop: Interruption) -> Result:
-        with located(scenario):
+        with scenario.locating():
             return then(named(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **options), stop)
 
     name = given.case.name

@@ -9,17 +9,16 @@ from beamsim.analyses.run.animation import BuiltModel, frames_of_orbit, frames_o
 from beamsim.analyses.run.result import RunResult
 from beamsim.cli.failures import say
 from beamsim.cli.options import Given
-from beamsim.cli.preparation import output_file, output_folder
 from beamsim.cli.printing import print_files
 from beamsim.cli.progress import progress_of
 from beamsim.cli.report import margins, table_rows
 from beamsim.errors import BeamsimError, ResultFileError
-from beamsim.files import replacing
+from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import KINDS, named
 from beamsim.plots import animation
 from beamsim.plots.animation import Scene
+from beamsim.plots.drawing import save_figures
 from beamsim.plots.model import model_figure
-from beamsim.plots.save import save_figures
 from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import shown_in
 from beamsim.report.contents import page_of

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
 from beamsim.analyses.run.spectra import LOBE
-from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.cli.printing import percent
 from beamsim.cli.report import Labelled, Views, in_units, stress_text, together
 from beamsim.cli.screens import SHOWN, Numbers, Screen, contact_levels, limit_lines, limits_by_place, modes, sureness
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, is_known, scale_for
+
+if TYPE_CHECKING:
+    from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 
 
 def run_screen(result: RunResult) -> Screen:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 from beamsim.cli.failures import say
 from beamsim.cli.options import Given
-from beamsim.cli.preparation import output_file, output_folder
 from beamsim.cli.printing import print_files, print_json, print_table
 from beamsim.cli.progress import progress_of
 from beamsim.cli.report import table_rows
 from beamsim.errors import Problem, ScenarioError
+from beamsim.files import output_file, output_folder
 from beamsim.kinds import KINDS, named
-from beamsim.plots.save import save_figures
+from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import shown_in
 from beamsim.store.export import FORMATS, export_result, export_target, remark_on_places
 from beamsim.store.results import kind_of, open_result

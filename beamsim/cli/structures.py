@@ -8,12 +8,11 @@ from typing import NamedTuple, cast
 from beamsim.analyses.check import FAILS
 from beamsim.analyses.check import check as checked
 from beamsim.cli.options import Given
-from beamsim.cli.preparation import located, output_file
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import progress_of
 from beamsim.errors import MethodError, Problem, ScenarioError, VerdictError
-from beamsim.files import replacing
-from beamsim.matrix_files.formats import ENDINGS, FORMATS, write_matrices
+from beamsim.files import output_file, replacing
+from beamsim.matrix_files import ENDINGS, FORMATS, write_matrices
 from beamsim.outcomes import Outcome, OutcomeKind, exit_code
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.base import suggestion
@@ -34,7 +33,7 @@ def check(given: Given) -> None:
         If a check fails.
     """
     scenario = load_scenario(given.case, given.overrides or ())
-    with located(scenario), progress_of(f"checking {given.case.name}", shown=not given.json):
+    with scenario.locating(), progress_of(f"checking {given.case.name}", shown=not given.json):
         bodies = checked(scenario)
     failed = [row.name for rows in bodies.values() for row in rows if row.verdict == FAILS]
     if given.json:
@@ -77,7 +76,7 @@ def export(given: Given, form: MatrixForm) -> None:
         raise ScenarioError(Problem("-o", message, f"give a name that ends with {', '.join(ENDINGS)}"))
     scenario = load_scenario(case, given.overrides or ())
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
-    with located(scenario), progress_of(f"exporting the structure of {case.name}", shown=not given.json):
+    with scenario.locating(), progress_of(f"exporting the structure of {case.name}", shown=not given.json):
         files, text = exported(scenario, target, form)
     if given.json:
         print_json({"files": [str(file) for file in files], "body": text})

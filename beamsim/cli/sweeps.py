@@ -14,10 +14,9 @@ from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
 from beamsim.analyses.designs.result import DesignsResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.cli.conclusion import conclude, concluded
+from beamsim.cli.conclusion import conclude, concluded, prepared
 from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given
-from beamsim.cli.preparation import located, prepared
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
 from beamsim.outcomes import COMPLETE, exit_code
@@ -82,7 +81,7 @@ def _sweep_sine(scenario: Scenario, target: Path, given: Given, *, resume: bool)
             write_result(part, target)
 
     def computed(progress: Progress, stop: Interruption) -> SweepResult:
-        with located(scenario):
+        with scenario.locating():
             result = checked.sweep(
                 scenario, progress, stop=stop, save=save,
                 resume=_earlier(target, scenario) if resume else None,
@@ -135,7 +134,7 @@ def continue_motions(
         result = checked.continuation(scenario, progress, stop)
         for path, sweep in stored:
             result = with_overlay(result, sweep, path.name)
-        with located(scenario):
+        with scenario.locating():
             return with_forced_expansion(result) if expansion and not result.outcome.interrupted else result
 
     concluded("continuation", target, given, followed, "following periodic motions")

@@ -444,6 +444,25 @@ class Contacts:
         out[:, j, k, a.next[j, k, g]] = a.event_loss[j, k, g].T
         return out
 
+    def penetrations(self, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
+        """(nt, m) m and m/s, penetrations and their rates.
+
+        Parameters
+        ----------
+        y : (nt, N) states.
+        base : (nt,) displacement, m, and velocity, m/s, of the base; None where it rests.
+
+        Returns
+        -------
+        tuple
+        """
+        n, shape = self.shape.shape[1], -self.sign[:, None] * self.shape
+        depth, rate = y[:, :n] @ shape.T - self.gap, y[:, n : 2 * n] @ shape.T
+        if base is not None:
+            sign = -self.sign * self.felt
+            depth, rate = depth + np.multiply.outer(base[0], sign), rate + np.multiply.outer(base[1], sign)
+        return depth, rate
+
     def resting_phases(self, penetration: Floats) -> Ints:
         """(m,) phases after a long rest at penetrations (m,), m."""
         phases = [law.resting_phase(float(x)) for law, x in zip(self.laws, penetration, strict=True)]

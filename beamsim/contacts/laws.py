@@ -17,14 +17,14 @@ afterwards is lost at the event. A law of another kind is another list of phases
 * a *Maxwell branch* of stiffness k and relaxation time tau: a spring of the stretch delta - p, p' = (delta - p) / tau,
   and l = k tau;
 * a law that *never pulls*: one more guard on each phase that touches, the force itself;
-* *friction* with a tangential spring (:mod:`beamsim.contacts.friction`): delta is the tangential motion; sticking is a
+* *friction* with a tangential spring (:mod:`beamsim.contacts.sliders`): delta is the tangential motion; sticking is a
   phase with a spring (the slider is an internal state that rests), sliding in either direction one with a constant
   force, whose work is lost;
 * *friction* without one: sticking is a phase that holds, whatever its force has to be, and its guards are those of the
   force;
 * friction under the *force of another contact*: its guards, what is lost and the stretch of its spring are proportional
   to that force, and the phases say which one follows where the other contact begins or ceases to touch;
-* *kinematic hardening* (:mod:`beamsim.contacts.hardening`): the two together, an elastic phase and one for yielding in
+* *kinematic hardening* (the same module): the two together, an elastic phase and one for yielding in
   either direction, whose resets set the slider where yielding ends.
 """
 

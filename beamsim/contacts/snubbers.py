@@ -22,10 +22,9 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, Springs, find_equilibrium
-from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
-from beamsim.contacts.hardening import hardening_law
 from beamsim.contacts.laws import ContactLaw, kelvin_voigt, piecewise_linear
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law, relaxing_law, table_law
+from beamsim.contacts.sliders import friction_law, hardening_law, pressed_friction_law, rigid_friction_law
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Located
 from beamsim.scenario.base import path_text
@@ -109,7 +108,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
                     )
                 )
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
-            numbers = (0.0, float(spring.slope_at_rest), relaxing_law(law, branches) if branches else law)
+            numbers = (0.0, float(spring.linear_stiffness), relaxing_law(law, branches) if branches else law)
         on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
         cubic, linear, own = numbers
         infos.append(

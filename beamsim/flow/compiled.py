@@ -1,4 +1,4 @@
-"""Compilation of the kernels, and the one folder in which compiled code is kept.
+"""Compilation of the kernels, the one folder in which compiled code is kept, and the processor time of all else.
 
 Numba keeps compiled code by the file of each function, and does not see that a function which it calls has changed in
 another file. Therefore the folder is named by the contents of all kernels: whatever changes, all are compiled again.
@@ -12,6 +12,8 @@ import os
 import stat
 import sys
 import tempfile
+import threading
+import time as clock
 import warnings
 from collections.abc import Callable
 from functools import cache
@@ -22,7 +24,6 @@ import numba
 from numba.core import event
 
 from beamsim.errors import CacheWarning
-from beamsim.flow.processor_time import COMPILATION
 
 _LOG = logging.getLogger(__name__)
 
@@ -123,3 +124,31 @@ def _hash_of_kernels() -> str:
     for file in [Path(__file__), *sorted(package.rglob("*kernels.py"))]:
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
+
+
+class Stopwatch:
+    """The processor time of something that may begin again within itself, as one compilation calls for others."""
+
+    def __init__(self) -> None:
+        self.spent, self._begun, self._depth = 0.0, 0.0, 0  # s, s
+        self._lock = threading.Lock()
+
+    def start(self) -> None:
+        """Begin, or begin again within."""
+        with self._lock:
+            self._begun = self._begun if self._depth else clock.process_time()
+            self._depth += 1
+
+    def stop(self) -> None:
+        """End what was begun last."""
+        with self._lock:
+            self._depth -= 1
+            self.spent += 0.0 if self._depth else clock.process_time() - self._begun
+
+
+COMPILATION = Stopwatch()
+
+
+def processor_time() -> float:
+    """s, that this process has used, compilation apart: differences are those of a solver."""
+    return clock.process_time() - COMPILATION.spent

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamsim.flow.moment_kernels import fill_moments
+from beamsim.flow.kernels import fill_moments
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 AT_ONCE = 500_000  # numbers of a block of times, which bounds the memory

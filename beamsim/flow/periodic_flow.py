@@ -42,27 +42,6 @@ def check_finite(y: Floats | Complexes) -> None:
         raise NotFinite("the motion leaves the range of floating-point numbers")
 
 
-def penetration_of_states(contacts: Contacts, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
-    """Penetration and its rate.
-
-    Parameters
-    ----------
-    contacts : m of them.
-    y : (nt, N) states.
-    base : (nt,) displacement, m, and velocity, m/s, of the base; None where it rests.
-
-    Returns
-    -------
-    delta, rate : (nt, m) m, m/s.
-    """
-    n, shape = contacts.shape.shape[1], -contacts.sign[:, None] * contacts.shape
-    delta, rate = y[:, :n] @ shape.T - contacts.gap, y[:, n : 2 * n] @ shape.T
-    if base is not None:
-        sign = -contacts.sign * contacts.felt
-        delta, rate = delta + np.multiply.outer(base[0], sign), rate + np.multiply.outer(base[1], sign)
-    return delta, rate
-
-
 @dataclass(frozen=True)
 class PeriodicForcing:
     """H periodic loads, each ``level * Re(force (omega/reference)^power e^{i multiple omega t})``."""
@@ -448,7 +427,7 @@ class PeriodicFlow(ABC):
     def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
         """Penetration and penetration rate of every contact, (nt, m) each, of states (nt, N) at times."""
         base = self.loads.base_motion(self.omega, self.level, times) if self.base_moves else None
-        return penetration_of_states(self.system.contacts, y, base)
+        return self.system.contacts.penetrations(y, base)
 
     def contact_forces(self, phases: Ints, y: Floats, times: Floats) -> Floats:
         """Forces of the contacts along a motion.

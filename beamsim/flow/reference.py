@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
+from beamsim.flow.compiled import processor_time
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import too_many_events
-from beamsim.flow.processor_time import processor_time
+from beamsim.flow.trajectory import too_many_events
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
 from beamsim.typing import Bools, Floats, Ints
 

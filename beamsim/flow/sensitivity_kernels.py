@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.compiled import kernel, summing
-from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _state_at
-from beamsim.flow.moment_kernels import _moments
+from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _moments, _state_at
 
 ROUND_OFF = 1e-14  # of the terms that make up two rates: a smaller difference of them is none
 
@@ -275,7 +274,7 @@ def differentiate(tables, inputs, log, of, S, end, slope):
     Parameters
     ----------
     tables, inputs : Tables of the contact states, Inputs on one piece.
-    log : the motion's G segments (see `beamsim.flow.march.Log`).
+    log : the motion's G segments (see `beamsim.flow.transient.Log`).
     of : Factors.
     S : (N, N + P) by the start and by the parameters; written, as the others.
     end, slope : (N,) the last state and its time derivative.

@@ -21,12 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.flow.compiled import processor_time
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Log, March, Motion
-from beamsim.flow.processor_time import processor_time
 from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.transient import motion_of, start
+from beamsim.flow.transient import Log, March, Motion, motion_of, start
 from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, windows_of_cycles

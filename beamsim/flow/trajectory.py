@@ -12,14 +12,28 @@ import numpy as np
 from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
-from beamsim.flow.march import not_finite
 from beamsim.flow.moments import SegmentOutputs, blocks, equal_times, exponential_products, weighted_moments
 from beamsim.flow.state_tables import visited_states
-from beamsim.outcomes import Outcome
+from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
 VALUES_AT_ONCE = 100_000  # of terms or outputs, in sampling
+EVENT_LIMIT, NOT_FINITE = "event_limit", "not_finite"  # codes of the outcomes of motions that end early
+
+
+def too_many_events(time: float, events: int) -> Outcome:
+    """The outcome of a motion that has more than the largest number of contact events at a time in s."""
+    sentence = f"there are more than {events} contact events"
+    return Outcome.of(OutcomeKind.STOPPED, EVENT_LIMIT, sentence, at=Where(time, "s"), events=events)
+
+
+def not_finite(time: float) -> Outcome:
+    """The outcome of a motion that cannot be represented after a time in s."""
+    return Outcome.of(
+        OutcomeKind.STOPPED, NOT_FINITE, "the motion leaves the range of floating-point numbers", at=Where(time, "s"),
+        remedy="check the initial motion and the size of the loads",
+    )  # fmt: skip
 
 
 class TurningPoints(NamedTuple):

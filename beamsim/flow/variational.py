@@ -30,7 +30,6 @@ import numpy as np
 
 from beamsim.flow.contact_state import LinearOutput, held_contacts
 from beamsim.flow.exact import LONGEST_WINDOW_RADIANS, ExactFlow
-from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.periodic_flow import (
     ContactDirection,
     Frequency,
@@ -45,6 +44,7 @@ from beamsim.flow.periodic_flow import (
 )
 from beamsim.flow.sensitivity_kernels import Factors, differentiate
 from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transient import Log, March, Motion
 from beamsim.outcomes import COMPLETE
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints

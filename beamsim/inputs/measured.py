@@ -10,9 +10,8 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.signal import MOST_PIECES, Signal
-from beamsim.measurements.channels import in_si
 from beamsim.measurements.read import HDF5, read_file
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named, in_si
 from beamsim.scenario.excitation import ProfilePoint, SampledInput
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue
 from beamsim.scenario.units import FREQUENCY, UnitError, read_level, read_quantity

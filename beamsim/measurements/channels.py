@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -12,10 +11,9 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, split_heading
-from beamsim.scenario import Scenario, units
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
+from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import spoken
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
 
@@ -153,39 +151,6 @@ def history_named(path: Path, name: str, axis_unit: str | None = None) -> Measur
     if signal.of_frequency:
         raise unusable(f"{path}: {signal.name} is no time history", "choose the channel of the excitation over time")
     return signal
-
-
-def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> MeasuredSignal:
-    """The signal converted to SI from the given unit, else from that of the file.
-
-    Parameters
-    ----------
-    signal : as read.
-    unit : of the values; by default the one that the file states.
-    quantity : that is measured, as levels of an excitation or motions of a probe are named.
-    at : key of the scenario, or option, with which a user gives the unit.
-
-    Returns
-    -------
-    MeasuredSignal
-
-    Raises
-    ------
-    ScenarioError
-        If neither is given, or the unit is not one of the quantity.
-    """
-    dimension = LEVEL_DIMENSIONS[quantity.removeprefix("absolute_")]
-    named, source = unit or signal.unit, signal.source or signal.name
-    example = {units.ACCELERATION.unit: "g", units.LENGTH.unit: "mm"}.get(dimension.unit, dimension.unit)
-    remedy = f"give the unit of the {spoken(quantity)}, for example {example}"
-    if not named:
-        raise ScenarioError.at(at, f"is missing, and {source} states no unit of {signal.name}", remedy)
-    try:
-        factor = units.read_quantity(f"1 {named}", dimension)
-    except units.UnitError as error:
-        given = f"= {named}" if unit else f"is missing, and {source} has values in {named}, which"
-        raise ScenarioError.at(at, f"{given} {error.message}", remedy) from None
-    return replace(signal, y=signal.y * factor, unit=dimension.unit)
 
 
 def _checked(signal: MeasuredSignal, path: Path) -> MeasuredSignal:

@@ -8,7 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from beamsim.errors import ScenarioError
 from beamsim.scenario import units
+from beamsim.scenario.excitation import spoken
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.typing import Complexes, Floats
 
 TIME_NAMES = ("time", "t", "zeit", "temps")
@@ -206,3 +209,36 @@ def by_dimension(signals: Sequence[MeasuredSignal], dimensions: Mapping[str, uni
     if len({column.size for column in found.values()}) > 1:
         raise MeasurementError("cannot be used: its columns have different lengths", "use a table of equal columns")
     return found
+
+
+def in_si(signal: MeasuredSignal, unit: str | None, quantity: str, at: str) -> MeasuredSignal:
+    """The signal converted to SI from the given unit, else from that of the file.
+
+    Parameters
+    ----------
+    signal : as read.
+    unit : of the values; by default the one that the file states.
+    quantity : that is measured, as levels of an excitation or motions of a probe are named.
+    at : key of the scenario, or option, with which a user gives the unit.
+
+    Returns
+    -------
+    MeasuredSignal
+
+    Raises
+    ------
+    ScenarioError
+        If neither is given, or the unit is not one of the quantity.
+    """
+    dimension = LEVEL_DIMENSIONS[quantity.removeprefix("absolute_")]
+    named, source = unit or signal.unit, signal.source or signal.name
+    example = {units.ACCELERATION.unit: "g", units.LENGTH.unit: "mm"}.get(dimension.unit, dimension.unit)
+    remedy = f"give the unit of the {spoken(quantity)}, for example {example}"
+    if not named:
+        raise ScenarioError.at(at, f"is missing, and {source} states no unit of {signal.name}", remedy)
+    try:
+        factor = units.read_quantity(f"1 {named}", dimension)
+    except units.UnitError as error:
+        given = f"= {named}" if unit else f"is missing, and {source} has values in {named}, which"
+        raise ScenarioError.at(at, f"{given} {error.message}", remedy) from None
+    return replace(signal, y=signal.y * factor, unit=dimension.unit)

@@ -17,9 +17,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Log, March, Motion
 from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.transient import motion_of
+from beamsim.flow.transient import Log, March, Motion, motion_of
 from beamsim.typing import Floats
 
 

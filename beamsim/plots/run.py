@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.records import Window
-from beamsim.analyses.run.result import ALLOWED_CHANGE, ProbeHistory, RunResult, ShockResponse, SnubberHistory, Spectrum
+from beamsim.analyses.run.result import (
+    ALLOWED_CHANGE,
+    Impacts,
+    ProbeHistory,
+    Rainflow,
+    RandomResponse,
+    RunResult,
+    ShockResponse,
+    SnubberHistory,
+    Spectrum,
+)
 from beamsim.plots.bodies import body_figures
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,
     MOST_CURVES,
+    PALE,
     Axis,
     Chart,
     Curve,
@@ -20,21 +34,26 @@ from beamsim.plots.drawing import (
     Picture,
     beside,
     curve_style,
+    finish,
+    legend,
     limit_levels,
     marked,
+    with_unit,
 )
-from beamsim.plots.impacts import impact_figures
-from beamsim.plots.random_response import crossings, density, has_transmissibility, transmissibility
-from beamsim.plots.style import plain_scale, scale_for
+from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.structures.assembly import site_in, snubber_site
-from beamsim.typing import Floats
+from beamsim.typing import Bools, Floats, Ints
 
 MOST_STATES = 2**18  # samples in a phase portrait
 MOST_BANDS = 400  # of the spectrum of a random motion
 SPECTRUM_DB = 60.0  # below the highest point of a spectrum, down to which its frequencies are shown
 DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
 DECAYING_LINES = "lines, weighted to the beginning"
+DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
+POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off
+_FREQUENCY = ("Frequency", "Hz")
+_MARKS = ("o", "^", "s", "D", "v", "x")  # of snubbers
 _LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x", "chosen": "D"}
 _FREE, _CLOSED = "0.62", "#a3263d"  # apart in grey print, too
 
@@ -242,6 +261,166 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     return panels
 
 
+def _last_part(result: RunResult) -> float:
+    """Start of a close-up: a few excitation periods before the end."""
+    begin, end = float(result.time[0]), float(result.time[-1])
+    excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
+    # six periods, or an eighth of a run without excitation frequency
+    length = 6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)
+    return max(begin, end - length)
+
+
+def density(response: RandomResponse, note: str = "") -> Chart:
+    """Spectral densities of the input and of the absolute accelerations of the probes (displacements under a force).
+
+    Thick grey lines are those of the linear structures with every snubber always open and always closed.
+    """
+    on_base = response.input.unit == "m/s^2"
+    quantity = "absolute_acceleration" if on_base else "displacement"
+    drawn = [*([response.input] if on_base else []), *(s for s in response.signals if s.quantity == quantity)]
+    unit = scale_for("m/s^2" if on_base else "m", *(np.sqrt(s.density[1:]) for s in drawn))
+    squared = f"({unit.unit})²" if "/" in unit.unit else f"{unit.unit}²"
+    f, top = response.frequency_hz[1:], max((float(np.max(s.density[1:])) for s in drawn), default=0.0)
+    curves = [
+        Curve(s.name if np.any(s.density[1:] > DENSITY_SHOWN * top) else f"{s.name} (over before)", f, s.density[1:])
+        for s in drawn
+    ]
+    linear = []
+    for signal in [s for s in drawn[:MOST_CURVES] if s.density_open is not None][:1]:
+        for name, dashes in (("open", "-"), ("closed", "-.")):
+            value = np.asarray(getattr(signal, f"density_{name}"))[1:]
+            style = {"color": PALE, "linewidth": 2.2, "linestyle": dashes, "zorder": 1}
+            words = f"{signal.name}, linear, always {name}"
+            linear.append(Curve(words, f, np.where(value > 0.0, value, np.nan), style))
+    up = (f"{'Acceleration' if on_base else 'Displacement'} density", Scale(unit.factor**2, f"{squared}/Hz"))
+    chart = Chart(_FREQUENCY, up, curves, log="xy", of="signals", marks=linear, note=note)
+    if not top > 0:
+        return chart
+    last = f[np.max([s.density[1:] for s in drawn], axis=0) >= top * DENSITY_SHOWN][-1] * 1.1
+    room = 300.0 if note else 3.0  # above the curves
+    return chart._replace(x_ends=(float(f[0]), float(last)), y_ends=(top * DENSITY_SHOWN, room * top))
+
+
+def has_transmissibility(response: RandomResponse) -> bool:
+    """Whether the input has power: a shock may be over before the part of the run that the densities are of."""
+    return bool(response.transmissibility) and bool(np.any(_driven(response)))
+
+
+def _driven(response: RandomResponse) -> Bools:
+    """(nf,) where a transmissibility is not one of leakage and round-off."""
+    power = response.input.density
+    return np.asarray((power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (response.frequency_hz > 0.0))
+
+
+def transmissibility(response: RandomResponse) -> Chart:
+    """Magnitude of response over input, with gaps where the input has no power; lines are those of the densities."""
+    driven, on_base = _driven(response), response.input.unit == "m/s^2"
+    curves = [
+        Curve(name, response.frequency_hz, np.where(driven, np.abs(value), np.nan), curve_style(k))
+        for k, (name, value) in enumerate(response.transmissibility.items(), int(on_base))  # 0 of the densities: input
+    ]
+    up = ("Transmissibility", "") if on_base else ("Displacement / force", Scale(1.0, "m/N"))
+    return Chart(_FREQUENCY, up, curves, log="xy", of="probes")
+
+
+def crossings(response: RandomResponse) -> Chart:
+    """Rates at which the signals cross levels upwards, over those of their means, and that of a Gaussian signal."""
+    assert response.level is not None
+    level = response.level
+    curves = [
+        Curve(f"{s.name} {s.quantity.replace('_', ' ')}", level, s.crossings_hz / s.crossing_rate_hz)
+        for s in response.signals
+        if s.crossings_hz is not None and s.crossing_rate_hz > 0
+    ]
+    grey = {"color": "0.6", "linewidth": 2.2, "linestyle": "-", "zorder": 0}
+    gaussian = Curve("Gaussian", level, np.exp(-0.5 * level**2), grey)
+    least = min((float(np.min(c.y, where=c.y > 0, initial=1.0)) for c in curves[:MOST_CURVES]), default=1.0)
+    across, up = ("Level above the mean (standard deviations)", ""), ("Upward crossings, those of the mean = 1", "")
+    return Chart(across, up, curves, log="y", of="signals", marks=[gaussian], y_ends=(0.5 * least, 3.0))
+
+
+def _strongest(impacts: Impacts) -> list[str]:
+    """The snubbers that are drawn, in their order: those with the largest peak forces."""
+    hit = [name for name, snubber in impacts.snubbers.items() if snubber.number]
+    kept = sorted(hit, key=lambda name: -impacts.snubbers[name].peak_force_n)[:MOST_CURVES]
+    return [name for name in hit if name in kept]
+
+
+def _of_snubber(impacts: Impacts, name: str) -> Ints:
+    return np.flatnonzero(impacts.snubber == list(impacts.snubbers).index(name))
+
+
+def impact_map(impacts: Impacts, end: float) -> Chart:
+    """Peak force of every impact over its time, each snubber with its mark; small marks where impacts are many.
+
+    The axis ends with the run (s): a few impacts are seen where they are in it.
+    """
+    many = impacts.begin.size
+    size = float(np.clip(120.0 / np.sqrt(max(many, 1)), 1.5, 5.0))
+    marks = {"linestyle": "none", "markersize": size, "markerfacecolor": "none", "rasterized": many > 20_000}
+    curves = [
+        Curve(name, impacts.peak_time[which], impacts.peak_force[which], {**marks, "marker": _MARKS[k]})
+        for k, name in enumerate(_strongest(impacts))
+        for which in [_of_snubber(impacts, name)]
+    ]
+    across, up = ("Time", plain_scale("s")), ("Peak force of an impact", "N")
+    return Chart(across, up, curves, x_ends=(-0.02 * end, 1.02 * end), y_ends=(0.0, None))
+
+
+def plot_peak_forces(impacts: Impacts, ax: Axes) -> None:
+    """Histogram of the impacts' peak forces."""
+    names = _strongest(impacts)
+    newton = scale_for("N", impacts.peak_force)
+    forces = [impacts.peak_force[_of_snubber(impacts, name)] * newton.factor for name in names]
+    top = max((float(x.max()) for x in forces), default=1.0)
+    edges = np.linspace(0.0, top, 1 + int(np.clip(np.sqrt(impacts.begin.size), 5, 30)))
+    for k, (name, x) in enumerate(zip(names, forces, strict=True)):
+        ax.hist(x, edges.tolist(), label=name, histtype="stepfilled" if len(names) == 1 else "step", **curve_style(k))
+    finish(ax, with_unit("Peak force of an impact", newton), "Impacts")
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.set_xlim(left=0.0)
+    legend(ax)
+
+
+def cycles(counted: Mapping[str, Rainflow], label: str, of: str, title: str = "") -> Chart:
+    """Number of counted cycles whose range is larger, over the range.
+
+    Parameters
+    ----------
+    counted : cycles by name.
+    label : of the axis of ranges, without the unit.
+    of : what the cycles are counted of, for a legend that leaves some out.
+    title : of the panel.
+
+    Returns
+    -------
+    A curve for each name with cycles.
+    """
+    drawn = {name: rainflow for name, rainflow in counted.items() if rainflow.range.size}
+    curves = []
+    for name, rainflow in drawn.items():
+        ranges, number = rainflow.exceedance()
+        x, y = np.append(0.5 * number[:1], number), np.append(ranges, 0.0)
+        curves.append(Curve(name, x, y, {"drawstyle": "steps-post"}))
+    up = (label, next((rainflow.unit for rainflow in drawn.values()), ""))
+    return Chart(("Cycles with a larger range", ""), up, curves, log="x", of=of, y_ends=(0.0, None), title=title)
+
+
+def impact_figures(result: RunResult) -> dict[str, Picture]:
+    """Those of impacts, and of the stress ranges of each body where its stress is largest, if they were asked for."""
+    figures, impacts, fatigue = {}, result.impacts, result.fatigue
+    if impacts is not None and impacts.begin.size:
+        counted = {name: impacts.snubbers[name].rainflow for name in _strongest(impacts)}
+        figures["impact_map"] = Picture(result.title, [impact_map(impacts, float(result.time[-1]))])
+        ranges = cycles(counted, "Force range", "snubbers")
+        figures["impact_histogram"] = Picture(result.title, [partial(plot_peak_forces, impacts), ranges])
+    if fatigue:
+        damage = [f"{name}: damage {of.damage:.2g} at x = {amount(of.position, 'm')}" for name, of in fatigue.items()]
+        counted, title = {name: body.rainflow for name, body in fatigue.items()}, "\n".join(damage[:MOST_CURVES])
+        figures["stress_cycles"] = Picture(result.title, [cycles(counted, "Stress range", "bodies", title)])
+    return figures
+
+
 def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
     random, srs, shown = result.random, result.srs, _end_of_run(result)
@@ -271,12 +450,3 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         note = _doubts(result, "random", "values")
         figures["random"] = Picture(result.title, [density(random, note), *more], sharex=True)
     return figures | impact_figures(result) | body_figures(result)
-
-
-def _last_part(result: RunResult) -> float:
-    """Start of a close-up: a few excitation periods before the end."""
-    begin, end = float(result.time[0]), float(result.time[-1])
-    excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
-    # six periods, or an eighth of a run without excitation frequency
-    length = 6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)
-    return max(begin, end - length)

@@ -23,8 +23,7 @@ import numpy as np
 
 from beamsim.errors import MethodError
 from beamsim.plots.animation import Scene
-from beamsim.plots.drawing import Picture
-from beamsim.plots.save import write
+from beamsim.plots.drawing import Picture, write
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,6 @@ from beamsim.scenario.connections import (
     SnubberViscousDamping,
 )
 from beamsim.scenario.excitation import Excitation, HalfSine, Harmonic, MultiTone, NoExcitation, Step
-from beamsim.scenario.jsonschema import json_schema
 from beamsim.scenario.loading import load_scenario, template
 from beamsim.scenario.quantities import Rate
 from beamsim.scenario.reporting import Limits
@@ -60,7 +59,6 @@ __all__ = [
     "Step",
     "StiffnessFactorContinuation",
     "SweptSine",
-    "json_schema",
     "load_scenario",
     "template",
 ]

@@ -940,7 +940,7 @@ def _modes(scenario: ScenarioParts) -> Problems:
 
 def _slope_by_factor(path: Path, spring: PiecewiseLinearSpring, key: str, factor: float) -> Problems:
     """The factor multiplies changes of slope; no slope of a softening spring may become negative."""
-    slope, softest = spring.slope_at_rest, min(spring.stiffnesses)
+    slope, softest = spring.linear_stiffness, min(spring.stiffnesses)
     least = slope + factor * (softest - slope)
     if least < 0:
         yield problem(

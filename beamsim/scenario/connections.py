@@ -77,6 +77,11 @@ class LinearSpring(Schema):
     maxwell: tuple[Maxwell, ...] = ()
     """Maxwell branches parallel to it, any number of them."""
 
+    @property
+    def linear_stiffness(self) -> float:
+        """N/m, of the linear model."""
+        return self.stiffness
+
 
 class CubicSpring(Schema):
     """Force = stiffness times stretch cubed."""
@@ -85,6 +90,11 @@ class CubicSpring(Schema):
     """Force = stiffness times stretch cubed."""
     stiffness: q.CubicStiffness
     """Stiffness; negative softens."""
+
+    @property
+    def linear_stiffness(self) -> float:
+        """N/m, of the linear model: it has no part in it."""
+        return 0.0
 
 
 class PiecewiseLinearSpring(Schema):
@@ -119,8 +129,8 @@ class PiecewiseLinearSpring(Schema):
         return at + 1 if on_it and self.stiffnesses[at + 1] < self.stiffnesses[at] else at
 
     @property
-    def slope_at_rest(self) -> float:
-        """Slope at zero stretch, N/m."""
+    def linear_stiffness(self) -> float:
+        """N/m, of the linear model: the slope at zero stretch."""
         return self.stiffnesses[self.number_at_rest]
 
 

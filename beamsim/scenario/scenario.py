@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path as FilePath
@@ -321,6 +322,14 @@ class Scenario(ScenarioParts):
             return error
         root = self._text
         return ScenarioError([located_problem(root, problem) for problem in error.problems])
+
+    @contextmanager
+    def locating(self) -> Iterator[None]:
+        """Add file and line to problems that only the model finds."""
+        try:
+            yield
+        except ScenarioError as error:
+            raise self.located(error) from None
 
     def folder_of(self, *path: str | int) -> FilePath:
         """Folder that the name of a file at this path is relative to.

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.files import replacing
-from beamsim.matrix_files.formats import DIRECTIONS
+from beamsim.matrix_files import DIRECTIONS
 from beamsim.scenario import Scenario
 from beamsim.store.flat import Item, Items, joined, last, parent
 from beamsim.structures.places import DEFLECTION

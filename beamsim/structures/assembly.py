@@ -13,9 +13,6 @@ from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.connections import placed
 from beamsim.scenario.distributed import DistributedLoad
-from beamsim.structures.chain import linear_stiffness
-from beamsim.structures.matrices import read_body
-from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.places import SLOPE, Distributed, Link, LoadSite, Place, Site, ends_of, load_site_of, site_of
 from beamsim.structures.several import assemble_side_by_side, join
 from beamsim.structures.structure import BodyStructure, Coupling, Structure
@@ -61,8 +58,8 @@ def couplings_of(scenario: Scenario) -> list[Coupling]:
     ]
     for spring in (*scenario.springs_to_ground, *scenario.springs_between):
         site = site_in(scenario, spring)
-        if stiffness := linear_stiffness(spring):
-            couplings.append(Coupling(spring.name, site, stiffness, to_ground=isinstance(site, Place)))
+        if spring.linear_stiffness:
+            couplings.append(Coupling(spring.name, site, spring.linear_stiffness, to_ground=isinstance(site, Place)))
     return couplings
 
 
@@ -94,26 +91,12 @@ def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: S
     assemble_body = getattr(import_module(_ASSEMBLERS[kind]), f"assemble_{kind}")
     ends = [*(end for coupling in couplings for end in coupling.ends), *nodes]
     points = [end.point for end in ends if end.body == name]  # where something joins the body
-    body: BodyStructure = assemble_body(_with_places_of_files(scenario, name), name, points)
+    body: BodyStructure = assemble_body(with_places_of_files(scenario, name), name, points)
     return body
 
 
-def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:
-    """What the files of imported bodies hold; nothing is assembled.
-
-    Raises
-    ------
-    ScenarioError
-        If a file cannot be read or used.
-    """
-    return tuple(
-        read_body(_with_places_of_files(scenario, name), name)[1]
-        for name, body in scenario.all_bodies.items()
-        if body.is_read_from_files
-    )
-
-
-def _with_places_of_files(scenario: Scenario, name: str) -> Any:
+def with_places_of_files(scenario: Scenario, name: str) -> Any:
+    """The section of a body, whose files are where the scenario has them."""
     return scenario.all_bodies[name].in_folder(partial(scenario.folder_of, *scenario.body_path(name)))
 
 

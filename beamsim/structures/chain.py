@@ -41,13 +41,6 @@ def floating_groups(rows: Floats) -> list[Ints]:
     return [group for group in blocks_of(joined.T @ joined) if not held[group].any()]
 
 
-def linear_stiffness(spring: Any) -> float:
-    """The part of a spring that belongs to the linear model, N/m."""
-    if spring.kind == "linear":
-        return float(spring.stiffness)
-    return float(spring.slope_at_rest) if spring.kind == "piecewise_linear" else 0.0
-
-
 @dataclass(frozen=True)
 class ChainStructure(BodyStructure):
     """Masses in a row; places are their numbers from 1."""
@@ -98,7 +91,7 @@ class ChainStructure(BodyStructure):
             spring, dashpot = (of[link] if link < len(of) else 0.0 for of in (chain.springs, chain.dashpots))
             springs.append(Coupling(name, Place(self.name, mass), spring, dashpot))
         springs += [
-            Coupling(s.name, Place(self.name, _mass(s)), linear_stiffness(s), to_ground=True)
+            Coupling(s.name, Place(self.name, _mass(s)), s.linear_stiffness, to_ground=True)
             for s in chain.springs_to_ground
         ]
         return [
@@ -116,7 +109,7 @@ class ChainStructure(BodyStructure):
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
         ground = np.zeros(self.size)
         for spring in self.section.springs_to_ground:
-            ground[_mass(spring) - 1] -= linear_stiffness(spring)
+            ground[_mass(spring) - 1] -= spring.linear_stiffness
         return super().base_load(motion)[0], ground
 
 
@@ -147,8 +140,8 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
     count = masses.size
     row = [(i - 1, i) for i in range(count + 1)]
     springs = [(*ends, k) for ends, k in zip(row, chain.springs, strict=False)]
-    springs += [(count, _mass(spring) - 1, linear_stiffness(spring)) for spring in chain.springs_to_ground]
-    springs += [(_mass(spring) - 1, _mass(spring, 1) - 1, linear_stiffness(spring)) for spring in chain.springs_between]
+    springs += [(count, _mass(spring) - 1, spring.linear_stiffness) for spring in chain.springs_to_ground]
+    springs += [(_mass(spring) - 1, _mass(spring, 1) - 1, spring.linear_stiffness) for spring in chain.springs_between]
     springs = [spring for spring in springs if spring[2] > 0]
     stiffness = np.array([k for _, _, k in springs], dtype=float)
     mass_scale = float(np.mean(masses))

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import block_diag, csc_array, csr_array, hstack, identity
 
 from beamsim.errors import MethodError
-from beamsim.matrix_files.formats import MODAL, Dof, FileMatrix, read_matrix
+from beamsim.matrix_files import MODAL, Dof, FileMatrix, read_matrix
 from beamsim.scenario.matrices import MatricesBody, RecoverySource, name_of, sizes_of
 from beamsim.structures.named_matrices import (
     TRANSLATIONS,

@@ -13,8 +13,10 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import csc_array, csr_array, identity
 
 from beamsim.errors import MethodError, ScenarioError
-from beamsim.matrix_files.formats import MODAL
+from beamsim.matrix_files import MODAL
+from beamsim.scenario import Scenario
 from beamsim.scenario.matrices import MatricesBody
+from beamsim.structures.assembly import with_places_of_files
 from beamsim.structures.imported import (
     base_influence,
     condensation,
@@ -310,6 +312,21 @@ def read_body(section: MatricesBody, name: str) -> tuple[NamedMatrices, FileSumm
         given = read_matrices_of(section)
     found, by_default = size_and_mass(given), section.units is None
     return given, FileSummary(name, len(given.table.dofs), given.units, by_default, found, given.remarks)
+
+
+def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:
+    """What the files of imported bodies hold; nothing is assembled.
+
+    Raises
+    ------
+    ScenarioError
+        If a file cannot be read or used.
+    """
+    return tuple(
+        read_body(with_places_of_files(scenario, name), name)[1]
+        for name, body in scenario.all_bodies.items()
+        if body.is_read_from_files
+    )
 
 
 @contextmanager

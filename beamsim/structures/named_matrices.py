@@ -32,7 +32,7 @@ import numpy as np
 from scipy.sparse import block_array, csc_array, diags_array
 
 from beamsim.errors import MethodError
-from beamsim.matrix_files.formats import DIRECTIONS, MODAL, Dof
+from beamsim.matrix_files import DIRECTIONS, MODAL, Dof
 from beamsim.measurements.read import read_rows
 from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario.matrices import FileUnits, UnitSizes, UnitSystem

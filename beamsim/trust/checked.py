@@ -1,7 +1,7 @@
-"""The analyses as the commands and the package call them: with what says how sure their values are.
+"""Sweeps, continuations and modes as the commands and the package call them: with what says how sure their values are.
 
-A run and a swept or stepped sine are compared with a finer model unless that is switched off, a continuation and a
-nonlinear normal mode where it is asked for. Without a comparison the summary says so.
+A swept or stepped sine is compared with a finer model unless that is switched off, a continuation and a nonlinear
+normal mode where it is asked for. Without a comparison the summary says so. Runs are in `beamsim.trust.runs`.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.analyses.branch import largest_of_stable
-from beamsim.flow.processor_time import processor_time
+from beamsim.flow.compiled import processor_time
 from beamsim.outcomes import Progress, Stop, never, part_of
-from beamsim.system.parts import SharedBuilds
 from beamsim.trust.convergence import (
     COMPARISON,
+    NOT_ASKED,
     Convergence,
     Values,
     compared,
@@ -32,49 +32,12 @@ from beamsim.trust.convergence import (
 if TYPE_CHECKING:
     from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.nnm.result import NormalModeResult
-    from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.scenario import Scenario
 
-NOT_ASKED = "not asked for"
 FIRST_SHARE = 0.4  # of the time, that of the first model
 
 _Result = TypeVar("_Result", "ContinuationResult", "NormalModeResult", "SweepResult")
-
-
-def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> RunResult:
-    """Simulate a scenario, and compare its values with those of a finer model unless ``run.convergence: off``.
-
-    Parameters
-    ----------
-    scenario : with a ``run`` section.
-    progress : called from time to time with the fraction of the duration that is done.
-    stop : asked between blocks of events whether to end, and then before everything that is derived from the motion.
-        The result holds the motion up to there with its peaks, energies and histories, and names what is left out.
-
-    Returns
-    -------
-    RunResult
-        With ``convergence`` and ``doubtful`` in its summary.
-
-    Raises
-    ------
-    ScenarioError
-        Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
-    """
-    from beamsim.analyses.run.analysis import solved
-    from beamsim.trust.runs import checked_run
-
-    begin, shared = clock.perf_counter(), SharedBuilds()
-    solution = solved(scenario, progress, stop, shared)
-    assert scenario.run is not None
-    if scenario.run.convergence == "off":
-        return with_convergence(solution.result, Convergence(reason=NOT_ASKED))
-    if not solution.motion.outcome.complete or solution.result.outcome.interrupted:
-        return solution.result
-    result = solution.result if stop() else checked_run(solution, shared, stop)
-    result = result.interrupted(COMPARISON) if stop() else result
-    return replace(result, wall_time_s=clock.perf_counter() - begin)
 
 
 def sweep(

@@ -43,7 +43,7 @@ LONGER = 8.0  # times the time up to which a disturbance has been followed in va
 WORTHLESS = 0.5  # relative change of a displacement or force beyond which a result is not reliable
 MUST_HOLD = ("peak_displacement_m", "peak_force_n", "peak_spring_force_n", "peak_friction_force_n")
 MORE_MODES = 1.5
-COMPARISON = "the comparison with a finer model"
+COMPARISON, NOT_ASKED = "the comparison with a finer model", "not asked for"
 _Result = TypeVar("_Result", bound="Result")
 _Solved = TypeVar("_Solved")
 

@@ -1,4 +1,6 @@
-"""Whether the values of a run depend on its model: the case again with a finer one, and small disturbances.
+"""Runs as the command and the package call them: whether their values depend on the model, or on small disturbances.
+
+A run is computed again with a finer model unless that is switched off.
 
 Motions that bounce on and on may be so sensitive that the sequences of contacts diverge although both models are good.
 Up to there the values are compared as they are. What comes after is compared statistically if the excitation goes on:
@@ -16,6 +18,7 @@ other motion.
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -42,9 +45,9 @@ from beamsim.analyses.run.summary import (
 )
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OUTPUT, searched
 from beamsim.flow.channels import Observed
-from beamsim.flow.processor_time import processor_time
+from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Stop
+from beamsim.outcomes import Progress, Stop, never
 from beamsim.scenario import Run, Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -52,7 +55,9 @@ from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.trust.convergence import (
+    COMPARISON,
     LONGER,
+    NOT_ASKED,
     Changes,
     ContactEvents,
     Convergence,
@@ -147,32 +152,43 @@ class Model:
         return self.motion.trajectory or self.motion.sampled()
 
 
-def checked_run(solution: Solution, shared: SharedBuilds, stop: Stop) -> RunResult:
-    """The result of a run that is complete, with its comparison with a finer model.
+def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> RunResult:
+    """Simulate a scenario, and compare its values with those of a finer model unless ``run.convergence: off``.
 
     Parameters
     ----------
-    solution : the run.
-    shared : what its system was built from; a finer model may have the same matrices.
-    stop : asked several times a second whether to give up.
+    scenario : with a ``run`` section.
+    progress : called from time to time with the fraction of the duration that is done.
+    stop : asked between blocks of events whether to end, and then before everything that is derived from the motion.
+        The result holds the motion up to there with its peaks, energies and histories, and names what is left out.
 
     Returns
     -------
     RunResult
-        With the comparison in summary, outcome, histories and spectra.
+        With ``convergence`` and ``doubtful`` in its summary.
+
+    Raises
+    ------
+    ScenarioError
+        Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
-    compared_s = solution.motion.compared_s
-    checked = (
-        convergence_of(solution, shared, stop)
-        if compared_s is None
-        else _of_first_part(solution, compared_s, shared, stop)
-    )
+    begin, shared = clock.perf_counter(), SharedBuilds()
+    solution = solved(scenario, progress, stop, shared)
+    assert scenario.run is not None
+    if scenario.run.convergence == "off":
+        return with_convergence(solution.result, Convergence(reason=NOT_ASKED))
+    result = solution.result
+    if not solution.motion.outcome.complete or result.outcome.interrupted:
+        return result
+    compare = convergence_of if solution.motion.compared_s is None else _of_first_part
+    checked = Convergence() if stop() else compare(solution, shared, stop)
     if stop():
-        checked = replace(checked, reason="interrupted")
-    summary = solution.result.summary
-    limited = [value.entry for value in (*LIMITED.values(), OUTPUT) if value.entry in summary]
-    values = compared({entry: summary[entry] for entry in limited})
-    return with_line_changes(with_convergence(solution.result, checked, values), checked)
+        result = result.interrupted(COMPARISON)
+    else:
+        limited = [value.entry for value in (*LIMITED.values(), OUTPUT) if value.entry in result.summary]
+        values = compared({entry: result.summary[entry] for entry in limited})
+        result = with_line_changes(with_convergence(result, checked, values), checked)
+    return replace(result, wall_time_s=clock.perf_counter() - begin)
 
 
 def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Convergence:
@@ -180,7 +196,9 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
 
     Parameters
     ----------
-    solution, shared, stop : as of `checked_run`.
+    solution : the run.
+    shared : what its system was built from; a finer model may have the same matrices.
+    stop : asked several times a second whether to give up.
 
     Returns
     -------
@@ -300,7 +318,7 @@ def _disturbed_alone(
     return replace(checked, diverged_s=times.small_s, after=after, sensitivity=times)
 
 
-def _of_first_part(solution: Solution, compared_s: float, shared: SharedBuilds, stop: Stop) -> Convergence:
+def _of_first_part(solution: Solution, shared: SharedBuilds, stop: Stop) -> Convergence:
     """What a finer model changes in the first part of a motion that does not fit into the memory, and when a
     disturbance changes the contacts of the whole.
 
@@ -308,12 +326,11 @@ def _of_first_part(solution: Solution, compared_s: float, shared: SharedBuilds, 
 
     Parameters
     ----------
-    solution : the run.
-    compared_s : s, length of the part.
-    shared, stop : as of `checked_run`.
+    solution, shared, stop : as of `convergence_of`.
     """
-    scenario, settings = solution.scenario, solution.scenario.run
+    scenario, settings, compared_s = solution.scenario, solution.scenario.run, solution.motion.compared_s
     assert settings is not None
+    assert compared_s is not None
     same = scenario.excitation.model_copy(
         update={"period": getattr(scenario.excitation, "period", None) or settings.duration}
     )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import beamsim
 from beamsim.kinds import KINDS, named
-from beamsim.plots.save import save_figures
+from beamsim.plots.drawing import save_figures
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

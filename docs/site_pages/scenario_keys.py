@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from beamsim.scenario import json_schema
+from beamsim.scenario.jsonschema import json_schema
 
 PAGE = Path(__file__).parents[1] / "scenario_keys.md"
 _INTRODUCTION = """\

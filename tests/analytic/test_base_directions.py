@@ -11,7 +11,7 @@ from scipy.sparse import csc_array
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.formats import write_matrices
+from beamsim.matrix_files import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.named_matrices import DofTable, write_dof_table

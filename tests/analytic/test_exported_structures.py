@@ -9,7 +9,7 @@ import yaml
 import beamsim
 from beamsim.cli.structures import MatrixForm, exported
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.formats import read_op4, write_matrices
+from beamsim.matrix_files import read_op4, write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.named_matrices import read_dof_table, write_dof_table
 

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from scipy.sparse import block_diag, csc_array, identity
 
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.formats import write_matrices
+from beamsim.matrix_files import write_matrices
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import assemble
 from beamsim.structures.matrices import structure_of

@@ -8,7 +8,7 @@ import yaml
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.matrix_files.formats import read_op4, write_matrices
+from beamsim.matrix_files import read_op4, write_matrices
 from beamsim.scenario import load_scenario
 
 PANEL = Path(__file__).parents[2] / "configs" / "imported_panel.yaml"

@@ -5,9 +5,10 @@ import pytest
 from scipy.io import mmwrite, savemat
 from scipy.sparse import csc_array
 
-from beamsim.matrix_files.formats import write_matrices
+from beamsim.matrix_files import write_matrices
 from beamsim.scenario import load_scenario
-from beamsim.structures.assembly import bodies_of, summaries_of_files
+from beamsim.structures.assembly import bodies_of
+from beamsim.structures.matrices import summaries_of_files
 from beamsim.structures.places import UPWARDS, BaseDirection
 from tests.helpers.commands import invoke
 

@@ -12,7 +12,7 @@ from sampling import slow_after
 
 import beamsim
 from beamsim.analyses.run.motion import with_limit
-from beamsim.flow.march import too_many_events
+from beamsim.flow.trajectory import too_many_events
 from beamsim.kinds import TemplateKind
 from beamsim.scenario import template
 from beamsim.store.results import write_result
@@ -62,7 +62,7 @@ def solved(monkeypatch, fabricated_run):
             return self.result
 
     solver = Solver()
-    monkeypatch.setattr("beamsim.trust.checked.run", solver)
+    monkeypatch.setattr("beamsim.trust.runs.run", solver)
     return solver
 
 

@@ -330,9 +330,9 @@ def test_a_second_signal_while_the_file_is_written_ends_at_once(number, code, in
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_while_a_picture_is_written_keeps_it_and_leaves_out_the_others(number, code, invoked, monkeypatch):
-    from beamsim.plots import save
+    from beamsim.plots import drawing
 
-    whole = save.write
+    whole = drawing.write
 
     def half(figure, path, *given):
         if pictures:
@@ -342,7 +342,7 @@ def test_a_signal_while_a_picture_is_written_keeps_it_and_leaves_out_the_others(
         whole(figure, path, *given)
 
     pictures = []
-    monkeypatch.setattr(save, "write", half)
+    monkeypatch.setattr(drawing, "write", half)
     done = invoked("run", "--json")
     assert done.exit_code == code, done.output
     assert "the whole result is in case.h5; `beamsim plot case.h5` plots it" in done.stderr

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
-from beamsim.contacts.hardening import hardening_law
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law
+from beamsim.contacts.sliders import friction_law, hardening_law, pressed_friction_law, rigid_friction_law
 from beamsim.flow.periodic_flow import Frequency, PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.system.equations import PiecewiseLinearSystem

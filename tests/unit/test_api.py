@@ -42,6 +42,17 @@ def test_importing_costs_nothing(what):
     assert done.stdout.strip() == "[]"
 
 
+def test_a_run_needs_few_modules_of_the_package():
+    """Those of a case with a beam, with writing, printing and plotting: at most 130."""
+    code = (
+        "import sys, beamsim.cli.app, beamsim.cli.conclusion, beamsim.structures.beam;"
+        "from beamsim.kinds import KINDS, named; [named(place) for place in KINDS['run'][2:]];"
+        "print(sum(name.partition('.')[0] == 'beamsim' for name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert 100 < int(done.stdout) <= 130
+
+
 def test_help_needs_no_mathematics():
     code = (
         "import sys; from typer.testing import CliRunner; from beamsim.cli.app import app;"

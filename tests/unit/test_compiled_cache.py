@@ -151,7 +151,7 @@ def test_after_a_warm_up_a_run_compiles_nothing(tmp_path):
 
 TIMED = """
 import time
-from beamsim.flow.processor_time import processor_time
+from beamsim.flow.compiled import processor_time
 from beamsim.flow.two_kernels import f, g
 solver, process = processor_time(), time.process_time()
 g(1.0)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.hardening import hardening_law
 from beamsim.contacts.laws import (
     DEPTH,
     ContactLaw,
@@ -13,6 +12,7 @@ from beamsim.contacts.laws import (
     Phase,
     piecewise_linear,
 )
+from beamsim.contacts.sliders import hardening_law
 
 pytestmark = pytest.mark.quick
 

@@ -10,7 +10,7 @@ from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.plots.designs import design_figures, shown_quantities
-from beamsim.plots.save import save_figures
+from beamsim.plots.drawing import save_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import write_result
 from beamsim.store.studies import journal_path, opened_journal

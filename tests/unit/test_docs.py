@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import beamsim
-from beamsim.scenario import json_schema
+from beamsim.scenario.jsonschema import json_schema
 
 pytestmark = pytest.mark.quick
 

@@ -6,7 +6,7 @@ from balance import energy_history
 
 import beamsim
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.friction import friction_law
+from beamsim.contacts.sliders import friction_law
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal

@@ -7,8 +7,8 @@ from scipy.integrate import solve_ivp
 
 import beamsim
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.hardening import LOADING, hardening_law
 from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.sliders import LOADING, hardening_law
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import beamsim
-from beamsim.plots.impacts import cycles, impact_map, plot_peak_forces
+from beamsim.plots.run import cycles, impact_map, plot_peak_forces
 from beamsim.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"

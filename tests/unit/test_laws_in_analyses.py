@@ -9,7 +9,7 @@ import beamsim
 from beamsim.analyses.continuation.branches import explained
 from beamsim.analyses.identify.vibrations import steady_vibration
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
-from beamsim.contacts.friction import drops
+from beamsim.contacts.sliders import drops
 from beamsim.errors import ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow

@@ -10,7 +10,7 @@ import scipy.io
 from scipy.sparse import coo_array, csc_array, save_npz
 
 from beamsim.errors import MethodError
-from beamsim.matrix_files.formats import read_matrices, read_matrix, read_op4, write_matrices
+from beamsim.matrix_files import read_matrices, read_matrix, read_op4, write_matrices
 
 pytestmark = pytest.mark.quick
 

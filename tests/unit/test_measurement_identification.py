@@ -8,8 +8,8 @@ import pytest
 import beamsim
 from beamsim.analyses.compare.analysis import compare, harmonics_of, period_multiple, settled_from
 from beamsim.errors import ScenarioError
-from beamsim.measurements.channels import channel_named, in_si, read_signals
-from beamsim.measurements.signal import MeasuredSignal
+from beamsim.measurements.channels import channel_named, read_signals
+from beamsim.measurements.signal import MeasuredSignal, in_si
 from beamsim.scenario import Scenario
 
 TIME = np.arange(4000) / 8000.0

@@ -5,8 +5,8 @@ import pytest
 
 import beamsim
 from beamsim.plots.bodies import body_figures
+from beamsim.plots.drawing import save_figures
 from beamsim.plots.run import run_figures
-from beamsim.plots.save import save_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 

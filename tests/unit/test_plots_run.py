@@ -10,8 +10,7 @@ from sampling import slow_after
 
 import beamsim
 from beamsim.plots import run as plots
-from beamsim.plots.drawing import HERTZ
-from beamsim.plots.save import save_figures
+from beamsim.plots.drawing import HERTZ, save_figures
 from beamsim.report.interactive import thinned
 from beamsim.scenario import load_scenario
 

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 import beamsim
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.friction import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
+from beamsim.contacts.sliders import friction_law, pressed_friction_law, rigid_friction_law
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal

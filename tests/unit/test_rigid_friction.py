@@ -8,7 +8,7 @@ from balance import energy_of_segments
 
 import beamsim
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.friction import rigid_friction_law
+from beamsim.contacts.sliders import rigid_friction_law
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal

@@ -15,11 +15,11 @@ from beamsim.scenario import (
     HalfSine,
     ModeStart,
     ReleasedForceStart,
-    json_schema,
     load_scenario,
     template,
     units,
 )
+from beamsim.scenario.jsonschema import json_schema
 from beamsim.scenario.tree import parse
 
 pytestmark = pytest.mark.quick

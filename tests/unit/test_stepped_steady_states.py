@@ -7,8 +7,7 @@ from beamsim.analyses.gapping import contact_levels, transfer
 from beamsim.analyses.sweep.analysis import sweep, sweep_system
 from beamsim.analyses.sweep.stepped import frequencies_of
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Motion
-from beamsim.flow.transient import simulate
+from beamsim.flow.transient import Motion, simulate
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, largest_exponent, settle
 from beamsim.outcomes import COMPLETE

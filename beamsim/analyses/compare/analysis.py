@@ -20,8 +20,8 @@ from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import amplitude_db, spectrum
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import ScenarioError
-from beamsim.measurements.channels import channel_named, holds_name, in_si, read_signals, unusable
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, split_heading
+from beamsim.measurements.channels import channel_named, holds_name, read_signals, unusable
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import SpectrumSettings

@@ -42,7 +42,7 @@ from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, r
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, LIMITED, OUTPUT, PENETRATION, STRESS, Value, margins_along
 from beamsim.errors import ScenarioError
-from beamsim.flow.processor_time import processor_time
+from beamsim.flow.compiled import processor_time
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
 from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import STABLE

@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from beamsim.contacts.friction import drops
-from beamsim.contacts.hardening import ELASTIC, LOADING
+from beamsim.contacts.sliders import ELASTIC, LOADING, drops
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.branch import (
     INTERRUPTED,

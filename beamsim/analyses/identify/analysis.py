@@ -32,7 +32,7 @@ from beamsim.analyses.identify.stiffness import (
     snubber_point,
 )
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.processor_time import processor_time
+from beamsim.flow.compiled import processor_time
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import Stop, never, together
 from beamsim.scenario import Scenario

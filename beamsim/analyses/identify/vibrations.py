@@ -34,9 +34,9 @@ from beamsim.analyses.identify.fit import (
 from beamsim.analyses.identify.result import NonlinearEstimate, TestFit
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
+from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema
-from beamsim.flow.processor_time import processor_time
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.variational import VariationalFlow, motion_on
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError

@@ -32,7 +32,7 @@ from beamsim.analyses.nnm.result import (
 )
 from beamsim.analyses.run.orbit_energy import balanced
 from beamsim.errors import ScenarioError
-from beamsim.flow.processor_time import processor_time
+from beamsim.flow.compiled import processor_time
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import linear_mode

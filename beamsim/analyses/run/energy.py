@@ -13,9 +13,7 @@ import numpy as np
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import NOT_FINITE, not_finite
-from beamsim.flow.periodic_flow import penetration_of_states
-from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.trajectory import NOT_FINITE, Trajectory, not_finite
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Floats, Ints
@@ -162,7 +160,7 @@ def stored_at_ends(trajectory: Trajectory) -> Floats:
     y = np.vstack([trajectory.y, trajectory.final_y])
     base = None if flow.base_channel < 0 else flow.forcing.base_displacement
     moved = None if base is None else (base(times), np.zeros(times.size))
-    penetration, _ = penetration_of_states(flow.system.contacts, y, moved)
+    penetration, _ = flow.system.contacts.penetrations(y, moved)
     phases = trajectory.phases_of(np.append(trajectory.state, trajectory.state[-1:]))
     return stored_energy(flow.system, y, penetration, phases)
 

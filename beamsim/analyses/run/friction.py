@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.impact_result import FigureInterval
 from beamsim.analyses.run.impacts import BLOCKS, LEAST, SKIPPED, Sums, jackknife
-from beamsim.contacts.friction import DIRECTION, STICK
+from beamsim.analyses.run.result import FigureInterval
+from beamsim.contacts.sliders import DIRECTION, STICK
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow

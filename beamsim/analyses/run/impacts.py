@@ -18,7 +18,7 @@ import numpy as np
 
 from beamsim.analyses.rainflow import damage, equivalent_range, rainflow, reversals
 from beamsim.analyses.run.energy import contact_losses
-from beamsim.analyses.run.impact_result import Fatigue, FigureInterval, Impacts, Rainflow, SnubberImpacts
+from beamsim.analyses.run.result import Fatigue, FigureInterval, Impacts, Rainflow, SnubberImpacts
 from beamsim.analyses.values import STRESS
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf

@@ -26,12 +26,11 @@ from beamsim.analyses.run.result import (
     Work,
 )
 from beamsim.analyses.values import DISPLACEMENT, FORCE, STRESS, Extremes, largest, largest_pulls
-from beamsim.contacts.hardening import residual_crush
+from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import EVENT_LIMIT
 from beamsim.flow.reference import ReferenceTrajectory
-from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInStretches
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Run, Scenario

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors, stored_at_ends
 from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.flow.contact_state import LinearOutput, OutputOf
-from beamsim.flow.march import not_finite
-from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.trajectory import Trajectory, not_finite
 from beamsim.inputs.swept import SweepWindows, move
 from beamsim.outcomes import Outcome, OutcomeKind, Where, together
 from beamsim.typing import Bools, Complexes, Floats, Ints

@@ -23,7 +23,7 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.friction import DIRECTION, STICK, sliding_limit, snap
+from beamsim.contacts.sliders import DIRECTION, STICK, sliding_limit, snap
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf

@@ -10,10 +10,9 @@ import numpy as np
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, SweepWork
+from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.march import Motion
-from beamsim.flow.processor_time import processor_time
-from beamsim.flow.transient import start
+from beamsim.flow.transient import Motion, start
 from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, Exponent, Settled, largest_exponent, settle

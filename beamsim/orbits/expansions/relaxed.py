@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.flow.processor_time import processor_time
+from beamsim.flow.compiled import processor_time
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.typing import Floats
 

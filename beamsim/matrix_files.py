@@ -1,4 +1,7 @@
-"""Matrices of other programs' files, and the names of their degrees of freedom where a file knows them."""
+"""Matrices of other programs' files, and the names of their degrees of freedom where a file knows them.
+
+OP2, OP4, DMIG, Abaqus, MatrixMarket, Harwell-Boeing, MATLAB and NumPy. Never here: what a matrix means for a structure.
+"""
 
 from __future__ import annotations
 
