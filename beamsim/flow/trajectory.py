@@ -308,7 +308,7 @@ class Trajectory:
 
     def _waves(self, output_of: OutputOf, edges: Floats | None, scale: float) -> list[Waves]:
         """What is searched, by contact state."""
-        segment, begin, end, window = self._cut(edges)
+        segment, begin, end, window = self.cut(edges)
         of_state, waves = self.state[segment], []
         for number in visited_states(of_state):
             state, parts = self.flow.states[number], np.flatnonzero(of_state == number)
@@ -326,7 +326,7 @@ class Trajectory:
             ))  # fmt: skip
         return waves
 
-    def _cut(self, edges: Floats | None) -> tuple[Ints, Floats, Floats, Ints]:
+    def cut(self, edges: Floats | None) -> tuple[Ints, Floats, Floats, Ints]:
         """Parts (n,) of segments between edges: the segment, begin and end as shares of it, and between which edges."""
         count = self.time.size
         if edges is None:

@@ -13,8 +13,8 @@ Behind the filter it is
 
 .. math:: y = \mathrm{Re} \sum_t A_t H(\lambda_t) e^{\lambda_t \tau} + \sum_j r_j w_j e^{p_j \tau},
 
-and the amplitudes :math:`w_j` follow from segment to segment, since :math:`z_j` does not jump. Motions with powers of
-time are led through panels, whose ends are kept.
+and the amplitudes :math:`w_j` follow from segment to segment, since :math:`z_j` does not jump. Its extremes are
+certified as those of the motion are. Motions with powers of time are led through panels, whose ends are kept.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ from beamsim.analyses.run.result import MAIN_QUANTITY, ShockResponse, ShockSpect
 from beamsim.analyses.values import ACCELERATION, outer
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
-from beamsim.flow.contact_state import OutputOf
+from beamsim.flow.contact_state import ContactState, OutputOf
+from beamsim.flow.extrema import Search, Waves
+from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.signal import Signal as Pieces
 from beamsim.scenario.run import ShockSpectrumSettings
@@ -53,12 +55,6 @@ Extreme = tuple[Floats, Floats, Floats, Floats]  # lowest, its time, highest, it
 Signal = Callable[[Floats], Floats]  # times (nt,) -> (nt, k)
 POLES = 4
 PANELS_A_PERIOD = 32  # of the filter's frequency; peaks between panels are then right to 1e-5
-# Steps in a period of the filter's frequency, in which peaks are sought. Cubics on steps of h are right to h^4 / 384 of
-# the largest fourth derivative. Behind the filter that is Omega^4 a, however fast a moves: 7e-7 of a with these steps.
-STEPS_A_PERIOD = 50
-PEAK_ERROR = 1e-5  # relative, of the largest peak; steps are shortened where the bound is larger
-SHORTEST = 1 / 8  # of the steps
-AT_ONCE = 2**14  # steps
 NEAREST_POLE = 1e-6  # relative distance of an exponent from a pole of the filter, which loses as many digits
 PANELS_OF_OSCILLATOR = 16  # of the highest oscillator; peaks between panels are then right to 1e-4
 SAMPLES_OF_OSCILLATOR = 10  # of the highest oscillator, of a time-stepped motion
@@ -347,8 +343,43 @@ class _Part(NamedTuple):
     """A part of a motion behind the filter."""
 
     motion: Trajectory
-    free: Complexes  # (S, 2, k) amplitudes w where its segments begin
-    fourth: Floats  # (S, k) bound on the fourth derivative, in Omega^4
+    forced: Complexes  # (S, T, k) coefficients of what follows the motion, by contact state
+    free: Complexes  # (S, 2, k) amplitudes of the filter's own motion where segments begin, the residues included
+
+    def at(self, times: Floats, poles: Complexes) -> Floats:
+        """(nt, k) at increasing times."""
+        segment = np.clip(np.searchsorted(self.motion.time, times, side="right") - 1, 0, None)
+        turned = np.exp(poles * (times - self.motion.time[segment])[:, None])
+        fading = np.einsum("nj,njk->nk", turned, self.free[segment]).real
+        return np.asarray(self.motion.sample_table(times, self.forced) + fading)
+
+    def waves(self, edges: Floats, poles: Complexes) -> Iterator[Waves]:
+        """The outputs between two times, s, for the search for extremes: the filter's own motions are more terms."""
+        motion, outputs = self.motion, self.free.shape[2]
+        segment, begin, end, window = motion.cut(edges)
+        own = np.tile(np.eye(outputs), (poles.size, 1))  # each pole moves each output with an amplitude of its own
+        for number in visited_states(motion.state[segment]):
+            state, rows = motion.flow.states[number], np.flatnonzero(motion.state[segment] == number)
+            functions, sources = state.exponent.size, state.amplitude_count
+
+            def amplitudes(
+                part: Ints, of: Ints = segment[rows], state: ContactState = state
+            ) -> tuple[Complexes, Floats]:
+                segments = of[part]
+                given = motion.flow.sources.amplitudes_at(motion.time[segments], motion.piece[segments])
+                fading, y = self.free[segments].reshape(part.size, -1), motion.y[segments]
+                noise = state.amplitude_noise(given, y), np.finfo(float).eps * np.abs(fading)
+                return np.hstack([state.amplitudes(given, y), fading]), np.hstack(noise)
+
+            yield Waves(
+                np.concatenate([state.exponent, poles]),
+                np.concatenate([state.power, np.zeros_like(state.power, shape=poles.size)]),
+                np.concatenate([state.term_basis, functions + np.repeat(np.arange(poles.size), outputs)]),
+                np.concatenate([state.term_source, sources + np.arange(own.shape[0])]),
+                np.concatenate([self.forced[number, : state.term_basis.size], own]),
+                amplitudes, motion.time[segment[rows]], motion.equal_lengths[segment[rows]],
+                begin[rows], end[rows], window[rows],
+            )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -356,8 +387,7 @@ class FilteredSegments:
     """Known in closed form."""
 
     parts: tuple[_Part, ...]
-    output_of: OutputOf
-    frequency_hz: float
+    poles: Complexes
 
     @classmethod
     def of(cls, trajectory: Trajectory, output_of: OutputOf, frequency_hz: float) -> FilteredSegments:
@@ -378,75 +408,33 @@ class FilteredSegments:
         state = np.zeros((poles.size, outputs), dtype=complex)
         parts = []
         for part in trajectory.parts():
-            begin, end, fourth = _forced(part, part.flow.output_table(output_of), poles)
+            table = part.flow.output_table(output_of)
+            begin, end = _forced(part, table, poles)
             decay = np.exp(poles * part.length[:, None])  # (S, 2)
             free = np.empty_like(begin)
             for j, residue in enumerate(residues):
                 added = end[:, j] - decay[:, j, None] * begin[:, j]
                 added[0] += decay[0, j] * state[j]
                 after = recurrence(decay[:, j, None], added)
-                free[:, j] = np.vstack([state[j, None], after[:-1]]) - begin[:, j]
-                fourth += 2 * abs(residue) * np.abs(free[:, j])
+                free[:, j] = 2.0 * residue * (np.vstack([state[j, None], after[:-1]]) - begin[:, j])
                 state[j] = after[-1]
-            parts.append(_Part(part, free, fourth))
-        return cls(tuple(parts), output_of, frequency_hz)
+            for number, exponent in _of_states(part):
+                table[number, : exponent.size] *= _gain(exponent, poles)[:, None]
+            parts.append(_Part(part, table, free))
+        return cls(tuple(parts), poles)
 
     def at(self, times: Floats) -> Floats:
         """(nt, k) at increasing times."""
-        out = np.empty((times.size, self.parts[0].free.shape[2]))
-        for first in range(0, times.size, AT_ONCE):
-            block = slice(first, first + AT_ONCE)
-            (out[block],) = self._at(times[block], slopes=False)
-        return out
+        ends = np.searchsorted(times, [part.motion.end for part in self.parts[:-1]])
+        pairs = zip(self.parts, np.split(times, ends), strict=True)
+        return np.concatenate([part.at(here, self.poles) for part, here in pairs])
 
     def extremes(self, begin: float, end: float) -> Extreme:
         """Lowest and highest values between two times, and when."""
-        step = 1 / (STEPS_A_PERIOD * self.frequency_hz)
-        found = self._extremes(begin, end, step)
-        peak = np.maximum(np.abs(found[0]), np.abs(found[2]))
-        error = (2 * np.pi * self.frequency_hz * step) ** 4 / 384 * self._fourth(begin, end)
-        allowed = np.divide(PEAK_ERROR * peak, error, out=np.ones_like(peak), where=error > PEAK_ERROR * peak)
-        shorter = max(float(allowed.min()) ** 0.25, SHORTEST)
-        return found if shorter == 1.0 else self._extremes(begin, end, shorter * step)
-
-    def _extremes(self, begin: float, end: float, longest: float) -> Extreme:
-        """The same of cubics on steps that are no longer than this."""
-        count = max(int(np.ceil((end - begin) / longest)), 1)
-        found = _unknown(self.parts[0].free.shape[2])
-        for first in range(0, count, AT_ONCE):
-            number = np.arange(first, min(first + AT_ONCE, count) + 1)
-            at: Floats = begin + (end - begin) / count * number.astype(float)
-            value, slope = self._at(at, slopes=True)
-            found = _peaks(at, value, (slope[:-1], slope[1:]), found)
-        return found
-
-    def _fourth(self, begin: float, end: float) -> Floats:
-        """(k,) bound on the fourth derivative between two times, in Omega^4."""
-        highest = np.zeros(self.parts[0].free.shape[2])
-        for motion, _, fourth in self.parts:
-            here = (motion.time < end) & (motion.time + motion.length > begin)
-            highest = np.maximum(highest, fourth[here].max(axis=0, initial=0.0))
-        return highest
-
-    def _at(self, times: Floats, *, slopes: bool) -> list[Floats]:
-        """Values (nt, k) and, if asked for, slopes."""
-        poles, residues = butterworth(self.frequency_hz)
-        out: list[list[Floats]] = []
-        first = 0
-        for number, (part, free, _) in enumerate(self.parts):
-            last = times.size if number + 1 == len(self.parts) else int(np.searchsorted(times, part.end))
-            here = times[first:last]
-            if not here.size:
-                continue
-            segment = np.clip(np.searchsorted(part.time, here, side="right") - 1, 0, None)
-            passed = part.only(np.arange(segment[0], segment[-1] + 1))
-            forced = passed.sample_table(here, _behind(part, self.output_of, poles, slopes=slopes))
-            turned = np.exp(poles * (here - part.time[segment])[:, None])[:, :, None] * free[segment]
-            factors = [2 * residues, 2 * residues * poles][: 1 + slopes]
-            fading = [np.einsum("j,njk->nk", factor, turned).real for factor in factors]
-            out.append([x + y for x, y in zip(np.split(forced, 1 + slopes, axis=1), fading, strict=True)])
-            first = last
-        return [np.concatenate(column) for column in zip(*out, strict=True)]
+        search = Search.of(self.parts[0].free.shape[2])
+        for part in self.parts:
+            search.add(list(part.waves(np.array([begin, end]), self.poles)))
+        return search.extrema().window(0).extremes
 
 
 FilteredMotion = FilteredPanels | FilteredSegments
@@ -466,13 +454,10 @@ def _of_states(part: Trajectory) -> Iterator[tuple[int, Complexes]]:
         yield number, state.exponent[state.term_basis]
 
 
-def _forced(part: Trajectory, table: Complexes, poles: Complexes) -> tuple[Complexes, Complexes, Floats]:
-    """(S, 2, k) what z would be at the begin and the end of each segment if the filter had always seen its motion.
-
-    Also (S, k) a bound on the fourth derivative of the output that belongs to it, in Omega^4.
-    """
+def _forced(part: Trajectory, table: Complexes, poles: Complexes) -> tuple[Complexes, Complexes]:
+    """(S, 2, k) what z would be at the begin and the end of each segment if the filter had always seen its motion."""
     begin = np.empty((part.segments, poles.size, table.shape[2]), dtype=complex)
-    end, fourth = np.empty_like(begin), np.empty((part.segments, table.shape[2]))
+    end = np.empty_like(begin)
     for number, exponent in _of_states(part):
         segments = np.flatnonzero(part.state == number)
         if not segments.size:
@@ -485,26 +470,13 @@ def _forced(part: Trajectory, table: Complexes, poles: Complexes) -> tuple[Compl
             one, other = of_terms / (exponent - pole)[:, None], of_terms.conj() / (exponent.conj() - pole)[:, None]
             begin[segments, j] = 0.5 * (amplitude @ one + amplitude.conj() @ other)
             end[segments, j] = 0.5 * (later @ one + later.conj() @ other)
-        faster = np.abs(_gain(exponent, poles)) * np.abs(exponent / poles[0]) ** 4
-        fourth[segments] = np.maximum(np.abs(amplitude), np.abs(later)) @ (faster[:, None] * np.abs(of_terms))
-    return begin, end, fourth
+    return begin, end
 
 
 def _gain(exponent: Complexes, poles: Complexes) -> Complexes:
     """(T,) factor by which the filter changes ``e^{exponent tau}``; one at rest."""
     both = np.concatenate([poles, poles.conj()])
     return np.asarray(np.prod(both) / np.prod(exponent[:, None] - both, axis=1))
-
-
-def _behind(part: Trajectory, output_of: OutputOf, poles: Complexes, *, slopes: bool) -> Complexes:
-    """(S, T, k) coefficients of the outputs behind the filter, then (S, T, 2 k) with those of their slopes."""
-    table = part.flow.output_table(output_of)
-    out = np.zeros((*table.shape[:2], (1 + slopes) * table.shape[2]), dtype=complex)
-    for number, exponent in _of_states(part):
-        gain = _gain(exponent, poles)
-        columns = [gain, gain * exponent][: 1 + slopes]
-        out[number, : exponent.size] = np.hstack([x[:, None] * table[number, : exponent.size] for x in columns])
-    return out
 
 
 def _unknown(count: int) -> Extreme:
