@@ -12,9 +12,10 @@ from dense_stepper import EPS, Inputs, Linear, integrate, shortly
 from independent import Beam
 from own_laws import Bent, Branch, Curve, Pad, RigidFriction, SpringFriction, TableStop
 from scipy.interpolate import CubicSpline, PPoly
-from scipy.linalg import eigh, null_space
+from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.optimize import brentq
 
+SOFT = 1e-6  # of the largest square of a frequency: smaller ones, which it drowns, are those of the flexibility
 ROUND_OFF = 64 * EPS  # of the size of a motion, in its penetrations: what the search for contacts allows
 
 
@@ -177,6 +178,22 @@ def _matrix(file):
     return np.array(numbers[1:], dtype=float).reshape(columns, rows).T
 
 
+def _allowed(held):
+    """Motions that leave rows at zero; coordinates are eliminated and not mixed, so that soft and stiff stay apart."""
+    held, followers = held.copy(), []
+    for k, row in enumerate(held):
+        at = int(np.argmax(np.abs(row)))
+        held[k] = row / row[at]
+        others = np.arange(len(held)) != k
+        held[others] -= np.outer(held[others, at], held[k])
+        followers.append(at)
+    rest = np.setdiff1d(np.arange(held.shape[1]), followers)
+    free = np.zeros((held.shape[1], rest.size))
+    free[rest, np.arange(rest.size)] = 1.0
+    free[followers] = -held[:, rest]
+    return free
+
+
 class Structure:
     """All bodies of a scenario in open modal coordinates."""
 
@@ -219,12 +236,17 @@ class Structure:
         if self.about is not None:
             for name, body in self.bodies.items():
                 driven[self.parts[name]] = body.beam.turning_inertia(self.about - origins[name])
-        self.free = null_space(np.array(held)) if held else np.eye(size)  # motions that joints allow
+        self.free = _allowed(np.array(held).reshape(-1, size))
         M, K, C = (self.free.T @ matrix @ self.free for matrix in (M, K, C))
         self.inertia, self.driven, self.ground = (load @ self.free for load in (self.inertia, driven, self.ground))
         squares, self.shapes = eigh(K, M)
         if case.get("joints"):  # they may hold what floats by itself
             self.rigid = int(np.sum(squares < 1e-13 * squares[-1]))
+        low = squares < SOFT * squares[-1]
+        if low.any() and not self.rigid:
+            moved = M @ self.shapes[:, low]
+            flexibilities, turn = eigh(-moved.T @ cho_solve(cho_factor(K), moved))
+            squares[low], self.shapes[:, low] = -1 / flexibilities, self.shapes[:, low] @ turn
         squares[: self.rigid] = 0.0
         self.omega = np.sqrt(np.maximum(squares, 0.0))
         self.damping = self.shapes.T @ C @ self.shapes

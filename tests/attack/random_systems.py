@@ -227,6 +227,8 @@ class _Draw:
             for number, kind in enumerate(kinds):
                 spec = {"kind": str(kind), **makers[kind]()}
                 spec.pop("damping", None)
+                for spring in spec.get("springs_to_ground", ()):
+                    spring["name"] = f"ground_{number + 1}"
                 before = list(case["bodies"])
                 case["bodies"][f"body_{number + 1}"] = spec
                 if before:
