@@ -157,7 +157,7 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
 def of_states(texts: Mapping[str, str]) -> dict[str, str]:
     """Texts by the state of contacts, or the states that have the same; states whose text is empty are left out."""
     told = dict.fromkeys(filter(None, texts.values()))
-    return {", ".join(state for state, text in texts.items() if text == each): each for each in told}
+    return {" and ".join(state for state, text in texts.items() if text == each): each for each in told}
 
 
 def _by_state(entry: str, unit: str, factor: float = 1.0) -> Callable[[Result, Sequence[float]], dict[str, str] | str]:

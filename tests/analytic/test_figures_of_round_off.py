@@ -92,8 +92,8 @@ def test_frequencies_of_static_vectors_are_not_natural_frequencies():
     case = {**PINNED, "reduction": {"modes": 3}, "run": {**PINNED["run"], "duration": 0.01}}
     result = beamsim.run(beamsim.load_scenario(case))
     rows = [text for name, text in table_rows("run", result)]
-    opened, closed = (next(row for row in rows if row.startswith(state)) for state in ("open, at rest ", "closed "))
-    assert opened.split()[3:] == ["56.01,", "224,", "504.1", "Hz"]
+    opened, closed = (next(row for row in rows if row.startswith(state)) for state in ("open and at rest ", "closed "))
+    assert opened.split()[4:] == ["56.01,", "224,", "504.1", "Hz"]
     assert len(closed.split()) == 5
     assert not any("frequencies" in name for name in result.summary["doubtful"])
     assert set(result.summary["convergence"]["open_frequencies_hz"]) == {"1", "2", "3"}
