@@ -438,8 +438,47 @@ def suggestion(name: str, names: Iterable[str], otherwise: str) -> str:
         The similar name as a question, else ``otherwise`` with all names.
     """
     names = list(names)
-    close = get_close_matches(name, names, n=1)
-    return f"did you mean {close[0]}?" if close else f"{otherwise} {', '.join(names)}"
+    meant = closest(name, names)
+    return f"did you mean {meant}?" if meant else f"{otherwise} {', '.join(names)}"
+
+
+MEANT = {
+    "coefficient": "c mu friction_coefficient damping_coefficient damping_constant",
+    "density": "rho",
+    "duration": "t_end end_time total_time",
+    "excitation": "load loads loading",
+    "factor": "scale scale_factor scaling gain multiplier",
+    "from": "min minimum low lower",
+    "gap": "clearance play backlash",
+    "level": "amplitude magnitude acceleration",
+    "point_masses": "added_mass added_masses lumped_mass lumped_masses concentrated_masses tip_mass",
+    "poissons_ratio": "nu poisson",
+    "position": "location coordinate x",
+    "preload": "prestress interference",
+    "probes": "sensors accelerometers measurement_points",
+    "quality": "q q_factor amplification",
+    "ratio": "zeta xi lehr critical_damping",
+    "rotary_inertia": "moment_of_inertia rotational_inertia inertia",
+    "sample_rate": "fs dt time_step sampling_frequency",
+    "samples": "n draws",
+    "second_moment": "i iy izz moment_of_inertia area_moment",
+    "snubbers": "stops stop bumpers contacts end_stops",
+    "stiffness": "k spring_constant spring_rate",
+    "supports": "boundary_conditions boundaries bc constraints",
+    "to": "max maximum high upper",
+    "youngs_modulus": "e modulus elastic_modulus modulus_of_elasticity",
+}
+"""By key the words that engineers use for it elsewhere."""
+
+
+def closest(name: str, names: Iterable[str]) -> str:
+    """What was meant by a name: one that means the same, else one that is spelled alike; empty if there is none."""
+    word, known = re.sub(r"[\s-]", "_", name.lower()), {each.lower(): each for each in names}
+    means = [each for key, words in MEANT.items() if word in words.split() for each in [known.get(key)] if each]
+    alike = means or [known[each] for each in get_close_matches(word, known, n=1)]
+    if not alike:  # thickness_mm, e_modulus, Length
+        alike = [known[each] for each in known if min(len(each), len(word)) > 3 and (each in word or word in each)]
+    return alike[0] if alike else ""
 
 
 def unknown(path: Path, name: str, kind: str, known: Iterable[str], otherwise: str = "") -> Iterator[Problem]:

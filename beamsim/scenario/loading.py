@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -14,7 +13,19 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario.base import Path, Schema, descriptions, path_parts, plain, problem, single_line, tag_of, words_of
+from beamsim.scenario.base import (
+    Path,
+    Schema,
+    closest,
+    descriptions,
+    path_parts,
+    plain,
+    problem,
+    single_line,
+    suggestion,
+    tag_of,
+    words_of,
+)
 from beamsim.scenario.quantities import FieldType, Quantity, example_of
 from beamsim.scenario.reporting import DisplayUnits
 from beamsim.scenario.scenario import Scenario, named_files
@@ -235,9 +246,8 @@ def _how_to_give(key: str, schema: type[Schema], field: FieldInfo | None) -> str
 
 
 def _did_you_mean(value: object, choices: list[str]) -> str:
-    lower = {choice.lower(): choice for choice in choices}
-    close = get_close_matches(str(value).lower(), lower, n=1)
-    return f"did you mean {lower[close[0]]}?" if close else "choose one of these"
+    meant = closest(str(value), choices)
+    return f"did you mean {meant}?" if meant else "choose one of these"
 
 
 def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
@@ -252,11 +262,7 @@ def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
         return "this kind has no other keys; remove it"
     if home := _where_it_belongs(key, schema):
         return home
-    close = get_close_matches(key.lower(), keys, n=1)
-    if not close:  # thickness_mm, e_modulus, Length
-        long = [known for known in keys if min(len(known), len(key)) > 3]
-        close = [known for known in long if known in key.lower() or key.lower() in known][:1]
-    return f"did you mean {close[0]}?" if close else "known keys: " + ", ".join(keys)
+    return suggestion(key, keys, "known keys:")
 
 
 def _where_it_belongs(key: str, schema: type[Schema]) -> str:

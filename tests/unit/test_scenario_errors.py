@@ -7,6 +7,8 @@ from pydantic import ValidationError
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Beam, Scenario, Snubber, load_scenario
+from beamsim.scenario.base import MEANT
+from beamsim.scenario.jsonschema import json_schema
 
 pytestmark = pytest.mark.quick
 
@@ -166,3 +168,12 @@ def test_round_off_at_the_end_is_forgiven():
     scenario = load_scenario(text)
     places = (scenario.snubbers[0], scenario.beam.point_masses[2], scenario.probes[0])
     assert [scenario.beam.point(place.position) for place in places] == [scenario.beam.length] * 3
+
+
+def test_words_that_mean_a_key_are_no_keys_beside_it():
+    """A key that is proposed exists, and a word that stands for it is no key of the same mapping."""
+    definitions = json_schema()["$defs"].values()
+    for key, words in MEANT.items():
+        beside = [d["properties"].keys() for d in definitions if key in d.get("properties", ())]
+        assert beside, key
+        assert not any(set(words.split()) & keys for keys in beside), key
