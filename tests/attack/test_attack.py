@@ -43,6 +43,7 @@ FOUND = {
     10001174: "a contact that our own steps passed over",
     10003388: "the same, enlarged by the eigenvalue solver",
     10003504: "an overdamped stop beside friction with a spring: its round-off in slow motions",
+    13001935: "energy in a stiff stop on the ground, of a beam that drifts 10,000 times as far as it bends",
     30001467: "a soft mode that our own eigenvalue solver drowned in the round-off of a stiff one",
     30001812: "the same behind a hinge",
 }
