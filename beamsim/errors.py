@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from beamsim.outcomes import ExitCode
 
@@ -89,6 +89,17 @@ def locating(places: Mapping[str, str]) -> Iterator[None]:
     except MethodError as error:
         path = places.get(error.about, error.about)
         raise ScenarioError.at(path, error.message, error.remedy) from None
+
+
+@contextmanager
+def rooted(root: str, path: str) -> Iterator[None]:
+    """Put the problems of a section, whose path begins with ``root``, at the path where the section is written."""
+    try:
+        yield
+    except ScenarioError as error:
+        there = [replace(each, path=path + each.path[len(root) :]) for each in error.problems]
+        pairs = zip(error.problems, there, strict=True)
+        raise ScenarioError([moved if old.path.startswith(root) else old for old, moved in pairs]) from None
 
 
 class ResultFileError(BeamsimError):

@@ -27,8 +27,8 @@ from beamsim.inputs.measured import sampled_signal
 from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_acceleration, power_of
 from beamsim.inputs.signal import MOST_PIECES, CubicRecord, Signal, StreamedSignal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
-from beamsim.scenario import Excitation, HalfSine, Harmonic, MultiTone, Step
-from beamsim.scenario.excitation import RandomInput, SampledInput, Sawtooth, SweptSineInput, Trapezoid
+from beamsim.scenario import Excitation
+from beamsim.scenario.excitation import One, RandomInput, SweptSineInput
 from beamsim.typing import Complexes, Floats, Ints
 
 MOST_OF_ANY_SIZE = (
@@ -123,9 +123,6 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
     return StreamedSignal(record, 0), StreamedSignal(record, 1), StreamedSignal(record, 2)
 
 
-Driven = Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth | SweptSineInput | SampledInput | RandomInput
-
-
 @dataclass(frozen=True)
 class BaseMotion:
     """Acceleration, velocity and displacement of the base: exact derivatives of one another."""
@@ -204,7 +201,7 @@ def sweep_windows(
     return cut_into_windows([leg], profile, phase=phase, corrections=corrections), corrections
 
 
-def level_signal(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> Signal:
+def level_signal(excitation: One, duration: float | None = None, folder: Path | None = None) -> Signal:
     """The prescribed quantity as a signal.
 
     Parameters
@@ -257,7 +254,7 @@ def _without_drift(signal: Signal) -> Signal:
     return Signal(signal.start, signal.exponent, signal.coefficient / signal.exponent[None, :, None])
 
 
-def base_motion(excitation: Driven, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
+def base_motion(excitation: One, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
     """Motion of the base from the prescribed quantity.
 
     A step or half-sine of base displacement and a step of base velocity would need infinite accelerations; the

@@ -77,14 +77,11 @@ def model_figure(sketch: Sketch) -> Picture:
 
 def excitation_text(scenario: Scenario) -> str:
     """What excites the model, in a line."""
-    excitation: Any = scenario.excitation
-    parts = excitation.forces if excitation.kind == "forces" else (excitation,)
-    return "; ".join(dict.fromkeys(_excitation_text(scenario, part) for part in parts))
+    parts = [_excitation_text(scenario, part) for _, part in scenario.excitation.items]
+    return "; ".join(dict.fromkeys(parts)) or "no excitation"
 
 
 def _excitation_text(scenario: Scenario, part: Any) -> str:
-    if part.kind == "none":
-        return "no excitation"
     words = [part.kind.replace("_", " ")]
     levels = [level for _, level in part.levels()]
     if levels:
@@ -157,10 +154,8 @@ def stop_text(name: str, stop: SnubberNumbers) -> str:
 
 def _forces(sketch: Sketch, ax: Axes) -> Iterator[Named]:
     """Arrows where the base moves and where forces act."""
-    excitation: Any = sketch.scenario.excitation
     arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": GREEN, "linewidth": 1.8}
-    parts = excitation.forces if excitation.kind == "forces" else (excitation,)
-    if any(part.kind != "none" and part.on_base for part in parts):
+    if any(part.on_base for _, part in sketch.scenario.excitation.items):
         ax.annotate("", (0.03, 0.04), xytext=(0.03, 0.2), xycoords="axes fraction",
                     arrowprops={**arrow, "arrowstyle": "<|-|>"})  # fmt: skip
         ax.annotate("base", (0.045, 0.12), xycoords="axes fraction", va="center", color=GREEN, fontsize="small")

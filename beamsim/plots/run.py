@@ -136,7 +136,7 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
     unit, end = _unit_of(shown), _end_of_spectra(shown)
     curves = [Curve(s.probe, s.frequency_hz / unit, s.amplitude_db) for s in shown]
     across: Axis = ("Frequency", HERTZ) if unit == 1.0 else ("Frequency / excitation frequency", "")
-    if result.scenario.excitation.kind == "random":  # a record may hold tones, which are lines
+    if result.scenario.excitation.stationary:
         count = max(int(np.searchsorted(curves[0].x, end)) // MOST_BANDS, 1)
         across = (f"Frequency in bands of {count * float(np.diff(curves[0].x[:2])[0]):.2g} Hz", HERTZ)
         curves = [Curve(s.probe, *s.in_bands(count)) for s in shown]

@@ -86,10 +86,10 @@ def _bodies(scenario: ScenarioParts) -> Problems:
 
 def _directions(scenario: ScenarioParts) -> Problems:
     """The base and gravity move points of every body."""
-    direction = getattr(scenario.excitation, "direction", None)
+    for path, driven in scenario.excitation.items:
+        if (direction := driven.direction) is not None:
+            yield from _base_moves(scenario, ("excitation", *path, "direction"), direction, f"= {direction}")
     gravity = scenario.gravity if isinstance(scenario.gravity, tuple) else ()
-    if direction is not None:
-        yield from _base_moves(scenario, ("excitation", "direction"), direction, f"= {direction}")
     for k, (axis, component) in enumerate(zip("xyz", gravity, strict=False)):
         if component != 0:
             yield from _base_moves(scenario, ("gravity", k), axis, f"acts along {axis}, which")
@@ -699,11 +699,10 @@ def _unit_problems(path: Path, limit: float, dimension: units.Dimension | None, 
 
 def _swept_supports(excitation: Harmonic | Forces) -> Problems:
     """Supports follow a sine of constant frequency only: while the frequency changes, their motion would drift."""
-    forces = enumerate(excitation.forces) if isinstance(excitation, Forces) else [(None, excitation)]
-    for index, force in forces:
+    for path, force in excitation.items:
         if isinstance(force.applied_to, MovedSupport):
             yield problem(
-                ("excitation", *(() if index is None else ("forces", index)), "applied_to"),
+                ("excitation", *path, "applied_to"),
                 "is a support that moves, which a swept sine does not follow",
                 "use sweep.kind: stepped or continuation, move the base (applied_to: base), or model what moves the "
                 "support as a body",

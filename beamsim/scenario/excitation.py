@@ -78,8 +78,20 @@ def not_taken(quantity: str, takes: Sequence[str]) -> tuple[str, str]:
 class Input(Schema):
     """What every excitation answers; here for free motion."""
 
-    shock: ClassVar[bool] = False
-    """Whether it begins at a time and leaves a free motion: the beginning counts, and there are no statistics."""
+    @property
+    def shock(self) -> bool:
+        """Whether it begins at a time and leaves a free motion: the beginning counts, and there are no statistics."""
+        return False
+
+    @property
+    def stationary(self) -> bool:
+        """Whether it is noise whose statistics do not change in time, so that those of the response mean something."""
+        return False
+
+    @property
+    def items(self) -> list[tuple[Path, Any]]:
+        """The motions and forces that it consists of, with their paths in it."""
+        return []
 
     @property
     def frequencies_hz(self) -> tuple[float, ...]:
@@ -108,6 +120,11 @@ class Driven(Input):
     about: About | None = None
     """A point on the axis of a rotation, m: a position along a beam, [x, y] of a plate, [x, y, z] of imported matrices;
     by default their origin, the left end or lower left corner."""
+
+    @property
+    def items(self) -> list[tuple[Path, Any]]:
+        """Itself."""
+        return [((), self)]
 
     def levels(self) -> list[tuple[Path, float]]:
         """Return the levels with their paths; none where a file or a table holds them."""
@@ -341,7 +358,6 @@ class MultiTone(Driven):
 class Shock(Driven):
     """Common part of what begins at ``time`` with one level; a pulse of duration T goes up to 1 / (2 T)."""
 
-    shock: ClassVar[bool] = True
     most_integrals: ClassVar[int] = 0
     """How often its level may be integrated from an acceleration of the base without jumps of the velocity."""
 
@@ -353,6 +369,11 @@ class Shock(Driven):
     """Level after a step, or peak of the pulse; of the base an acceleration, of smooth pulses also a velocity."""
     time: q.Time = 0.0
     """When it begins."""
+
+    @property
+    def shock(self) -> bool:
+        """It is one."""
+        return True
 
     @property
     def highest_frequency_hz(self) -> float:
@@ -438,68 +459,6 @@ class Sawtooth(Shock):
     """Duration of the pulse."""
 
 
-OneForce = Annotated[Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth, BY_FORM]
-
-
-class Forces(Schema):
-    """Several forces, each with its own signal."""
-
-    kind: Literal["forces"] = "forces"
-    """Several forces."""
-    forces: Annotated[tuple[OneForce, ...], Field(min_length=1)]
-    """The forces: each a harmonic, multi_tone, step, half_sine, trapezoid or sawtooth excitation that is applied to a
-    point, a line of a beam, an area of a plate, or a support that moves."""
-
-    def check(self) -> None:
-        """Reject what moves the base."""
-        for index, force in enumerate(self.forces):
-            if force.on_base:
-                raise Unfit(
-                    "is the base, where forces are listed",
-                    "apply it to {position: 270 mm}, {mass: 2}, {line: whole} or {area: whole}; base motion is an "
-                    "excitation by itself",
-                    ("forces", index, "applied_to"),
-                )
-
-    @property
-    def harmonics(self) -> tuple[Harmonic, ...]:
-        """Those that are sines."""
-        return tuple(force for force in self.forces if isinstance(force, Harmonic))
-
-    # What a sweep asks a harmonic excitation: its levels multiply all forces, each of which keeps its own phase.
-    level: ClassVar[float] = 1.0
-    phase: ClassVar[float] = 0.0
-    quantity: ClassVar[str] = q.FACTOR
-    takes: ClassVar[tuple[str, ...]] = (q.FACTOR,)
-    on_base: ClassVar[bool] = False
-
-    @property
-    def frequency(self) -> float:
-        """That of the sines, Hz."""
-        return self.harmonics[0].frequency
-
-    def at(self, frequency_hz: float, level: float | None = None) -> Forces:
-        """The sines at another frequency, Hz, with their levels multiplied by ``level``."""
-        factor = 1.0 if level is None else level
-        forces = tuple(force.at(frequency_hz, factor * force.level) for force in self.harmonics)
-        return self.model_copy(update={"forces": forces})
-
-    @property
-    def shock(self) -> bool:
-        """Whether all of them begin at a time and leave a free motion."""
-        return all(force.shock for force in self.forces)
-
-    @property
-    def frequencies_hz(self) -> tuple[float, ...]:
-        """Frequencies of all tones, Hz, each once."""
-        return tuple(dict.fromkeys(f for force in self.forces for f in force.frequencies_hz))
-
-    @property
-    def highest_frequency_hz(self) -> float:
-        """The highest of all, Hz."""
-        return max(force.highest_frequency_hz for force in self.forces)
-
-
 class SweptSineInput(Driven, FrequencyRange):
     """A sine of increasing or decreasing frequency; use it with `beamsim run` (`beamsim sweep` has its own section)."""
 
@@ -558,6 +517,14 @@ class SampledInput(Driven):
     """Interpolation between the samples: linear, or a cubic spline."""
     resample: q.Frequency | None = None
     """Rate to which the samples are first resampled, if they are too fine for the run."""
+    stationary_: bool = Field(default=False, alias="stationary")
+    """Whether the record is noise whose statistics do not change in time: root mean squares, kurtosis and densities of
+    the response are then stated. An earthquake or a shock is not; the default."""
+
+    @property
+    def stationary(self) -> bool:
+        """As it is declared."""
+        return self.stationary_
 
     @property
     def quantity(self) -> Quantity:
@@ -629,25 +596,89 @@ class RandomInput(Driven):
             raise Unfit(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
 
     @property
+    def stationary(self) -> bool:
+        """It is."""
+        return True
+
+    @property
     def highest_frequency_hz(self) -> float:
         """End of the table, Hz."""
         return self.psd[-1].frequency
 
 
-Excitation = Annotated[
-    NoExcitation
-    | Harmonic
-    | MultiTone
-    | Step
-    | HalfSine
-    | Trapezoid
-    | Sawtooth
-    | SweptSineInput
-    | SampledInput
-    | RandomInput
-    | Forces,
-    BY_FORM,
-]
+One = Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth | SweptSineInput | SampledInput | RandomInput
+
+
+class Forces(Input):
+    """Several forces and motions at once, each with its own signal."""
+
+    kind: Literal["forces"] = "forces"
+    """Several forces and motions."""
+    forces: Annotated[tuple[Annotated[One, BY_FORM], ...], Field(min_length=1)]
+    """Each a harmonic, multi_tone, step, half_sine, trapezoid, sawtooth, swept_sine, sampled or random excitation that
+    is applied to a point, a line of a beam, an area of a plate, a support that moves, or (one of them) the base."""
+
+    def check(self) -> None:
+        """Reject two motions of the base."""
+        on_base = [index for index, force in enumerate(self.forces) if force.on_base]
+        if len(on_base) > 1:
+            raise Unfit(
+                f"is the base, which forces[{on_base[0]}] moves already",
+                "list one motion of the base; several sines are one multi_tone",
+                ("forces", on_base[1], "applied_to"),
+            )
+
+    @property
+    def items(self) -> list[tuple[Path, Any]]:
+        """The forces and motions."""
+        return [(("forces", index), force) for index, force in enumerate(self.forces)]
+
+    @property
+    def harmonics(self) -> tuple[Harmonic, ...]:
+        """Those that are sines."""
+        return tuple(force for force in self.forces if isinstance(force, Harmonic))
+
+    # What a sweep asks a harmonic excitation: its levels multiply all forces, each of which keeps its own phase.
+    level: ClassVar[float] = 1.0
+    phase: ClassVar[float] = 0.0
+    quantity: ClassVar[str] = q.FACTOR
+    takes: ClassVar[tuple[str, ...]] = (q.FACTOR,)
+    on_base: ClassVar[bool] = False
+
+    @property
+    def frequency(self) -> float:
+        """That of the sines, Hz."""
+        return self.harmonics[0].frequency
+
+    def at(self, frequency_hz: float, level: float | None = None) -> Forces:
+        """The sines at another frequency, Hz, with their levels multiplied by ``level``."""
+        factor = 1.0 if level is None else level
+        forces = tuple(force.at(frequency_hz, factor * force.level) for force in self.harmonics)
+        return self.model_copy(update={"forces": forces})
+
+    @property
+    def shock(self) -> bool:
+        """Whether all of them begin at a time and leave a free motion."""
+        return all(force.shock for force in self.forces)
+
+    @property
+    def stationary(self) -> bool:
+        """Whether there is noise among them, and beside it at most tones."""
+        noise = [force for force in self.forces if not isinstance(force, Harmonic | MultiTone)]
+        return bool(noise) and all(force.stationary for force in noise)
+
+    @property
+    def frequencies_hz(self) -> tuple[float, ...]:
+        """Frequencies of all tones, Hz, each once."""
+        return tuple(dict.fromkeys(f for force in self.forces for f in force.frequencies_hz))
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """The highest of all, Hz."""
+        return max(force.highest_frequency_hz for force in self.forces)
+
+
+Excitation = Annotated[NoExcitation | One | Forces, BY_FORM]
 
 
 Sine = Harmonic | Forces
@@ -660,7 +691,12 @@ def sine_problems(excitation: Any, section: str) -> Iterator[Problem]:
         frequency = excitation.harmonics[0].frequency if excitation.harmonics else 0.0
         for index, force in enumerate(excitation.forces):
             at = f"excitation.forces[{index}]"
-            if not isinstance(force, Harmonic):
+            if force.on_base:
+                yield Problem(
+                    f"{at}.applied_to", f"is the base, which {section} moves alone",
+                    "leave out the other forces, or move its supports instead",
+                )  # fmt: skip
+            elif not isinstance(force, Harmonic):
                 yield Problem(
                     f"{at}.kind", f"= {force.kind} has no frequency that {section} could change",
                     "make it harmonic, or leave it out",

@@ -100,7 +100,7 @@ class ScenarioParts(Schema):
         if run.sample_rate is not None:
             return run.sample_rate
         highest = self.excitation.highest_frequency_hz
-        random = self.excitation.kind == "random"
+        random = self.excitation.stationary and highest > 0.0
         rate = max((10.0 if random else 100.0) * highest, 50.0 * self._rough_frequency_hz, 2000.0 / run.duration)
         # 2e6: samples that are many without being asked for
         rate = min(rate, max(2e6 / run.duration, (10.0 if random else 20.0) * highest))
@@ -114,7 +114,7 @@ class ScenarioParts(Schema):
         50 times the frequency of the excitation (10 times the highest of a random one), and with 64 times a low natural
         frequency about ten bending modes of a beam: peak accelerations at a stop need that many.
         """
-        harmonics = 10.0 if self.excitation.kind == "random" else 50.0
+        harmonics = 10.0 if self.excitation.stationary else 50.0
         return max(harmonics * self.excitation.highest_frequency_hz, 64.0 * self._rough_frequency_hz)
 
     @property

@@ -23,13 +23,12 @@ from beamsim.contacts.snubbers import (
     spring_contacts,
     springs_of,
 )
-from beamsim.errors import NotTrustedError, Problem, ScenarioError
+from beamsim.errors import NotTrustedError, Problem, ScenarioError, rooted
 from beamsim.inputs.drift import CorrectionSize
-from beamsim.inputs.excitation import BaseMotion, Driven, base_motion, level_signal, single_frequency_hz
-from beamsim.inputs.signal import Signal
+from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal, single_frequency_hz
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
-from beamsim.scenario.excitation import holds_levels, sine_problems
+from beamsim.scenario.excitation import One, holds_levels, sine_problems
 from beamsim.scenario.quantities import INTEGRALS
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
 from beamsim.structures.assembly import load_site_in
@@ -48,6 +47,7 @@ from beamsim.system.parts import (
     exciting_forces,
     force_sites,
     gravity_loads,
+    moving_base,
     reduced_parts,
     start_of,
 )
@@ -68,7 +68,7 @@ def carried_start(parts: Parts, forcing: Forcing) -> Floats:
     A start is relative to it, as one is to a base that moves.
     """
     start = np.zeros(2 * parts.basis.size)
-    first = len(forcing.signal) - 3 * len(parts.moved)
+    first = len(exciting_forces(parts.scenario))
     for k, moved in enumerate(parts.moved):
         _, velocity, displacement = forcing.signal[first + 3 * k : first + 3 * k + 3]
         shape = moved.static_shape(parts.structure, parts.basis)
@@ -102,37 +102,40 @@ def _phasor(sine: Any) -> complex:
 
 
 def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, Forcing]:
-    """The base's motion (None at rest) and the time-dependent loads; ``felt``: a contact or spring is on the ground."""
+    """The base's motion (None at rest) and the time-dependent loads; ``felt``: a contact or spring is on the ground.
+
+    They are those of the forces, three of each support that moves, then those of the base.
+    """
     scenario, structure = parts.scenario, parts.structure
-    excitation = scenario.excitation
-    if excitation.kind == "none":
-        return None, Forcing(np.zeros((0, parts.basis.size)), ())
     duration = None if scenario.run is None else scenario.run.duration
 
-    def signal_of(driven: Driven, at: Path, signal: Callable[..., Any]) -> Any:
+    def signal_of(driven: One, at: Path, signal: Callable[..., Any]) -> Any:
         folder = scenario.folder_of(*at, "file")
         key = (driven, duration, folder)
-        return parts.shared.once("signal", key, lambda: signal(driven, duration, folder))
+        with rooted("excitation", path_text(at)):
+            return parts.shared.once("signal", key, lambda: signal(driven, duration, folder))
 
-    forces = exciting_forces(scenario)
-    if forces or parts.moved:
-        loads = [(parts.shape(force.applied_to), signal_of(force, path, level_signal)) for path, force in forces]
-        for moved in parts.moved:
-            support = signal_of(moved.driven, moved.path, base_motion)
-            signals = (support.acceleration, support.velocity, support.displacement)
-            loads += zip(moved.loads(structure, parts.basis, parts.damping), signals, strict=True)
-        return None, Forcing(np.array([vector for vector, _ in loads]), tuple(signal for _, signal in loads))
-    assert excitation.kind != "forces"  # which move no base
-    motion = signal_of(excitation, ("excitation",), base_motion)
-    direction = base_direction(scenario)
-    assert direction is not None
-    inertia, ground = parts.base_load(direction)
-    load: list[Floats] = [-inertia]
-    signal: list[Signal] = [motion.acceleration]
-    if structure.base_load(direction)[1].any():  # springs to ground stretch by the base's displacement as well
-        load.append(ground)
-        signal.append(motion.displacement)
-    return motion, Forcing(np.array(load), tuple(signal), motion.displacement if felt else None)
+    loads = [
+        (parts.shape(force.applied_to), signal_of(force, path, level_signal))
+        for path, force in exciting_forces(scenario)
+    ]
+    for moved in parts.moved:
+        support = signal_of(moved.driven, moved.path, base_motion)
+        signals = (support.acceleration, support.velocity, support.displacement)
+        loads += zip(moved.loads(structure, parts.basis, parts.damping), signals, strict=True)
+    moving, motion = moving_base(scenario), None
+    if moving is not None:
+        path, driven = moving
+        motion = signal_of(driven, path, base_motion)
+        direction = base_direction(scenario)
+        assert direction is not None
+        inertia, ground = parts.base_load(direction)
+        loads.append((-inertia, motion.acceleration))
+        if structure.base_load(direction)[1].any():  # springs to ground stretch by the base's displacement as well
+            loads.append((ground, motion.displacement))
+    load = np.array([vector for vector, _ in loads]).reshape(len(loads), parts.basis.size)
+    displacement = motion.displacement if motion is not None and felt else None
+    return motion, Forcing(load, tuple(signal for _, signal in loads), displacement)
 
 
 def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, recovered: bool = True) -> StructuralSystem:
@@ -233,6 +236,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     initial += carried_start(parts, forcing)
 
     corrections = None if motion is None else motion.corrections
+    held = any(holds_levels(each) for _, each in scenario.excitation.items)
     correction = None if corrections is None else CorrectionSize.of(corrections)
     sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
     recoveries = parts.structure.recoveries(basis, tuple(sites), base_direction(scenario)) if recovered else ()
@@ -262,7 +266,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
             *free,
             *warnings,
             *_remarks(snubbers, pushing.tables),
-            *(correction.warnings(held=holds_levels(scenario.excitation)) if correction else ()),
+            *(correction.warnings(held=held) if correction else ()),
         ),
         base_correction=correction,
         sine=sine_loads(parts, forcing),

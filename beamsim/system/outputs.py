@@ -252,12 +252,11 @@ class _Asked:
         for direction, gravity in gravity_loads(scenario):
             weight -= gravity * sum(factor * force.base_forces(direction)[0] for factor, force in supports)
         load = np.zeros(len(self.forcing.signal))
-        if self.force_sites or self.parts.moved:
-            load[: len(self.force_sites)] = -shares(self.force_sites)
-            for signals, moved in self.moved_signals:
-                load[signals] = total(partial(Support.moved, other=moved.support))[[1, 2, 0]]
-        elif load.size > 1:  # beside the base's acceleration its displacement, which springs to the ground feel
-            load[1] = displaced
+        load[: len(self.force_sites)] = -shares(self.force_sites)
+        for signals, moved in self.moved_signals:
+            load[signals] = total(partial(Support.moved, other=moved.support))[[1, 2, 0]]
+        of_base = load[len(self.force_sites) + 3 * len(self.parts.moved) :]
+        of_base[1:] = displaced  # after the base's acceleration its displacement, which springs to the ground feel
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
         return self._channel(
             output, at,

@@ -21,10 +21,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
-from beamsim.inputs.excitation import Driven
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, suggestion
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, MovedSupport
+from beamsim.scenario.excitation import One
 from beamsim.scenario.run import ModeStart, ReleasedForceStart, Start
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
 from beamsim.structures.damping import reduced_damping
@@ -90,7 +90,7 @@ class Moved:
     """A support of the structure and what moves it."""
 
     path: Path
-    driven: Driven
+    driven: One
     support: Support
 
     def pattern(self, structure: Structure) -> LoadPattern:
@@ -122,17 +122,12 @@ class Moved:
         return -mass, damping @ self.static_shape(structure, basis) - viscous, -stiffness
 
 
-def _excitations(scenario: Scenario) -> list[tuple[Path, Driven]]:
-    """What excites the structure with its paths: several forces, or one force or motion."""
-    excitation = scenario.excitation
-    if excitation.kind == "none":
-        return []
-    if excitation.kind != "forces":
-        return [(("excitation",), excitation)]
-    return [(("excitation", "forces", index), each) for index, each in enumerate(excitation.forces)]
+def _excitations(scenario: Scenario) -> list[tuple[Path, One]]:
+    """What excites the structure with its paths: several forces and motions, or one."""
+    return [(("excitation", *path), each) for path, each in scenario.excitation.items]
 
 
-def driven_supports(scenario: Scenario) -> Iterator[tuple[Path, Driven]]:
+def driven_supports(scenario: Scenario) -> Iterator[tuple[Path, One]]:
     """What of the excitation moves a support, with its path."""
     return ((path, each) for path, each in _excitations(scenario) if isinstance(each.applied_to, MovedSupport))
 
@@ -369,7 +364,7 @@ def start_of(scenario: Scenario) -> Start | None:
     return None if scenario.run is None else scenario.run.start
 
 
-def exciting_forces(scenario: Scenario) -> list[tuple[Path, Driven]]:
+def exciting_forces(scenario: Scenario) -> list[tuple[Path, One]]:
     """The forces of the excitation with their paths; none of base motion and of no excitation."""
     return [
         (path, each)
@@ -378,13 +373,15 @@ def exciting_forces(scenario: Scenario) -> list[tuple[Path, Driven]]:
     ]
 
 
+def moving_base(scenario: Scenario) -> tuple[Path, One] | None:
+    """What of the excitation moves the base, with its path; None where the base is at rest."""
+    return next((item for item in _excitations(scenario) if item[1].on_base), None)
+
+
 def base_direction(scenario: Scenario) -> BaseDirection | None:
     """How the excitation moves the base; None where the base is at rest."""
-    excitation = scenario.excitation
-    if excitation.kind in ("none", "forces") or excitation.applied_to != "base":  # type: ignore[union-attr]
-        return None
-    direction = excitation.direction or ""  # type: ignore[union-attr]
-    return _named(scenario, direction, excitation.axis_point)  # type: ignore[union-attr]
+    moving = moving_base(scenario)
+    return None if moving is None else _named(scenario, moving[1].direction or "", moving[1].axis_point)
 
 
 def output_direction(scenario: Scenario, output: Any) -> BaseDirection:

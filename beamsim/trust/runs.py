@@ -12,7 +12,7 @@ a finer model happens to give the same number: shares and means, and extremes th
 by more than its own spread. Small disturbances of the stiffness say whether the motion is that sensitive or only the
 models differ.
 
-Root mean squares and lines of the spectra, and the statistics of a random or sampled response, are found again in the
+Root mean squares and lines of the spectra, and the statistics of a stationary response, are found again in the
 other motion.
 """
 

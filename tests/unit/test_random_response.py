@@ -9,8 +9,9 @@ from beamsim.analyses.gapping import transfer
 from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.random_response import LEVELS, crossing_rates, rms_interval
 from beamsim.cli.report import table_rows
-from beamsim.inputs.excitation import noise
+from beamsim.inputs.excitation import random_signals
 from beamsim.scenario import load_scenario
+from beamsim.scenario.excitation import RandomInput
 from beamsim.system.build import build_system
 
 G = 9.80665
@@ -103,12 +104,19 @@ def test_the_interval_of_a_single_run_is_that_of_the_scatter_over_seeds():
     assert fixed < 0.7 * scatter
 
 
+def noise(duration, rate, seed, amplitudes):
+    """Samples of flat noise of density 1 from 10 to 40 Hz."""
+    psd = [{"frequency": f, "density": 1.0} for f in (10.0, 40.0)]
+    given = {"applied_to": "base", "psd": psd, "sample_rate": rate, "seed": seed, "amplitudes": amplitudes}
+    return random_signals(RandomInput.model_validate(given), duration)[0](np.arange(round(rate * duration)) / rate)
+
+
 def test_degrees_of_freedom_of_gaussian_noise():
     """Flat noise in a band of B Hz for T seconds has 2 B T; the interval holds its RMS in 95 % of 2,000 records."""
-    at, value, T = np.array([10.0, 40.0]), np.array([1.0, 1.0]), 2.0
+    T = 2.0
     held, freedom = [], []
     for seed in range(2000):
-        interval = rms_interval(noise(at, value, T, 200.0, np.random.default_rng(seed), True))
+        interval = rms_interval(noise(T, 200.0, seed, "random"))
         held.append(interval["rms_low"] ** 2 < 30.0 < interval["rms_high"] ** 2)
         freedom.append(interval["degrees_of_freedom"])
     assert np.mean(freedom) == pytest.approx(2 * 30.0 * T, rel=0.08)
@@ -116,23 +124,38 @@ def test_degrees_of_freedom_of_gaussian_noise():
     assert rms_interval(np.zeros(100)) == {}
 
 
-def test_a_measured_input_is_no_process(tmp_path):
-    time = np.arange(2000) / 200.0
-    values = np.column_stack([time, np.sin(60 * time)])
-    np.savetxt(tmp_path / "a.csv", values, delimiter=",", header="time (s),a", comments="")
-    excitation = {"kind": "sampled", "applied_to": "base", "file": str(tmp_path / "a.csv"), "unit": "g"}
-    result = beamsim.run(load_scenario(OSCILLATOR | {"excitation": excitation, "run": {"duration": "5 s"}}))
-    assert result.random.input.rms_low is None
-    assert not any("95 %" in text for _, text in table_rows("run", result))
+def record(folder, values):
+    """An excitation by samples at 200 Hz."""
+    table = np.column_stack([np.arange(values.size) / 200.0, values])
+    np.savetxt(folder / "a.csv", table, delimiter=",", header="time (s),a", comments="")
+    return {"kind": "sampled", "applied_to": "base", "file": str(folder / "a.csv"), "unit": "g"}
 
 
-def test_a_measured_shock_that_ends_before_the_densities_begin_is_drawn(tmp_path):
+def test_a_record_has_statistics_where_it_is_declared_stationary(tmp_path):
+    """Of an earthquake or a shock root mean square, 3 sigma and kurtosis mean nothing; its peaks and spectra stay."""
+    given = record(tmp_path, 0.1 * np.random.default_rng(3).normal(size=2000)) | {"resample": 100.0}
+    run = {"duration": "5 s", "srs": {"from": "2 Hz", "to": "30 Hz", "per_octave": 3}}
+    quake = beamsim.run(load_scenario(OSCILLATOR | {"excitation": given, "run": run}))
+    assert quake.random is None
+    assert quake.srs is not None
+    rows = table_rows("run", quake)
+    assert any("acceleration" in label for label, _ in rows)
+    assert not any(word in f"{label} {text}" for label, text in rows for word in ("95 %", "sigma", "kurtosis"))
+    declared = load_scenario(OSCILLATOR | {"excitation": given | {"stationary": True}, "run": run})
+    noise = beamsim.run(declared)
+    assert noise.random.input.rms == pytest.approx(
+        np.sqrt(np.mean(noise.base_acceleration[noise.time >= 0.5] ** 2)), rel=1e-3
+    )
+    assert noise.random.input.rms_low < noise.random.input.rms < noise.random.input.rms_high
+    assert any("95 %" in text for _, text in table_rows("run", noise))
+    assert noise.summary["peak_acceleration_g"] == quake.summary["peak_acceleration_g"]
+
+
+def test_a_declared_record_that_ends_before_the_densities_begin_is_drawn(tmp_path):
     """The first tenth of the run is left out of the statistics, and the whole pulse with it."""
-    time = np.arange(5000) / 1000.0
-    values = np.column_stack([time, np.where(time < 0.1, np.sin(10 * np.pi * time), 0.0)])
-    np.savetxt(tmp_path / "a.csv", values, delimiter=",", header="time (s),a", comments="")
-    excitation = {"kind": "sampled", "applied_to": "base", "file": str(tmp_path / "a.csv"), "unit": "g"}
-    result = beamsim.run(load_scenario(OSCILLATOR | {"excitation": excitation, "run": {"duration": "4 s"}}))
+    time = np.arange(1000) / 200.0
+    pulse = record(tmp_path, np.where(time < 0.1, np.sin(10 * np.pi * time), 0.0)) | {"stationary": True}
+    result = beamsim.run(load_scenario(OSCILLATOR | {"excitation": pulse, "run": {"duration": "4 s"}}))
     assert result.random.input.density.max() < 1e-30
     figure = result.plot()["random"]
     FigureCanvasAgg(figure).draw()
@@ -196,7 +219,7 @@ def test_crossings_of_levels():
     rates = crossing_rates(x, 2.0)
     low, high = (-1.0 + 0.2) / np.sqrt(0.96), (1.0 + 0.2) / np.sqrt(0.96)
     np.testing.assert_allclose(rates, np.where((low < LEVELS) & (high >= LEVELS), 2 / 2.0, 0.0))
-    noisy = noise(np.array([10.0, 40.0]), np.ones(2), 400.0, 2000.0, np.random.default_rng(1))
+    noisy = noise(400.0, 2000.0, 1, "fixed")
     rates = crossing_rates(noisy, 2000.0)
     mean = np.sqrt((40.0**3 - 10.0**3) / (3 * 30.0))  # Hz, root of the ratio of the moments
     for level in (-2.0, 0.0, 1.0, 2.0):

@@ -24,10 +24,10 @@ def describe(name: str, output_units: Mapping[str, str]) -> tuple[str, str]:
     return output_units.get(place.rpartition("/")[2], "1") if value.section == "outputs" else value.unit, value.meaning
 
 
-def entries_of(asked: Collection[str], excitation: str) -> tuple[str, ...]:
-    """Entries of a run's summary that the responses asked for need, with a kind of excitation."""
+def entries_of(asked: Collection[str], stationary: bool) -> tuple[str, ...]:
+    """Entries of a run's summary that the responses asked for need, with or without a stationary input."""
     quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME)
-    if excitation not in ("random", "sampled"):  # whose responses have a root mean square
+    if not stationary:  # whose responses have no root mean square
         quantities = {name for name in quantities if not name.startswith("rms_")}
     quantities |= {"static_force", "open_frequencies_hz", "closed_frequencies_hz"}  # which the model has anyway
     return tuple(entry for entry, value in BY_ENTRY.items() if value.name in quantities)

@@ -122,7 +122,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         method=motion.method,
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
         contact=contact_instant(system, motion),
-        base_unit="rad" if getattr(scenario.excitation, "rotates", False) else "m",
+        base_unit="rad" if any(each.on_base and each.rotates for _, each in scenario.excitation.items) else "m",
         events=motion.events,
         spectra=spectra,
         **history_fields(scenario, system, motion, histories),
@@ -141,13 +141,13 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
         *coverage_notes(system, spectra, closed_form=motion.trajectory is not None),
     ]
-    if scenario.excitation.kind in ("random", "sampled") and goes_on("densities and statistics"):
+    if scenario.excitation.stationary and goes_on("densities and statistics"):
         from beamsim.analyses.run.random_response import random_response
 
         fields["random"] = random_response(result, system)
     closed_form = motion.trajectory is not None
     if settings.impacts is not None and closed_form and goes_on("statistics of impacts"):
-        stationary = scenario.excitation.kind == "random"
+        stationary = scenario.excitation.stationary
         fields["impacts"] = impacts_of(system, motion.parts(), settings.impacts, stationary=stationary)
     if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
         fields["fatigue"] = fatigue_of(

@@ -89,7 +89,7 @@ def _root_mean_squares(
     Parameters
     ----------
     system, scenario, motion : of the run.
-    asked : entries, of which those of a random or sampled input count.
+    asked : entries, of which those of a stationary input count.
     """
     keys = {entry: value.key for entry, value in BY_ENTRY.items() if entry.startswith("rms_") and entry in asked}
     assert scenario.run is not None

@@ -252,7 +252,7 @@ def _friction(
     contacts, number = scenario.friction, friction_contacts(system)
     figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
     if contacts and motion.trajectory is not None:
-        random = scenario.excitation.kind == "random" and motion.outcome.complete
+        random = scenario.excitation.stationary and motion.outcome.complete
         figures = sliding_figures(system, motion.trajectory, contacts, random=random)
     return {
         c.name: FrictionHistory(

@@ -1,4 +1,4 @@
-r"""Response to random and measured inputs: densities, RMS, statistics of peaks and levels, transmissibility.
+r"""Response to stationary inputs, random or measured: densities, RMS, statistics of peaks and levels, transmissibility.
 
 Densities are one-sided, by Welch's method (P. D. Welch, IEEE Trans. Audio Electroacoust. 15, 1967) with Hann windows
 and half overlap. The transmissibility is :math:`H_1 = S_{xy} / S_{xx}`; the coherence says where it means something:
@@ -24,6 +24,7 @@ from beamsim.analyses.run.impacts import CONFIDENCE, SKIPPED
 from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.result import MAIN_QUANTITY, RandomResponse, RunResult, SignalStatistics
 from beamsim.scenario.quantities import amplitude_unit
+from beamsim.system.parts import driven_supports, exciting_forces, moving_base
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
 
@@ -33,9 +34,9 @@ LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standar
 
 
 def random_response(result: RunResult, system: StructuralSystem) -> RandomResponse | None:
-    """Analyse a run with a random or sampled input.
+    """Analyse a run with a stationary input, a process of which the run is a sample.
 
-    Only figures of a random input, a process of which the run is a sample, have an interval.
+    Of several inputs the base's is shown, or else that of the first force or support; they have no transmissibility.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
     RandomResponse or None
         None where the run is too short.
     """
-    times, stationary = result.time, result.scenario.excitation.kind == "random"
+    times, scenario = result.time, result.scenario
     first = int(SKIPPED * times.size)
     count = times.size - first
     if count < LEAST_SAMPLES:
@@ -55,17 +56,19 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
     rate = (times.size - 1) / float(times[-1] - times[0])
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
-    linear = linear_responses(result.scenario, system, frequency)
+    linear = linear_responses(scenario, system, frequency)
 
     def statistics(name: str, quantity: str, unit: str, x: Floats) -> SignalStatistics:
-        figures: dict[str, Any] = statistics_of(x, rate) | (rms_interval(x) if stationary else {})
+        figures: dict[str, Any] = statistics_of(x, rate) | rms_interval(x)
         return SignalStatistics(
             name=name, quantity=quantity, unit=unit, density=cross_density(x, x, rate, length).real,
             crossings_hz=crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
         )  # fmt: skip
 
     shaken = system.base_acceleration is not None
-    quantity = getattr(result.scenario.excitation, "takes", ("acceleration" if shaken else "force",))[0]
+    others = (*exciting_forces(scenario), *driven_supports(scenario))
+    _, shown = moving_base(scenario) or others[0]
+    quantity, alone = str(shown.takes[0]), len(scenario.excitation.items) == 1
     given = (result.base_acceleration if shaken else system.forcing.signal[0](times))[first:]
     entered = statistics("input", quantity, amplitude_unit(quantity), given)
     signals, transmissibility, coherence = [entered], {}, {}
@@ -73,7 +76,7 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
         x = values[first:]
         signals.append(statistics(name, quantity, unit, x))
         of_probe = name in result.probes and name not in transmissibility  # an output may be called as a probe is
-        if of_probe and quantity == (MAIN_QUANTITY if shaken else "displacement"):
+        if alone and of_probe and quantity == (MAIN_QUANTITY if shaken else "displacement"):
             cross = cross_density(given, x, rate, length)
             with np.errstate(divide="ignore", invalid="ignore"):
                 transmissibility[name] = np.asarray(cross / entered.density)

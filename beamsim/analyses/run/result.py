@@ -398,7 +398,7 @@ class Work:
 
 @declared(along=_FREQUENCY)
 class SignalStatistics:
-    """One signal of a run with a random or sampled input, without the first part of the run."""
+    """One signal of a run with a stationary random input, without the first part of the run."""
 
     name: str = attribute("", "input, or the name of the probe or snubber")
     quantity: str = key("quantity of the signal")
@@ -414,7 +414,7 @@ class SignalStatistics:
     peaks_over_2_sigma: float = attribute("1", "share of the maxima more than 2 standard deviations above the mean")
     peaks_over_3_sigma: float = attribute("1", "share of the maxima more than 3 standard deviations above the mean")
     density: Floats = dataset("({unit})^2/Hz", "one-sided spectral density of the {quantity}")
-    # None of a sampled input, which is no process, and in files of earlier versions
+    # None of a signal that does not move, and in files of earlier versions
     rms_low: float | None = attribute(
         "{unit}", "lower end of the interval of the root mean square, 95 % of records of a Gaussian input", default=None
     )
@@ -440,7 +440,7 @@ class SignalStatistics:
 
 @declared(along=_FREQUENCY)
 class RandomResponse:
-    """Statistics of a run with a random or sampled input, without the first part of the run."""
+    """Statistics of a run with a stationary random input, without the first part of the run."""
 
     start_s: float = attribute("s", "what comes before is left out")
     frequency_hz: Floats = axis("Hz", "frequency")
@@ -594,7 +594,7 @@ _SUMMARY = (
     MARGINS,
     Entry("fatigue", "", "by body rainflow count and damage of its largest bending stress, if run.fatigue asks for it",
              "fatigue"),
-    Entry("random", "", "of a random or sampled input, by signal: rms with its 95 % interval, crest factor, kurtosis "
+    Entry("random", "", "of a stationary random input, by signal: rms with its 95 % interval, crest factor, kurtosis "
              "and more", "random response"),
     Entry("random_linear", "", "of a random input, by signal: standard deviation of the run, and of the linear "
              "structure with every snubber always open and always closed", "linear prediction"),
@@ -635,7 +635,7 @@ class RunResult(Result):
     energy: EnergyHistory = group("energy", EnergyHistory)
     modes: ModeTable = group("modes", ModeTable)
     work: Work = group("work", Work)
-    random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a random or sampled input
+    random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
     srs: ShockResponse | None = group("srs", ShockResponse, default=None)  # where shock response spectra were asked for
     against: Against | None = group("against", Against, default=None)  # where the comparison was asked for
     contact: ContactInstant | None = group("contact", ContactInstant, default=None)  # of several bodies with contact

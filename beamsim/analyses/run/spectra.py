@@ -178,7 +178,7 @@ def _suited_window(scenario: Scenario, x: Floats) -> str:
     """Hann for a motion that lasts, ``decaying`` for a shock and for what dies away, of which the beginning counts."""
     if scenario.excitation.shock:
         return "decaying"
-    if scenario.excitation.kind in ("none", "sampled") and x.size >= 4:
+    if scenario.excitation.highest_frequency_hz == 0.0 and x.size >= 4:  # none, or records
         quarter, y = x.size // 4, x - np.mean(x)
         first, last = (float(np.sqrt(np.mean(part**2))) for part in (y[:quarter], y[-quarter:]))
         if last < DECAYED * first:

@@ -1,0 +1,87 @@
+"""Motion of the base, of supports and forces in one list, each with a signal of any kind."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.scenario import load_scenario
+
+BEAM = {
+    "length": 0.9, "width": 0.03, "thickness": 0.004, "youngs_modulus": 70e9, "density": 2700.0, "elements": 9,
+    "supports": {"left": "pinned", "right": "pinned"}, "damping": {"kind": "modal", "ratio": 0.02},
+}  # fmt: skip
+OUTPUTS = [
+    {"name": "right", "kind": "reaction_force", "support": "right"},
+    {"name": "base", "kind": "reaction_force", "support": "base"},
+    {"name": "hinge", "kind": "acceleration", "position": 0.9},
+]
+SPRING = {"name": "hanger", "kind": "linear", "position": 0.3, "stiffness": "2 kN/m"}
+NOISE = {"kind": "random", "psd": [{"frequency": f, "density": "0.01 N^2/Hz"} for f in (20.0, 90.0)], "seed": 4}
+
+
+def record(folder):
+    time = np.arange(81) / 100.0
+    moved = np.sin(9.0 * time) ** 3 * np.exp(-2.0 * time)
+    np.savetxt(folder / "r.csv", np.column_stack([time, moved]), delimiter=",", header="time (s),w (mm)", comments="")
+    return {"kind": "sampled", "file": str(folder / "r.csv"), "column": "w", "quantity": "displacement"}
+
+
+def entries(folder):
+    return [
+        {**record(folder), "applied_to": {"support": "right"}},
+        {"kind": "half_sine", "applied_to": "base", "level": "2 g", "duration": "11 ms", "time": 0.1},
+        {**NOISE, "applied_to": {"position": 0.5}},
+        {"kind": "step", "applied_to": {"line": "whole"}, "level": "3 N/m", "time": 0.2},
+        {"kind": "trapezoid", "applied_to": {"support": "left"}, "level": "0.1 m/s", "duration": "20 ms", "time": 0.3},
+        {"kind": "swept_sine", "applied_to": {"position": 0.7}, "level": 0.5, "from": 30, "to": 60, "rate": "40 Hz/s"},
+        {"kind": "multi_tone", "applied_to": {"support": "left", "direction": "z"},
+         "tones": [{"level": "0.1 mm", "frequency": 11.0}, {"level": "0.2 mm", "frequency": 17.0, "phase": 1.0}]},
+    ]  # fmt: skip
+
+
+def run_of(excitation, **more):
+    return beamsim.run(load_scenario({
+        "beam": BEAM, "excitation": excitation, "reduction": {"modes": "all"}, "springs_to_ground": [SPRING],
+        "probes": [{"name": "p", "position": 0.6}], "outputs": OUTPUTS,
+        "run": {"duration": 0.7, "sample_rate": 2000.0, "start": "rest", "convergence": "off"}, **more,
+    }))  # fmt: skip
+
+
+def histories(result):
+    probe = result.probes["p"]
+    return {
+        "displacement": probe.displacement, "acceleration": probe.absolute_acceleration,
+        "absolute": probe.absolute_displacement, "base": result.base_displacement,
+        **{name: output.value for name, output in result.outputs.items()},
+    }  # fmt: skip
+
+
+def test_a_linear_motion_is_the_sum_of_those_of_the_entries(tmp_path):
+    """Records, noise, pulses, steps, tones and a sweep, of the base, of supports and of forces; reactions too."""
+    each = entries(tmp_path)
+    together = run_of({"kind": "forces", "forces": each})
+    alone = [histories(run_of(entry)) for entry in each]
+    for name, values in histories(together).items():
+        total = np.sum([of[name] for of in alone], axis=0)
+        np.testing.assert_allclose(values, total, rtol=0, atol=1e-9 * np.abs(total).max(), err_msg=name)
+    assert together.summary["energy_error"] < 1e-9
+
+
+def test_a_base_alone_in_a_list_is_a_base(tmp_path):
+    base = entries(tmp_path)[1]
+    stop = {"name": "s", "position": 0.5, "side": "above", "stiffness": 2e4, "gap": "0.2 mm", "mounted_on": "ground"}
+    listed = run_of({"kind": "forces", "forces": [base]}, snubbers=[stop])
+    plain = run_of(base, snubbers=[stop])
+    assert listed.summary["contacts"]["s"] > 0
+    for name, values in histories(plain).items():
+        np.testing.assert_array_equal(histories(listed)[name], values)
+    assert listed.summary["peak_force_n"] == plain.summary["peak_force_n"]
+
+
+def test_noise_in_a_list_has_statistics_where_nothing_else_comes_and_goes(tmp_path):
+    noise, tone = {**NOISE, "applied_to": {"position": 0.5}}, {**entries(tmp_path)[6]}
+    response = run_of({"kind": "forces", "forces": [noise, tone]}).random
+    assert response.input.unit == "N"
+    assert response.input.rms == pytest.approx(np.sqrt(0.01 * 70.0), rel=0.1)
+    assert not response.transmissibility  # of one input among several
+    assert run_of({"kind": "forces", "forces": [noise, entries(tmp_path)[0]]}).random is None
