@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult
+from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult, SignalStatistics
 from beamsim.analyses.run.spectra import LOBE
-from beamsim.cli.printing import percent
+from beamsim.cli.printing import percent, words
 from beamsim.cli.report import Labelled, Views, in_units, stress_text, together
 from beamsim.cli.screens import SHOWN, Numbers, Screen, contact_levels, limit_lines, limits_by_place, modes, sureness
 from beamsim.outcomes import first_of
@@ -36,6 +36,11 @@ def run_screen(result: RunResult) -> Screen:
     ]
     if outputs:
         lines.append(f"peaks of outputs: {first_of(outputs, SHOWN)}")
+    if random := result.random:
+        signals = sorted(random.signals, key=lambda signal: signal.quantity != "force")
+        largest = [f"{of.name} {words(of.quantity)} {text}" for of in signals if (text := _expected_peak(of))]
+        if largest:
+            lines.append(f"largest in {amount(random.test_duration_s, 's')} of test: {first_of(largest, SHOWN)}")
     lines += [f"damage of {name} {body['damage']:.2g}" for name, body in s.get("fatigue", {}).items()]
     shown = {row[""] for row in rows}
     lines += limit_lines({name: item for name, item in s.get("margins", {}).items() if item["at"] not in shown})
@@ -44,6 +49,17 @@ def run_screen(result: RunResult) -> Screen:
         diverge = "" if until >= result.time[-1] else f" until {until:.4g} s, where the contact sequences diverge"
         lines.append(f"{compared['method']}: displacements differ by at most {apart}{diverge}")
     return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+
+
+def _expected_peak(signal: SignalStatistics) -> str:
+    """Largest value of a test with its interval; empty where it is not known."""
+    if not is_known(signal.expected_peak):
+        return ""
+    expected, low, high = (
+        amount(value, signal.unit, 3)
+        for value in (signal.expected_peak, signal.expected_peak_low, signal.expected_peak_high)
+    )
+    return f"{expected} ({low} to {high}, 95 %)"
 
 
 def _place(s: Mapping[str, Any], numbers: Numbers, name: str, limits: Mapping[str, list[str]]) -> dict[str, str]:
@@ -162,8 +178,9 @@ def _order(line: Mapping[str, Any]) -> str:
 
 
 def _random(result: RunResult, signals: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """By signal RMS with its interval, 3 sigma, peak, crest factor and kurtosis."""
+    """By signal RMS with its interval, 3 sigma, peak, largest value of the test, crest factor and kurtosis."""
     recorded = () if result.random is None else result.random.recorded
+    tested = None if result.random is None else result.random.test_duration_s
     told = {}
     for signal in recorded:
         of = signals[f"{signal.name} {signal.quantity}"]  # summaries of older files have fewer values
@@ -172,12 +189,13 @@ def _random(result: RunResult, signals: Mapping[str, Mapping[str, Any]]) -> dict
             "3_sigma": 3.0 * signal.standard_deviation, "peak": max(abs(signal.highest), abs(signal.lowest)),
         }  # fmt: skip
         texts = in_units(values, dict.fromkeys(values, signal.unit))
+        shown = {key: texts[key] for key in ("rms", "3_sigma", "peak")}
         if is_known(values["rms_low"]):
-            texts["rms"] += f" ({texts['rms_low']} to {texts['rms_high']}, 95 %)"
+            shown["rms"] += f" ({texts['rms_low']} to {texts['rms_high']}, 95 %)"
+        if largest := _expected_peak(signal):
+            shown[f"largest in {amount(tested, 's')}"] = largest
         others = {key: of[key] for key in ("crest_factor", "kurtosis")}
-        told[f"{signal.name} {signal.quantity}".replace("_", " ")] = {
-            k: texts[k] for k in ("rms", "3_sigma", "peak")
-        } | others
+        told[f"{signal.name} {signal.quantity}".replace("_", " ")] = shown | others
     return told
 
 

@@ -351,6 +351,9 @@ def _run(scenario: ScenarioParts) -> Problems:
     yield from _stepping(scenario, run)
     yield from _spectrum(scenario, run)
     yield from _impacts(scenario, run)
+    if run.test_duration is not None and not scenario.excitation.stationary:
+        yield Problem("run.test_duration", "is that of a test with a random input, of which the run is a sample",
+                      "leave it out, or simulate the whole test by run.duration")  # fmt: skip
 
 
 def _sampling(scenario: ScenarioParts, run: Run) -> Problems:

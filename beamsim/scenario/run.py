@@ -168,6 +168,9 @@ class Run(Schema):
 
     duration: q.Duration
     """Simulated time."""
+    test_duration: q.Duration | None = None
+    """How long the test with a stationary random input lasts, for which largest values are expected; by default as long
+    as the run."""
     sample_rate: q.Frequency | None = None
     """Sample rate of the output; by default chosen from the excitation and the structure."""
     start: Start = "static_equilibrium"

@@ -124,6 +124,7 @@ DEFAULTS = {
     "BendingOutput.surface": "top",
     "ReactionOutput.direction": "z of a force, ry of a moment",
     "ReactionOutput.about": "origin of the coordinates of the body",
+    "Run.test_duration": "`run.duration`",
     "Run.sample_rate": "100 samples a period of the excitation, more where structure or a short run needs it",
     "Run.convergence": "on; off in the cases of a study",
     "Run.most_contact_states": "`run.memory`",

@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import beamsim
 from beamsim.analyses.gapping import transfer
 from beamsim.analyses.run.linear_prediction import linear_responses
-from beamsim.analyses.run.random_response import LEVELS, crossing_rates, rms_interval
+from beamsim.analyses.run.random_response import LEVELS, crossing_rates, largest_of_test, rms_interval
 from beamsim.cli.report import table_rows
 from beamsim.inputs.excitation import random_signals
 from beamsim.scenario import load_scenario
@@ -104,9 +104,9 @@ def test_the_interval_of_a_single_run_is_that_of_the_scatter_over_seeds():
     assert fixed < 0.7 * scatter
 
 
-def noise(duration, rate, seed, amplitudes):
-    """Samples of flat noise of density 1 from 10 to 40 Hz."""
-    psd = [{"frequency": f, "density": 1.0} for f in (10.0, 40.0)]
+def noise(duration, rate, seed, amplitudes, band=(10.0, 40.0)):
+    """Samples of flat noise of density 1 in a band, Hz."""
+    psd = [{"frequency": f, "density": 1.0} for f in band]
     given = {"applied_to": "base", "psd": psd, "sample_rate": rate, "seed": seed, "amplitudes": amplitudes}
     return random_signals(RandomInput.model_validate(given), duration)[0](np.arange(round(rate * duration)) / rate)
 
@@ -226,3 +226,60 @@ def test_crossings_of_levels():
         expected = mean * np.exp(-0.5 * level**2)
         assert rates[np.flatnonzero(level == LEVELS)[0]] == pytest.approx(expected, rel=0.04)
     assert not crossing_rates(np.zeros(10), 1.0).any()
+
+
+def held(found, largest):
+    """Mean expected value over the mean of the largest values of tests, and the share of these in the intervals."""
+    expected, low, high = (
+        np.array([s[key] for s in found])[:, None]
+        for key in ("expected_peak", "expected_peak_low", "expected_peak_high")
+    )
+    inside = (low < largest) & (largest < high)
+    return float(expected.mean() / largest.mean()), float(inside.mean())
+
+
+@pytest.mark.parametrize("mean", [0.0, -3.0])
+def test_largest_values_of_tests_of_gaussian_noise(mean):
+    """Records of 4 s predict tests of 40 s, of which there are others; Davenport's factor for their mean frequency."""
+    rate, deviation, band = 600.0, np.sqrt(40.0), (20.0, 60.0)
+    tests = [mean + noise(40.0, rate, seed, "random", band) / deviation for seed in range(200)]
+    largest = np.array([np.abs(x).max() for x in tests])
+    found = []
+    for seed in range(1000, 1200):
+        x = mean + noise(4.0, rate, seed, "random", band) / deviation
+        found.append(largest_of_test(x, rms_interval(x)["degrees_of_freedom"], 40.0 * rate))
+    ratio, share = held(found, largest)
+    assert ratio == pytest.approx(1.0, abs=0.04)
+    assert 0.91 < share < 0.98
+    crossings = np.sqrt((60.0**3 - 20.0**3) / (3 * 40.0)) * 40.0 * (2.0 if mean == 0.0 else 1.0)
+    root = np.sqrt(2.0 * np.log(crossings))
+    closed_form = abs(mean) + root + np.euler_gamma / root
+    assert np.mean([s["expected_peak"] for s in found]) == pytest.approx(closed_form, rel=0.04)
+
+
+def test_a_largest_value_is_not_stated_without_independent_peaks():
+    assert largest_of_test(np.zeros(1000), 500.0, 1e4) == {}
+    few = noise(0.1, 600.0, 1, "fixed")
+    assert largest_of_test(few, rms_interval(few)["degrees_of_freedom"], 1e4) == {}
+    rare = np.where(np.arange(2000) == 1000, 1.0, 0.0)
+    assert largest_of_test(rare, 500.0, 1e4) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gap", [None, 2e-3])
+def test_largest_values_of_tests_of_an_oscillator(gap):
+    """Runs of 20 s predict tests of 100 s with other seeds, of a free oscillator and of one against a stop."""
+    case = OSCILLATOR if gap is None else stopped(gap)
+    of = "mass absolute_acceleration" if gap is None else "stop force"
+
+    def random(seed, duration):
+        excitation = OSCILLATOR["excitation"] | {"amplitudes": "random", "seed": seed}
+        run = {"duration": duration, "test_duration": 100.0, "start": "rest", "sample_rate": 1000.0}
+        scenario = load_scenario(case | {"excitation": excitation, "run": run | {"convergence": "off"}})
+        return beamsim.run(scenario).summary["random"][of]
+
+    tests = [random(seed, 100.0) for seed in range(30)]
+    largest = np.array([max(abs(s["highest"]), abs(s["lowest"])) for s in tests])
+    ratio, share = held([random(seed, 20.0) for seed in range(100, 150)], largest)
+    assert ratio == pytest.approx(1.0, abs=0.07)
+    assert 0.85 < share <= 1.0

@@ -11,11 +11,20 @@ resolution 1/T, give :math:`n = 4 (\sum p_k)^2 / \sum p_k^2 - 2`, as the mean of
 that of :math:`p_k`. Where the kurtosis exceeds that of a Gaussian signal, the mean square scatters more, and n is
 divided by half of the kurtosis less 1. The interval is that of repeated records of a Gaussian input, whether the
 amplitudes of this one are random or fixed.
+
+*The largest value of a test.* The record is cut into N segments. The squares of their peaks, of which the mean of the
+signal is taken off, follow E. J. Gumbel's distribution (Statistics of Extremes, 1958): it is the limit for a Gaussian
+signal (A. G. Davenport, Proc. ICE 28, 1964) and for an oscillator on linear stops, the energy of whose peaks is
+exponentially distributed. With location u and scale b from the first two L-moments (J. R. M. Hosking, J. R. Stat. Soc.
+B 52, 1990), the largest square of r segments is u + b (ln r + G), G being a standard Gumbel variable. The distribution
+of :math:`(\ln r + G - \hat u) / \hat b` does not depend on u and b: its quantiles give an interval which also holds
+how little N segments say. A segment has some four degrees of freedom, so that its peak says nothing of the next one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,6 +39,9 @@ from beamsim.typing import Complexes, Floats
 
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
+FREEDOM_OF_SEGMENT = 4  # degrees of freedom of a segment that has a peak of its own
+FEWEST_SEGMENTS, MOST_SEGMENTS = 5, 50
+DRAWS = 20_000  # of segments, for the interval of a largest value
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
 
 
@@ -57,9 +69,12 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
     linear = linear_responses(scenario, system, frequency)
+    assert scenario.run is not None
+    tested = scenario.run.test_duration or float(times[-1])
 
     def statistics(name: str, quantity: str, unit: str, x: Floats) -> SignalStatistics:
         figures: dict[str, Any] = statistics_of(x, rate) | rms_interval(x)
+        figures |= largest_of_test(x, figures.get("degrees_of_freedom", 0.0), tested * rate)
         return SignalStatistics(
             name=name, quantity=quantity, unit=unit, density=cross_density(x, x, rate, length).real,
             crossings_hz=crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
@@ -81,7 +96,10 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
             with np.errstate(divide="ignore", invalid="ignore"):
                 transmissibility[name] = np.asarray(cross / entered.density)
                 coherence[name] = np.asarray(np.abs(cross) ** 2 / (entered.density * signals[-1].density))
-    return RandomResponse(float(times[first]), frequency, tuple(signals), transmissibility, coherence, LEVELS)
+    return RandomResponse(
+        float(times[first]), frequency, tuple(signals), transmissibility, coherence, LEVELS,
+        test_duration_s=tested,
+    )  # fmt: skip
 
 
 def _responses(result: RunResult) -> Iterator[tuple[str, str, str, Floats]]:
@@ -173,3 +191,49 @@ def rms_interval(x: Floats) -> dict[str, float]:
         float(np.sqrt(x.mean() ** 2 + square * freedom / chdtri(freedom, share))) for share in (tail, 1 - tail)
     )
     return {"degrees_of_freedom": freedom, "rms_low": low, "rms_high": high}
+
+
+def largest_of_test(x: Floats, freedom: float, samples: float) -> dict[str, float]:
+    """Largest magnitude that a stationary signal is expected to reach in a test, and its interval.
+
+    Parameters
+    ----------
+    x : (nt,) samples of the signal.
+    freedom : degrees of freedom of their mean square.
+    samples : of the whole test.
+
+    Returns
+    -------
+    Fields of `SignalStatistics`; none where the record has too few independent peaks, or segments without one.
+    """
+    count = int(min(freedom // FREEDOM_OF_SEGMENT, MOST_SEGMENTS))
+    if count < FEWEST_SEGMENTS:
+        return {}
+    mean = abs(float(x.mean()))
+    peaks = np.array([np.abs(part).max() for part in np.array_split(x, count)]) - mean
+    if peaks.min() <= 0.0:
+        return {}
+    place, scale = _gumbel(peaks**2)
+    segments = count * samples / x.size
+    low, high = place + scale * _pivots(count, segments)
+    expected = place + scale * (np.log(segments) + np.euler_gamma)
+    roots = mean + np.sqrt(np.maximum([expected, low, high], 0.0))
+    return dict(zip(("expected_peak", "expected_peak_low", "expected_peak_high"), roots.tolist(), strict=True))
+
+
+def _gumbel(x: Floats) -> tuple[Floats, Floats]:
+    """Location and scale of Gumbel's distribution by the L-moments of samples (..., N)."""
+    count = x.shape[-1]
+    weight = (2.0 * np.arange(count) - (count - 1)) / (count - 1)
+    scale = np.asarray(np.sort(x, axis=-1) @ weight / (count * np.log(2.0)))
+    return x.mean(axis=-1) - np.euler_gamma * scale, scale
+
+
+@cache
+def _pivots(count: int, segments: float) -> Floats:
+    """(2,) how many estimated scales the largest of some segments is from the location estimated from ``count``."""
+    generator = np.random.default_rng(0)
+    place, scale = _gumbel(generator.gumbel(size=(DRAWS, count)))
+    pivots = (np.log(segments) + generator.gumbel(size=DRAWS) - place) / scale
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    return np.asarray(np.quantile(pivots, [tail, 1.0 - tail]))

@@ -420,6 +420,15 @@ class SignalStatistics:
     )
     rms_high: float | None = attribute("{unit}", "upper end of that interval", default=None)
     degrees_of_freedom: float | None = attribute("1", "equivalent degrees of freedom of the mean square", default=None)
+    # None also where the record has too few independent peaks
+    expected_peak: float | None = attribute(
+        "{unit}", "largest magnitude expected in the test, by Gumbel's distribution of the peaks of segments",
+        default=None,
+    )  # fmt: skip
+    expected_peak_low: float | None = attribute(
+        "{unit}", "lower end of the interval of the largest magnitude, 95 % of tests", default=None
+    )
+    expected_peak_high: float | None = attribute("{unit}", "upper end of that interval", default=None)
     # None where the structure has no snubbers or is more than linear without them
     linear_open: float | None = attribute(
         "{unit}", "standard deviation of the stationary linear response, every snubber always open", default=None
@@ -456,6 +465,9 @@ class RandomResponse:
     level: Floats | None = axis(  # None in files of earlier versions
         "1", "level above the mean, in standard deviations of the signal", default=None
     )
+    test_duration_s: float | None = attribute(  # None in files of earlier versions
+        "s", "duration of the test for which the largest values are expected", default=None
+    )
 
     @property
     def input(self) -> SignalStatistics:
@@ -474,7 +486,8 @@ class RandomResponse:
 
     def summary(self) -> dict[str, Any]:
         """The numbers, by name and quantity."""
-        keys = (*STATISTICS, "standard_deviation", "highest", "lowest", "rms_low", "rms_high", "degrees_of_freedom")
+        keys = (*STATISTICS, "standard_deviation", "highest", "lowest", "rms_low", "rms_high", "degrees_of_freedom",
+                "expected_peak", "expected_peak_low", "expected_peak_high")  # fmt: skip
         return {f"{s.name} {s.quantity}": {key: getattr(s, key) for key in keys} for s in self.recorded}
 
     def prediction(self) -> dict[str, dict[str, float]]:
@@ -594,8 +607,8 @@ _SUMMARY = (
     MARGINS,
     Entry("fatigue", "", "by body rainflow count and damage of its largest bending stress, if run.fatigue asks for it",
              "fatigue"),
-    Entry("random", "", "of a stationary random input, by signal: rms with its 95 % interval, crest factor, kurtosis "
-             "and more", "random response"),
+    Entry("random", "", "of a stationary random input, by signal: rms with its 95 % interval, crest factor, kurtosis, "
+             "largest value expected in the test with its interval, and more", "random response"),
     Entry("random_linear", "", "of a random input, by signal: standard deviation of the run, and of the linear "
              "structure with every snubber always open and always closed", "linear prediction"),
     Entry("srs", "", "of shock response spectra, by signal: highest point of the maximax spectrum, and where it is",
