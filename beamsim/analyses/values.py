@@ -16,7 +16,7 @@ import numpy as np
 from beamsim.fields import Entry
 from beamsim.outcomes import COMPLETE, OnLimit, Outcome, on_limit
 from beamsim.scenario import Scenario
-from beamsim.scenario.reporting import OF_OUTPUTS, Limits
+from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.typing import Floats
@@ -81,6 +81,7 @@ class Value(NamedTuple):
     label: str = ""  # of its row in a printed table
     limit: str = ""  # by which it is limited
     scale: float = 1.0  # SI over the unit of the entry
+    decibels: float = 0.0  # of a decade of the ratio to a curve: 20 of an amplitude, 10 of a power; 0 of other values
 
     def takes(self, key: Key) -> bool:
         """Whether it is an extreme of channels of a section and quantity."""
@@ -131,7 +132,7 @@ VALUES = (
     Value("peak_friction_force", "peak_friction_force_n", "friction", "force", largest, "N",
           "largest magnitude of a friction contact's force", "peak friction force"),
     Value("peak_output", "peak_output", "outputs", "", largest, "",
-          "largest magnitude of an output, in its output_unit", "outputs"),
+          "largest magnitude of an output, in its output_unit", "outputs", "outputs"),
     Value("min_output", "min_output", "outputs", "", itemgetter(0), "", "smallest value of an output"),
     Value("max_output", "max_output", "outputs", "", itemgetter(2), "", "largest value of an output"),
     Value("bending_stress", "largest_bending_stress_pa", *STRESS, largest, "Pa",
@@ -143,10 +144,14 @@ VALUES = (
     Value("static_force", "static_force_n", "snubbers", "", None, "N",
           "contact force of a snubber at static equilibrium"),
     Value("rms_absolute_acceleration", "rms_absolute_acceleration", *ACCELERATION, None, "m/s^2",
-          "root mean square of the absolute acceleration"),
+          "root mean square of the absolute acceleration", limit="rms_acceleration"),
     Value("rms_displacement", "rms_displacement", *DISPLACEMENT, None, "m",
-          "root mean square of the displacement, relative to the base"),
-    Value("rms_force", "rms_force", *FORCE, None, "N", "root mean square of the contact force"),
+          "root mean square of the displacement, relative to the base", limit="rms_displacement"),
+    Value("rms_force", "rms_force", *FORCE, None, "N", "root mean square of the contact force", limit="rms_force"),
+    Value("srs_over_limit", "srs_over_limit", "probes", "", None, "1",
+          "largest ratio of a maximax shock response spectrum to its limit curve", limit="srs", decibels=20.0),
+    Value("psd_over_limit", "psd_over_limit", "probes", "", None, "1",
+          "largest ratio of a spectral density to its limit curve", limit="psd", decibels=10.0),
     Value("bending_stress_position", "largest_bending_stress_position_m", "bodies", "", None, "m",
           "where the bending stress is largest, on a plate its x"),
     Value("open_frequencies_hz", "open_frequencies_hz", "", "", None, "Hz",
@@ -196,7 +201,7 @@ class AlongCurve:
 
     def peaks(self) -> Iterator[tuple[Value, Mapping[str, Floats]]]:
         """The values that have limits, and outputs, each with the largest (C,) of every cycle by name."""
-        for value in (*LIMITED.values(), OUTPUT):
+        for value in LIMITED.values():
             of: Mapping[str, Floats] = {name: each.peak for name, each in self.envelopes(value.quantity).items()}
             if value is OUTPUT:
                 of = {name: output.peak for name, output in self.outputs.items()}
@@ -204,7 +209,7 @@ class AlongCurve:
                 of = self.peak_gap
             elif value.key == STRESS and self.peak_bending_stress is not None:
                 of = {"": self.peak_bending_stress}
-            if of:
+            if of and value.of is not None:
                 yield value, of
 
 
@@ -233,22 +238,38 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
     return found
 
 
+def limited(name: str) -> tuple[Value, str]:
+    """The value that a limit is on, and at which place alone; no place where that is any of them.
+
+    >>> value, place = limited("peak_force.tip")
+    >>> value.name, place
+    ('peak_force', 'tip')
+    """
+    limit, _, place = name.partition(".")
+    return LIMITED[limit], place
+
+
 def limit_unit(scenario: Scenario, name: str) -> str:
     """SI unit of a limit."""
-    if name.startswith(OF_OUTPUTS):
+    value, place = limited(name)
+    if value is OUTPUT:
         from beamsim.system.outputs import output_units
 
-        return output_units(scenario)[name.removeprefix(OF_OUTPUTS)]
-    return LIMITED[name].unit
+        return output_units(scenario)[place]
+    return value.unit
 
 
 def limit_label(name: str) -> str:
     """The name for people.
 
-    >>> limit_label("peak_force"), limit_label("outputs.root_moment")
-    ('peak force', 'output root_moment')
+    >>> limit_label("peak_force"), limit_label("peak_force.tip_1"), limit_label("outputs.root_moment")
+    ('peak force', 'peak force of tip_1', 'output root_moment')
     """
-    return f"output {name.removeprefix(OF_OUTPUTS)}" if name.startswith(OF_OUTPUTS) else name.replace("_", " ")
+    limit, _, place = name.partition(".")
+    if limit == OUTPUT.limit:
+        return f"output {place}"
+    words = limit.upper() if LIMITED[limit].decibels else limit.replace("_", " ")
+    return " of ".join(filter(None, (words, place)))
 
 
 def margin_of(limit: float, value: float) -> float:
@@ -261,21 +282,18 @@ def margin_of(limit: float, value: float) -> float:
 
 
 def margins(limits: Limits | None, summary: Mapping[str, Any]) -> Margins:
-    """The margins of a run, from its summary."""
+    """The margins of a run, from the values of its summary; a curve's limit is 1, on the largest ratio to it."""
     largest = {}
     for name in {} if limits is None else limits.given:
-        if name.startswith(OF_OUTPUTS):
-            largest[name] = float(summary["peak_output"][name.removeprefix(OF_OUTPUTS)]), ""
-            continue
-        limited = LIMITED[name]
-        given = summary[limited.entry]
-        if isinstance(given, Mapping):
-            at = max(given, key=lambda place: given[place])
-            value = float(given[at])
+        value, place = limited(name)
+        found = summary.get(value.entry, {place: math.nan})  # of what was left out
+        if isinstance(found, Mapping):
+            at = place or max(found, key=lambda each: found[each])
+            size = float(found.get(at, math.nan))
         else:
             body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
-            at, value = f"{body}x = {summary['largest_bending_stress_position_m']:.6g} m", float(given)
-        largest[name] = value * limited.scale, at
+            at, size = f"{body}x = {summary['largest_bending_stress_position_m']:.6g} m", float(found)
+        largest[name] = size * value.scale, "" if value is OUTPUT else at
     return margins_of(limits, largest)
 
 
@@ -289,6 +307,8 @@ def margins_of(limits: Limits | None, largest: Mapping[str, tuple[float, str]]) 
         value, at = largest.get(name, (math.nan, ""))
         ends = {"lowest": value, "highest": value}
         compared[name] = {"limit": limit, "value": value, **ends, "margin": margin_of(limit, value), "at": at}
+        if decade := limited(name)[0].decibels:
+            compared[name]["margin_db"] = decade * math.log10(limit / value) if value > 0.0 else math.nan
     return judged(compared)
 
 
@@ -296,9 +316,10 @@ def margins_along(limits: Limits | None, found: Iterable[tuple[Value, str, float
     """The margins of values along curves or branches: each with whose it is, its size (SI), and where that is."""
     largest: dict[str, tuple[float, str]] = {}
     for value, name, size, where in found:
-        limit, place = (value.limit, f"{name}, ") if value.limit else (OF_OUTPUTS + name, "")
-        if size > largest.get(limit, (-1.0, ""))[0]:
-            largest[limit] = size, f"{place}{where}".removeprefix(", ")
+        at = where if value is OUTPUT or not name else f"{name}, {where}"
+        for limit in (value.limit, f"{value.limit}.{name}"):
+            if size > largest.get(limit, (-1.0, ""))[0]:
+                largest[limit] = size, at
     return margins_of(limits, largest)
 
 
@@ -332,6 +353,10 @@ def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
         unit, changes = limit_unit(scenario, name), item["lowest"] < item["highest"]
         between = f" ({item['lowest']:.5g} to {item['highest']:.5g} {unit} with its change)" if changes else ""
         verdict = "exceeds" if item["exceeded"] else "neither meets nor exceeds"
+        if "margin_db" in item:
+            margin = f"the margin is {item['margin_db']:.2f} dB"
+            texts.append(f"{limit_label(name)} {verdict} limits.{name} at {item['at']}: {margin}")
+            continue
         value = f"{limit_label(name)} = {item['value']:.5g} {unit}{between}"
         texts.append(f"{value} {verdict} limits.{name} = {item['limit']:.5g} {unit}")
     return texts

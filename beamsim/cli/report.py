@@ -144,7 +144,7 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
     """By limit: margin, value with its place, and limit."""
     return {
         limit_label(name): {
-            "margin": margin_text(item["margin"], item["value"]),
+            "margin": margin_text(item["margin"], item["value"], item.get("margin_db")),
             "value": amount(item["value"], limit_unit(result.scenario, name)),
             "at": item["at"] or "",
             "limit": amount(item["limit"], limit_unit(result.scenario, name)),

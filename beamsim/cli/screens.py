@@ -165,12 +165,18 @@ def limits_by_place(compared: Mapping[str, Mapping[str, Any]]) -> dict[str, list
     """By place the verdict on each limit."""
     verdicts: dict[str, list[str]] = {}
     for name, item in compared.items():
+        place = name.partition(".")[2]
+        label = limit_label(name.partition(".")[0] if place and str(item["at"]).startswith(place) else name)
         used = item["value"] / item["limit"] if item["limit"] else math.inf
         share = f"{100 * used:.0f} %" if is_known(used) else "value unknown"
-        said = {OnLimit.MET: f"ok, {100 * (1 - used):.0f} % left", OnLimit.EXCEEDED: f"EXCEEDED, {share}"}.get(
+        left = f"{100 * (1 - used):.0f} %"
+        decibels = item.get("margin_db", math.nan)
+        if is_known(decibels):
+            left, share = f"{decibels:.1f} dB", f"{-decibels:+.1f} dB"
+        said = {OnLimit.MET: f"ok, {left} left", OnLimit.EXCEEDED: f"EXCEEDED, {share}"}.get(
             item["verdict"], f"NOT RELIABLE, {share}"
         )
-        verdicts.setdefault(str(item["at"] or ""), []).append(f"{limit_label(name)} {said}")
+        verdicts.setdefault(str(item["at"] or ""), []).append(f"{label} {said}")
     return verdicts
 
 

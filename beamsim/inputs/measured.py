@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
@@ -12,9 +13,20 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.measurements.read import HDF5, read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named, in_si
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import ProfilePoint, SampledInput
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue
-from beamsim.scenario.units import FREQUENCY, UnitError, read_level, read_quantity
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue, meant
+from beamsim.scenario.reporting import LIMITED_DENSITIES
+from beamsim.scenario.units import (
+    ACCELERATION,
+    ACCELERATION_PSD,
+    FREQUENCY,
+    Dimension,
+    UnitError,
+    read_level,
+    read_quantity,
+)  # fmt: skip
 from beamsim.typing import Floats
 
 
@@ -187,13 +199,68 @@ def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[Profi
     ScenarioError
         If the file cannot be read, has no unit of the levels, or is no table of increasing positive frequencies.
     """
-    at = "sweep.profile_file"
+    dimensions = {name: LEVEL_DIMENSIONS[name] for name in takes if name in LEVEL_DIMENSIONS}
+    frequency, level, quantity = _read_table(folder / file, file, "sweep.profile_file", dimensions)
+    return tuple(
+        ProfilePoint.model_construct(frequency=float(f), level=LevelValue(float(a), quantity))
+        for f, a in zip(frequency, level, strict=True)
+    )
+
+
+def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequency: Floats) -> Floats | None:
+    """A limit over frequency, straight between its points on logarithmic axes.
+
+    Parameters
+    ----------
+    scenario : with or without limits.
+    limit, place : ``srs`` or ``psd``, and of which probe, snubber or input.
+    quantity : of the values that it limits; a curve of another quantity is that of another signal of the place.
+    frequency : (nf,) Hz.
+
+    Returns
+    -------
+    (nf,) array or None
+        In SI units, nan where the curve is not given; None where there is none.
+
+    Raises
+    ------
+    ScenarioError
+        If it is a file that cannot be read, or no table of frequencies and limits.
+    """
+    points = (getattr(scenario.limits, limit, None) or {}).get(place)
+    if points is None:
+        return None
+    if isinstance(points, str):
+        dimensions = LIMITED_DENSITIES if limit == "psd" else {ACCELERATION.name: ACCELERATION}
+        at = ("limits", limit, place)
+        along, level, said = _read_table(scenario.folder_of(*at) / points, points, path_text(at), dimensions)
+    else:
+        along, level = np.transpose(points)
+        said = meant(points[0][1]) or (ACCELERATION_PSD if limit == "psd" else ACCELERATION).name
+    if said != quantity:
+        return None
+    with np.errstate(divide="ignore"):
+        return np.exp(np.interp(np.log(frequency), np.log(along), np.log(level), np.nan, np.nan))
+
+
+def _read_table(
+    path: Path, file: str, at: str, dimensions: Mapping[str, Dimension]
+) -> tuple[Floats, Floats, str | None]:
+    """Frequencies, Hz, and levels in SI units of a table, and the quantity of the levels.
+
+    Parameters
+    ----------
+    path, file : of the CSV file, and as the scenario has it.
+    at : the key that names it.
+    dimensions : what the levels may be, by quantity; levels that may be nothing have no unit.
+    """
     try:
-        table = read_file(folder / file)
-        factors = _factors(table, takes)
+        table = read_file(path)
+        factors = _factors(table, dimensions)
     except (MeasurementError, UnitError) as fault:
         _reject(f"= {file} {fault.message}", fault.remedy, at)
-    frequency, level = table[0].y * factors[0], table[1].y * factors[1]
+    frequency = np.asarray(table[0].y * factors[0], dtype=float)
+    level = np.asarray(table[1].y * factors[1], dtype=float)
     if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
         _reject(f"= {file} has frequencies or levels that are no positive numbers", "correct the table", at)
     if np.any(np.diff(frequency) <= 0):
@@ -203,21 +270,16 @@ def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[Profi
         row = int(np.flatnonzero(level <= 0)[0]) + 1
         what = f"= {file} has the level {level[row - 1]:g} in row {row}, which has no logarithm"
         _reject(what, "give a small level", at)
-    quantity = factors[2]
-    return tuple(
-        ProfilePoint.model_construct(frequency=float(f), level=LevelValue(float(a), quantity))
-        for f, a in zip(frequency, level, strict=True)
-    )
+    return frequency, level, factors[2]
 
 
-def _factors(table: list[MeasuredSignal], takes: tuple[str, ...]) -> tuple[float, float, str | None]:
+def _factors(table: list[MeasuredSignal], dimensions: Mapping[str, Dimension]) -> tuple[float, float, str | None]:
     """SI values of one in each column, and the quantity of the levels."""
     if len(table) < 2:
         raise MeasurementError("has one column", "give a frequency and a level in each row, with their units above")
     if not table[0].unit:
         raise MeasurementError("cannot be used: its first column states no unit", "head it frequency (Hz)")
     frequency = read_quantity(f"1 {table[0].unit}", FREQUENCY)
-    dimensions = {name: LEVEL_DIMENSIONS[name] for name in takes if name in LEVEL_DIMENSIONS}
     if not dimensions:
         return frequency, 1.0, None
     if not table[1].unit:

@@ -26,7 +26,6 @@ from beamsim.plots.drawing import (
     over_frequencies,
 )
 from beamsim.plots.style import level_text, scale_for
-from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.typing import Floats
 
 DECADES = 0.6  # largest over smallest amplitude, as a power of ten, from which the axis is logarithmic
@@ -52,7 +51,7 @@ def peaks(result: ContinuationResult, value: Value, name: str) -> Chart:
     what, unit = f"{value.label.capitalize()} of {name}", value.unit
     if value is OUTPUT:
         what, unit = f"Peak of {name}", result.branches[0].outputs[name].unit
-    limits = limit_levels(result.scenario.limits, value.limit or OF_OUTPUTS + name)
+    limits = limit_levels(result.scenario.limits, value.limit, name)
     overlaid = [(curve, of[name]) for curve, of in swept if name in of]
     return _chart(result, (what, unit), lambda branch: dict(branch.peaks())[value][name], overlaid, limits)
 

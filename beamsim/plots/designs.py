@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Objective, Response, SobolIndices, is_scalar
-from beamsim.analyses.values import BY_NAME
+from beamsim.analyses.values import BY_NAME, OUTPUT
 from beamsim.plots.drawing import (
     DARK,
     MOST_CURVES,
@@ -28,7 +28,6 @@ from beamsim.plots.drawing import (
     with_unit,
 )
 from beamsim.plots.style import Scale, scale_for
-from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.typing import Floats
 
 SHOWN = (
@@ -361,7 +360,7 @@ def _log(coordinate: Coordinate) -> str:
 
 def _limit(result: DesignsResult, quantity: str) -> float | None:
     if quantity.endswith(_PEAK):
-        return result.limits.get(OF_OUTPUTS + quantity.removesuffix(_PEAK))
+        return result.limits.get(f"{OUTPUT.limit}.{quantity.removesuffix(_PEAK)}")
     return result.limits.get(BY_NAME[quantity].limit)
 
 

@@ -63,24 +63,28 @@ class Guide(NamedTuple):
     style: dict[str, Any] = {}  # noqa: RUF012 - never changed
 
 
-def limit_levels(limits: Limits | None, name: str, *, both_signs: bool = False) -> list[Guide]:
-    """The limit ``name``, where there is one.
+def limit_levels(limits: Limits | None, name: str, place: str = "", *, both_signs: bool = False) -> list[Guide]:
+    """The limits on a value, where there are any: of all places, or by place.
 
     Parameters
     ----------
     limits : of the scenario; None without any.
-    name : of the limit.
+    name : of the limit without a place.
+    place : whose limits are shown; all where it is empty.
     both_signs : whether its negative is a limit, too.
 
     Returns
     -------
-    No line, one or two.
+    A line for each limit, or two.
     """
-    limit = None if limits is None else limits.given.get(name)
-    if limit is None:
-        return []
-    style = {"linestyle": ":", "linewidth": 1.6}
-    return [Guide("limit", limit, style), *([Guide("", -limit, style)] if both_signs else [])]
+    style, signs = {"linestyle": ":", "linewidth": 1.6}, (1.0, -1.0) if both_signs else (1.0,)
+    parted = [(*each.partition("."), limit) for each, limit in ({} if limits is None else limits.given).items()]
+    shown = [(of, limit) for each, _, of, limit in parted if each == name and (not of or place in ("", of))]
+    return [
+        Guide(("limit" if of in ("", place) else f"limit of {of}") if sign > 0.0 else "", sign * limit, style)
+        for of, limit in shown
+        for sign in signs
+    ]
 
 
 Ends = tuple[float | None, float | None]

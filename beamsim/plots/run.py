@@ -18,9 +18,12 @@ from beamsim.analyses.run.result import (
     RandomResponse,
     RunResult,
     ShockResponse,
+    ShockSpectrum,
+    SignalStatistics,
     SnubberHistory,
     Spectrum,
 )
+from beamsim.analyses.values import OUTPUT
 from beamsim.plots.bodies import body_figures
 from beamsim.plots.drawing import (
     DARK,
@@ -41,7 +44,6 @@ from beamsim.plots.drawing import (
     with_unit,
 )
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
-from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.typing import Bools, Floats, Ints
 
@@ -233,7 +235,18 @@ def shock_response(response: ShockResponse, note: str) -> Chart:
     ]
     across, up = "Natural frequency of the oscillator", f"Peak acceleration, Q = {response.quality:g}"
     ends = float(f[0]), float(f[-1])
-    return Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", of="", x_ends=ends, note=note)
+    marks = _limit_curves(drawn, f)
+    return Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", of="", x_ends=ends, note=note, marks=marks)
+
+
+def _limit_curves(drawn: Sequence[ShockSpectrum | SignalStatistics], frequency_hz: Floats) -> list[Curve]:
+    """The limits of spectra, in their colours."""
+    style = {"linestyle": ":", "linewidth": 1.8}
+    return [
+        Curve(f"{s.name}, limit", frequency_hz, s.limit[-frequency_hz.size :], {**curve_style(k), **style})
+        for k, s in enumerate(drawn[:MOST_CURVES])
+        if s.limit is not None
+    ]
 
 
 def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
@@ -255,7 +268,7 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
         up, levels, note = ("Contact force", "N"), limit_levels(limits, "peak_force"), _doubts(result, "peak_force_n")
         panels["contact_force"] = histories(result, up, _contact_forces(result), levels, note, of="snubbers")
     for name, output in list(result.outputs.items())[:MOST_CURVES]:
-        levels = limit_levels(limits, OF_OUTPUTS + name, both_signs=True)
+        levels = limit_levels(limits, OUTPUT.limit, name, both_signs=True)
         whole, *_ = histories(result, (name, output.unit), {"": output.value}, levels)
         panels.setdefault("outputs", []).append(whole)
     return panels
@@ -293,7 +306,7 @@ def density(response: RandomResponse, note: str = "") -> Chart:
             words = f"{signal.name}, linear, always {name}"
             linear.append(Curve(words, f, np.where(value > 0.0, value, np.nan), style))
     up = (f"{'Acceleration' if on_base else 'Displacement'} density", Scale(unit.factor**2, f"{squared}/Hz"))
-    chart = Chart(_FREQUENCY, up, curves, log="xy", of="signals", marks=linear, note=note)
+    chart = Chart(_FREQUENCY, up, curves, log="xy", of="signals", marks=[*linear, *_limit_curves(drawn, f)], note=note)
     if not top > 0:
         return chart
     last = f[np.max([s.density[1:] for s in drawn], axis=0) >= top * DENSITY_SHOWN][-1] * 1.1

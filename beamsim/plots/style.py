@@ -113,12 +113,25 @@ def is_known(value: Any) -> bool:
     return value is not None and not (isinstance(value, float) and math.isnan(value))
 
 
-def margin_text(margin: float | None, value: float) -> str:
-    """A margin in percent; that of a value of zero is infinite, which result files cannot hold."""
+def margin_text(margin: float | None, value: float, decibels: float | None = None) -> str:
+    """A margin in percent, or dB where it has these; that of a value of 0 is infinite, which result files cannot hold.
+
+    Parameters
+    ----------
+    margin : limit / value - 1.
+    value : that is limited.
+    decibels : of the margin of a curve.
+
+    Returns
+    -------
+    str
+    """
     if value == 0.0:
         return "not used"
     if not is_known(margin) or margin is None:
         return "unknown"
+    if decibels is not None:
+        return f"{decibels:+.1f} dB"
     percent = 100.0 * margin
     return f"{percent:+.3g} %" if abs(percent) < 999.5 else f"{percent:+.0f} %"
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, Value
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, OUTPUT, Value
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,
@@ -32,7 +32,7 @@ from beamsim.plots.drawing import (
     over_frequencies,
 )
 from beamsim.plots.style import Scale, level_text, scale_for
-from beamsim.scenario.reporting import OF_OUTPUTS, limited_quantity
+from beamsim.scenario.reporting import limited_quantity
 from beamsim.typing import Floats
 
 MOST_LEVELS = 4  # whose harmonics are drawn; limits of notches
@@ -155,7 +155,7 @@ def output_peaks(result: SweepResult, name: str) -> Chart:
     """Peaks of an output over frequency, by direction and level, with its limit."""
     curves = list(result.curves.values())
     drawn = [_swept(f"{c.direction}{_level(result, c)}", c, c.outputs[name].peak) for c in curves]
-    levels = limit_levels(result.scenario.limits, OF_OUTPUTS + name)
+    levels = limit_levels(result.scenario.limits, OUTPUT.limit, name)
     up = (f"Peak of {name}", curves[0].outputs[name].unit)
     return _chart(result, up, drawn, log="", levels=levels, y_ends=(0.0, None))
 

@@ -317,9 +317,9 @@ def tag_of(member: Any) -> str:
     inner = get_args(member)[0] if metadata else member
     if get_origin(inner) is Literal:
         return "<text>"
-    return (
-        "<list>" if get_origin(inner) is tuple else next((item.form for item in metadata if hasattr(item, "form")), "")
-    )
+    if get_origin(inner) in (tuple, dict):
+        return "<list>" if get_origin(inner) is tuple else "<mapping>"
+    return next((item.form for item in metadata if hasattr(item, "form")), "")
 
 
 @dataclass(frozen=True)
@@ -327,8 +327,8 @@ class Variants:
     """Marks a union whose members are told apart by the form of the raw value.
 
     A mapping by its key ``kind`` where that differs, and by the keys in `Schema.known_by`; the member that has none of
-    these takes every other mapping. Besides there may be words, a list, and a number or text. With a message, it stands
-    for all errors about the choice itself.
+    these takes every other mapping. Besides there may be words, a list, a mapping by names, and a number or text. With
+    a message, it stands for all errors about the choice itself.
     """
 
     message: str = ""
@@ -357,6 +357,8 @@ class Variants:
         if isinstance(value, dict) and (schemas or by_kind):
             return next((tag for tag, schema in schemas if schema.is_meant(value)), default)
         others = {tag_of(member): member for member in members if _schema_of(member) is None}
+        if isinstance(value, dict) and "<mapping>" in others:
+            return "<mapping>"
         words = get_args(others.get("<text>"))
         if isinstance(value, (list, tuple)) and "<list>" in others:
             return "<list>"

@@ -31,6 +31,7 @@ from beamsim.scenario.reporting import (
     QUANTITIES_OF,
     BendingOutput,
     JointOutput,
+    Limits,
     MotionOutput,
     ReactionOutput,
     RecoveredOutput,
@@ -563,9 +564,19 @@ def _limits(scenario: ScenarioParts) -> Problems:
                 "needs a beam whose section is known",
                 "give its extreme_fibre and youngs_modulus",
             )
-    for name in ("peak_force", "gap"):
-        if getattr(limits, name) is not None and not scenario.all_snubbers:
+    if limits.rms_force is not None and not scenario.excitation.stationary:
+        message = f"is of a stationary input, and the excitation is {scenario.excitation.kind}"
+        yield Problem("limits.rms_force", message, "limit peak_force")
+    yield from _limit_curves(scenario, limits)
+    for name in type(limits).model_fields:
+        snubbers, of_place = name.endswith(("force", "gap")), getattr(limits, name)
+        if snubbers and of_place is not None and not scenario.all_snubbers:
             yield Problem(f"limits.{name}", "limits the snubbers, and there are none", "add a snubber, or leave it out")
+        elif isinstance(of_place, dict) and name not in ("outputs", *limits.curves):
+            places = scenario.all_snubbers if snubbers else scenario.effective_probes
+            for place in of_place:
+                known = [each.name for each in places]
+                yield from unknown(("limits", name, place), place, "snubber" if snubbers else "probe", known)
     outputs = {output.name: output for _, output in scenario.requested_outputs}
     for name, limit in (limits.outputs or {}).items():
         path: Path = ("limits", "outputs", name)
@@ -575,6 +586,30 @@ def _limits(scenario: ScenarioParts) -> Problems:
         dimension = output_dimension(outputs[name], scenario.all_bodies, scenario.default_body)
         kind = outputs[name].kind.replace("_", " ")
         yield from _unit_problems(path, limit, dimension, f"and the output is a {kind}")
+
+
+def _limit_curves(scenario: ScenarioParts, limits: Limits) -> Problems:
+    """Curves of spectra that are not asked for, and of places that there are not."""
+    given = {"srs": scenario.run is not None and scenario.run.srs is not None,
+             "psd": scenario.run is not None and scenario.excitation.stationary}  # fmt: skip
+    remedies = {
+        "srs": "add run.srs: {from: 10 Hz, to: 2 kHz}",
+        "psd": "limit peaks or srs, or give random noise or a record with stationary: true",
+    }
+    probes, snubbers = ([each.name for each in of] for of in (scenario.effective_probes, scenario.all_snubbers))
+    for name, place, points in limits.given_curves():
+        path, of_force = ("limits", name, place), False
+        if not given[name]:
+            needs = "shock response spectra" if name == "srs" else "a run with a stationary input"
+            yield problem(path, f"needs {needs}", remedies[name])
+        elif name == "psd" and not isinstance(points, str):
+            said = meant(points[0][1])
+            of_force = said == units.FORCE_PSD.name
+            other = [k for k, (_, level) in enumerate(points) if meant(level) != said]
+            if other:
+                yield problem((*path, other[0], 1), "is of another quantity than the first", "give all in one unit")
+        of_files = snubbers if name == "psd" and isinstance(points, str) else []
+        yield from unknown(path, place, "place", snubbers if of_force else ["input", *probes, *of_files])
 
 
 def _levels(scenario: ScenarioParts) -> Problems:

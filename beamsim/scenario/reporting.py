@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
 
 from beamsim.scenario import units
-from beamsim.scenario.base import Schema, Unfit, Variants
+from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
 from beamsim.scenario.body import Body, Sited
 from beamsim.scenario.excitation import About, point_of
-from beamsim.scenario.quantities import Length, LevelType, Name, PositiveForce, Quantity, Text, UnitType
+from beamsim.scenario.quantities import (
+    FileName,
+    Frequency,
+    Length,
+    LevelType,
+    Name,
+    PositiveForce,
+    Quantity,
+    Text,
+    UnitType,
+)  # fmt: skip
 from beamsim.scenario.units import Dimension
 
 
@@ -118,8 +129,6 @@ _ACCELERATION = replace(units.ACCELERATION, example="20 g")
 Stress = Annotated[float, Quantity(_STRESS, above=0.0)]
 PositiveAcceleration = Annotated[float, Quantity(_ACCELERATION, above=0.0)]
 
-OF_OUTPUTS = "outputs."
-"""Beginning of the name of a limit on an output."""
 _MOMENT = replace(units.ENERGY, name="moment", unit="N m", example="12 N m")
 _MOMENT_PER_WIDTH = replace(units.FORCE, name="moment per width", unit="N m/m", example="12 N m/m")
 _OUTPUT_DIMENSIONS = {
@@ -147,34 +156,87 @@ OutputLimit = Annotated[
 """A limit on an output, in the unit of any kind of output, which it remembers as its SI unit."""
 
 
+ForceLimit = Annotated[PositiveForce | dict[Name, PositiveForce], BY_FORM]
+LengthLimit = Annotated[Length | dict[Name, Length], BY_FORM]
+AccelerationLimit = Annotated[PositiveAcceleration | dict[Name, PositiveAcceleration], BY_FORM]
+LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.FORCE_PSD)}
+PositiveDensity = Annotated[
+    float, LevelType(tuple(LIMITED_DENSITIES.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0)
+]
+ShockCurve = Annotated[tuple[tuple[Frequency, PositiveAcceleration], ...] | FileName, BY_FORM]
+DensityCurve = Annotated[tuple[tuple[Frequency, PositiveDensity], ...] | FileName, BY_FORM]
+
+
+def _of_point(curve: Path, index: int) -> Path:
+    """Where the frequency of a point is."""
+    return (*curve, index, 0)
+
+
 class Limits(Schema):
     """Limits; the summary has margins and verdicts, and `--check` exits with code 4 if one is exceeded, 3 if that is
-    not certain."""
+    not certain. A limit is one for all places, or by name of the place: {tip: 20 g, root: 5 g}."""
 
-    peak_force: PositiveForce | None = None
-    """Largest contact force of any snubber."""
+    peak_force: ForceLimit | None = None
+    """Largest contact force of any snubber, or by snubber."""
     bending_stress: Stress | None = None
     """Largest bending stress anywhere on the beam."""
-    peak_displacement: Length | None = None
-    """Largest displacement of any probe relative to the base."""
-    peak_acceleration: PositiveAcceleration | None = None
-    """Largest absolute acceleration of any probe."""
-    gap: Length | None = None
-    """Largest opening between the structure and any snubber (lift-off)."""
+    peak_displacement: LengthLimit | None = None
+    """Largest displacement of any probe relative to the base, or by probe."""
+    peak_acceleration: AccelerationLimit | None = None
+    """Largest absolute acceleration of any probe, or by probe."""
+    gap: LengthLimit | None = None
+    """Largest opening between the structure and any snubber (lift-off), or by snubber."""
+    rms_displacement: LengthLimit | None = None
+    """Root mean square of any probe's displacement, or by probe: of a run over the part of the spectra, of a stationary
+    input without the first tenth."""
+    rms_acceleration: AccelerationLimit | None = None
+    """The same of the absolute acceleration."""
+    rms_force: ForceLimit | None = None
+    """Root mean square of any snubber's force, or by snubber, of a run with a stationary input."""
     outputs: dict[Name, OutputLimit] | None = None
     """By name the largest magnitude of outputs: {clamp: 200 N, gauge: 0.1 %}; a plain number is in their SI unit."""
 
+    srs: dict[Name, ShockCurve] | None = None
+    """By probe, or input, a curve that the maximax shock response spectrum (run.srs) must not exceed: pairs of
+    frequency and acceleration, [[100 Hz, 20 g], [1 kHz, 90 g]], or a CSV file; log-log interpolation between them."""
+    psd: dict[Name, DensityCurve] | None = None
+    """By probe, input or snubber a curve that the spectral density of a stationary input's response must not exceed:
+    pairs of frequency and density, [[20 Hz, 0.01 g^2/Hz], [200 Hz, 0.1 g^2/Hz]], or a CSV file; that of a snubber's
+    force is in N^2/Hz."""
+
+    curves: ClassVar[tuple[str, ...]] = ("srs", "psd")
+
     def check(self) -> None:
-        """Reject a section that limits nothing."""
+        """Reject a section that limits nothing, and curves that are none."""
         if not self.given:
             raise Unfit("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
+        for name, place, points in self.given_curves():
+            if isinstance(points, str):
+                continue
+            if len(points) < 2:
+                raise Unfit("has too few points", "give two or more: [[100 Hz, 20 g], [1 kHz, 90 g]]", (name, place))
+            demand_rising((f for f, _ in points), "Hz", partial(_of_point, (name, place)))
+
+    def given_curves(self) -> Iterator[tuple[str, str, Any]]:
+        """Name of the limit, place, and points or file of each curve."""
+        for name in self.curves:
+            yield from ((name, place, points) for place, points in (getattr(self, name) or {}).items())
 
     @property
     def given(self) -> dict[str, float]:
-        """The given limits in SI units, by name."""
-        values = {name: getattr(self, name) for name in type(self).model_fields if name != "outputs"}
-        of_outputs = {OF_OUTPUTS + name: float(value) for name, value in (self.outputs or {}).items()}
-        return {name: value for name, value in values.items() if value is not None} | of_outputs
+        """The given limits in SI units, by name: that of the value, and behind a point the place where it has one.
+
+        A curve is the limit 1 on the ratio to it.
+        """
+        given: dict[str, float] = {}
+        for name in type(self).model_fields:
+            held = getattr(self, name)
+            if isinstance(held, dict):
+                of_curve = name in self.curves
+                given |= {f"{name}.{place}": 1.0 if of_curve else float(limit) for place, limit in held.items()}
+            elif held is not None:
+                given[name] = held
+        return given
 
 
 def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str) -> units.Dimension | None:

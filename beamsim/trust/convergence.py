@@ -21,7 +21,7 @@ import numpy as np
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.run.stepped_motion import relative_tolerance
-from beamsim.analyses.values import LIMITED, OUTPUT
+from beamsim.analyses.values import limited
 from beamsim.errors import ScenarioError
 from beamsim.fields import figure_in_words
 from beamsim.flow.reference import ReferenceTrajectory
@@ -29,7 +29,6 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInStretches
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.scenario import Scenario
-from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.typing import Floats, Ints
 
 FREQUENCIES = 6  # natural frequencies that are compared
@@ -343,15 +342,16 @@ def _range(limit: str, item: Mapping[str, Any], values: Values, changes: Changes
     item : of the margins; values above its own are not compared with it (unstable motions).
     values, changes : by entry and place; a place that the finer model does not have makes the range unknown.
     """
-    output = limit.removeprefix(OF_OUTPUTS) if limit.startswith(OF_OUTPUTS) else ""
-    value = OUTPUT if output else LIMITED[limit]
+    value, of = limited(limit)
     change = dict(places(changes.get(value.entry, {})))
     highest = item["value"] * (1.0 + SMALLEST_SCALE)
+    known = dict(named(changes))  # root mean squares are values of the spectra, or of the statistics
+    of_run = (f"random.{item['at']} {value.quantity} rms", *(f"{value.limit}_{unit}.{item['at']}" for unit in "mg"))
     pairs = [
         (number * value.scale, change.get(place, math.nan if changes else 0.0))
         for place, number in places(values.get(value.entry, {}))
-        if number * value.scale <= highest and output in ("", place.split(" ")[-1])
-    ] or [(item["value"], 0.0)]
+        if value.entry in changes and number * value.scale <= highest and f" {place}".endswith(f" {of}" if of else "")
+    ] or [(item["value"], next((known[name] for name in of_run if name in known), 0.0))]
     size, change_of = np.transpose(pairs)
     return {"lowest": float(np.max(size * (1.0 - change_of))), "highest": float(np.max(size * (1.0 + change_of)))}
 

@@ -43,7 +43,7 @@ from beamsim.analyses.run.summary import (
     spectral_lines,
     static_figures,
 )
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OUTPUT, searched
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
@@ -185,7 +185,7 @@ def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> Ru
     if stop():
         result = result.interrupted(COMPARISON)
     else:
-        limited = [value.entry for value in (*LIMITED.values(), OUTPUT) if value.entry in result.summary]
+        limited = [value.entry for value in LIMITED.values() if value.entry in result.summary]
         values = compared({entry: result.summary[entry] for entry in limited})
         result = with_line_changes(with_convergence(result, checked, values), checked)
     return replace(result, wall_time_s=clock.perf_counter() - begin)
@@ -439,7 +439,7 @@ class DerivedValues:
                 f"{s.name} {s.quantity} {key}": getattr(s, key) for s in self.random.signals for key in STATISTICS
             }
         if self.shock is not None:
-            figures["srs"] = _highest(self.shock)
+            figures |= _of_shock(self.shock)
         return figures
 
     def again(self, system: StructuralSystem, motion: Trajectory | Histories, parts: int = 1) -> list[Values]:
@@ -464,11 +464,9 @@ class DerivedValues:
             for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
         if self.shock is not None:
-            assert self.scenario.run is not None
-            assert self.scenario.run.srs is not None
-            shock = _highest(shock_response(self.scenario.run.srs, system, motion))
+            shock = _of_shock(shock_response(self.scenario, system, motion))
             for figures in of_parts:
-                figures["srs"] = shock
+                figures |= shock
         return of_parts
 
     def parts(self, most: int) -> int:
@@ -517,8 +515,12 @@ class DerivedValues:
             yield {f"{name} {key}": values[key] for name, values in statistics.items() for key in STATISTICS}
 
 
-def _highest(shock: ShockResponse) -> dict[str, float]:
-    return {name: point["maximax_g"] for name, point in shock.summary().items()}
+def _of_shock(shock: ShockResponse) -> Values:
+    """The highest point of each spectrum, and the largest ratio of those that have limits to these."""
+    values: Values = {"srs": {name: point["maximax_g"] for name, point in shock.summary().items()}}
+    if over := shock.over_limit():
+        values["srs_over_limit"] = {name: ratio for name, (ratio, _) in over.items()}
+    return values
 
 
 def line_changes(

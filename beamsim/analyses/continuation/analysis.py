@@ -40,7 +40,16 @@ from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurv
 from beamsim.analyses.continuation.side_branches import leavings, side_branches
 from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
-from beamsim.analyses.values import BY_ENTRY, DISPLACEMENT, LIMITED, OUTPUT, PENETRATION, STRESS, Value, margins_along
+from beamsim.analyses.values import (
+    DISPLACEMENT,
+    LIMITED,
+    OUTPUT,
+    PENETRATION,
+    STRESS,
+    Value,
+    limited,
+    margins_along,
+)  # fmt: skip
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
@@ -48,7 +57,6 @@ from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, part_of
 from beamsim.scenario import Scenario
-from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.scenario.sweep import Continuation, HarmonicBalance
 from beamsim.system.equations import ChannelSet
 from beamsim.typing import Floats, Ints
@@ -273,7 +281,7 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
     f, system, problem = model.followed, model.system, traced.problem
     settings, limits = model.scenario.sweep, model.scenario.limits
     assert isinstance(settings, Continuation)
-    channels = measured(system, () if limits is None else limits.given)
+    channels = measured(system, () if limits is None else limits.model_fields_set)
     measurement = Measurement(system, model.excitation, channels, settings.stored_harmonics)
     traced, motions = with_maxima(
         traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels), stop
@@ -341,13 +349,9 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
     displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits
     maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]
     for name in () if limits is None else limits.given:
-        if name.startswith(OF_OUTPUTS):
-            value, output = BY_ENTRY["peak_output"], ("outputs", name.removeprefix(OF_OUTPUTS))
-            some = [np.array([k]) for each, k in channels.located if (each.section, each.name) == output]
-        else:
-            value = LIMITED[name]
-            columns = channels.places.get(value.key, displacements[:0])
-            some = [columns] if value.single else list(columns[:, None])
+        value, place = limited(name)
+        columns = [k for each, k in channels.located if value.takes(each.key) and place in ("", each.name)]
+        some = [np.array(columns)] if value.single else [np.array([k]) for k in columns]
         maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]
     return maxima
 

@@ -41,10 +41,7 @@ def is_asked(name: str, asked: Collection[str]) -> bool:
 def responses_of_result(result: RunResult | SweepResult | ContinuationResult) -> Responses:
     """All responses of a case that was computed as a whole."""
     if isinstance(result, RunResult):
-        entries = dict(result.summary)
-        for signal in result.random.signals if result.random is not None else ():
-            entries.setdefault(f"rms_{signal.quantity}", {})[signal.name] = signal.rms
-        return run_responses(entries)
+        return run_responses(result.summary | ({} if result.random is None else result.random.root_mean_squares()))
     modes, snubbers = result.modes, bool(result.scenario.all_snubbers)
     of_curves = _of_sweep(result) if isinstance(result, SweepResult) else _of_continuation(result)
     return of_curves | _of_frequencies(

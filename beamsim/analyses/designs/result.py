@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.result import Result
-from beamsim.analyses.values import LIMITED, OUTPUT
+from beamsim.analyses.values import limited
 from beamsim.fields import JSON, Axes, Counter, Entry, as_text, attribute, axis, dataset, declared, key, members, stored
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.parameters import Value
-from beamsim.scenario.reporting import OF_OUTPUTS
 from beamsim.scenario.studies import Vary
 from beamsim.typing import Bools, Floats, Ints
 
@@ -313,9 +312,8 @@ def limited_response(limit: str) -> str:
     >>> limited_response("gap"), limited_response("outputs.clamp")
     ('largest_gap', 'outputs/clamp/peak_output')
     """
-    if limit.startswith(OF_OUTPUTS):
-        return f"outputs/{limit.removeprefix(OF_OUTPUTS)}/{OUTPUT.name}"
-    return LIMITED[limit].name
+    value, place = limited(limit)
+    return f"{value.section}/{place}/{value.name}" if place else value.name
 
 
 class Objective(NamedTuple):

@@ -158,12 +158,12 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     if settings.srs is not None and goes_on("shock response spectra"):
-        fields["srs"] = shock_response(settings.srs, system, motion.trajectory or histories)
+        fields["srs"] = shock_response(scenario, system, motion.trajectory or histories)
         warnings += [] if motion.trajectory else _coarse_samples(histories.time, settings.srs)
     if left_out and result.complete:
         fields["outcome"] = interruption(f"before {', '.join(left_out)}")
     result = replace(result, **fields, warnings=tuple(warnings))
-    result = result.with_summary(**summary, **figures_of_parts(result))
+    result = result.with_summary(**summary, **figures_of_parts(result, summary))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
     return Solution(scenario, motion, result)
 

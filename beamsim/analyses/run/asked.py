@@ -28,7 +28,8 @@ def gives_figures(scenario: Scenario) -> bool:
     settings = scenario.run
     assert settings is not None
     in_closed_form = settings.method != "reference" and all(s.item.kind != "cubic" for s in scenario.nonlinear_springs)
-    plain = settings.low_pass is None and settings.convergence != "on"
+    of_curves = scenario.limits is not None and any(scenario.limits.given_curves())
+    plain = settings.low_pass is None and settings.convergence != "on" and not of_curves
     return in_closed_form and plain and not isinstance(settings.start, OrbitStart)
 
 

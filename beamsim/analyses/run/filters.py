@@ -20,7 +20,7 @@ certified as those of the motion are. Motions with powers of time are led throug
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +34,9 @@ from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.extrema import Search, Waves
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
+from beamsim.inputs.measured import limit_curve
 from beamsim.inputs.signal import Signal as Pieces
+from beamsim.scenario import Scenario
 from beamsim.scenario.run import ShockSpectrumSettings
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
@@ -544,14 +546,12 @@ def shock_spectra(settings: ShockSpectrumSettings, times: Floats, signal: Signal
     return peaks
 
 
-def shock_response(
-    settings: ShockSpectrumSettings, system: StructuralSystem, motion: Trajectory | Histories
-) -> ShockResponse:
+def shock_response(scenario: Scenario, system: StructuralSystem, motion: Trajectory | Histories) -> ShockResponse:
     """Spectra of the base's acceleration, where it moves, and of the absolute acceleration of every probe.
 
     Parameters
     ----------
-    settings : natural frequencies and Q of the oscillators.
+    scenario : of the run, with ``run.srs``, and the limits of the spectra.
     system : with the probes.
     motion : in closed form; or at output times, between which a cubic spline joins the accelerations.
 
@@ -567,6 +567,9 @@ def shock_response(
     """
     from scipy.interpolate import CubicSpline
 
+    assert scenario.run is not None
+    assert scenario.run.srs is not None
+    settings = scenario.run.srs
     names, peaks = [(probe.name, MAIN_QUANTITY) for probe in system.probes], []
     if isinstance(motion, Trajectory):
         times, fastest = np.append(motion.time, motion.end), motion.flow.largest_exponent
@@ -582,8 +585,11 @@ def shock_response(
         names.insert(0, ("input", "acceleration"))
         peaks.append(shock_spectra(settings, until, lambda at: base(at)[:, None], fastest))
     peaks.append(shock_spectra(settings, times, responses, fastest))
-    spectra = tuple(_spectrum(*of, *signal) for of, signal in zip(names, np.concatenate(peaks), strict=True))
-    return ShockResponse(settings.quality, frequencies_of(settings), spectra)
+    along = frequencies_of(settings)
+    spectra = [_spectrum(*of, *signal) for of, signal in zip(names, np.concatenate(peaks), strict=True)]
+    limits = [limit_curve(scenario, "srs", s.name, "acceleration", along) for s in spectra]
+    signals = tuple(replace(s, limit=limit) for s, limit in zip(spectra, limits, strict=True))
+    return ShockResponse(settings.quality, along, signals)
 
 
 def _spectrum(

@@ -32,11 +32,14 @@ import numpy as np
 from beamsim.analyses.run.impacts import CONFIDENCE, SKIPPED
 from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.result import MAIN_QUANTITY, RandomResponse, RunResult, SignalStatistics
+from beamsim.inputs.measured import limit_curve
 from beamsim.scenario.quantities import amplitude_unit
+from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD
 from beamsim.system.parts import driven_supports, exciting_forces, moving_base
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
 
+_DENSITY_OF = {"m/s^2": ACCELERATION_PSD.name, "N": FORCE_PSD.name}
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
 FREEDOM_OF_SEGMENT = 4  # degrees of freedom of a segment that has a peak of its own
@@ -77,6 +80,7 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
         figures |= largest_of_test(x, figures.get("degrees_of_freedom", 0.0), tested * rate)
         return SignalStatistics(
             name=name, quantity=quantity, unit=unit, density=cross_density(x, x, rate, length).real,
+            limit=limit_curve(scenario, "psd", name, _DENSITY_OF.get(unit, ""), frequency),
             crossings_hz=crossing_rates(x, rate), **figures, **linear.get((name, quantity), {}),
         )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -396,6 +396,21 @@ class Work:
     processor_time_s: float = attribute("s", "processor time of the solver alone")
 
 
+def over_limit(
+    frequency_hz: Floats, spectra: Iterable[tuple[str, Floats, Floats | None]]
+) -> dict[str, tuple[float, float]]:
+    """By name the largest ratio of a spectrum to its limit, and the frequency there.
+
+    Parameters
+    ----------
+    frequency_hz : (nf,) Hz.
+    spectra : name, values (nf,) and limit (nf,) of each, nan or None where there is none.
+    """
+    ratios = {name: values / limit for name, values, limit in spectra if limit is not None}
+    known = {name: (ratio, int(np.nanargmax(ratio))) for name, ratio in ratios.items() if np.isfinite(ratio).any()}
+    return {name: (float(ratio[k]), float(frequency_hz[k])) for name, (ratio, k) in known.items()}
+
+
 @declared(along=_FREQUENCY)
 class SignalStatistics:
     """One signal of a run with a stationary random input, without the first part of the run."""
@@ -445,6 +460,8 @@ class SignalStatistics:
     crossings_hz: Floats | None = dataset(
         "Hz", "upward crossings of each level per second, at the samples", along=("level",), default=None
     )
+    # None where there is none
+    limit: Floats | None = dataset("({unit})^2/Hz", "limit of the density, nan where there is none", default=None)
 
 
 @declared(along=_FREQUENCY)
@@ -490,6 +507,17 @@ class RandomResponse:
                 "expected_peak", "expected_peak_low", "expected_peak_high")  # fmt: skip
         return {f"{s.name} {s.quantity}": {key: getattr(s, key) for key in keys} for s in self.recorded}
 
+    def over_limit(self) -> dict[str, tuple[float, float]]:
+        """By name the largest ratio of a density to its limit curve, and the frequency there, Hz."""
+        return over_limit(self.frequency_hz, ((s.name, s.density, s.limit) for s in self.recorded))
+
+    def root_mean_squares(self) -> dict[str, dict[str, float]]:
+        """Those of the responses, by entry (see `beamsim.analyses.values`) and name."""
+        entries: dict[str, dict[str, float]] = {}
+        for signal in self.signals:
+            entries.setdefault(f"rms_{signal.quantity}", {})[signal.name] = signal.rms
+        return entries
+
     def prediction(self) -> dict[str, dict[str, float]]:
         """Standard deviations of the run and of the linear structures, by name and quantity, where there are any."""
         return {
@@ -512,6 +540,7 @@ class ShockSpectrum:
     residual: Floats = dataset("m/s^2", "largest magnitude after the end of the record")
     positive: Floats = dataset("m/s^2", "largest value at any time")
     negative: Floats = dataset("m/s^2", "magnitude of the smallest value at any time")
+    limit: Floats | None = dataset("m/s^2", "limit of maximax, nan where there is none", default=None)
 
 
 @declared
@@ -529,6 +558,10 @@ class ShockResponse:
         by=("name", "quantity"),
         called="<name>/<quantity>",
     )  # the input first
+
+    def over_limit(self) -> dict[str, tuple[float, float]]:
+        """By name the largest ratio of a maximax spectrum to its limit curve, and the frequency there, Hz."""
+        return over_limit(self.frequency_hz, ((s.name, s.maximax, s.limit) for s in self.signals))
 
     def summary(self) -> dict[str, dict[str, float]]:
         """Highest point of the maximax spectrum and its frequency, by name and quantity."""
@@ -604,6 +637,8 @@ _SUMMARY = (
     Entry("largest_bending_stress_body", "", "on which body that is, where there are several"),
     Entry("largest_von_mises_stress_pa", "Pa", "largest von Mises stress at the surface of a plate",
              "largest von Mises stress"),
+    BY_ENTRY["srs_over_limit"].summary_entry(),
+    BY_ENTRY["psd_over_limit"].summary_entry(),
     MARGINS,
     Entry("fatigue", "", "by body rainflow count and damage of its largest bending stress, if run.fatigue asks for it",
              "fatigue"),

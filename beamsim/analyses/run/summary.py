@@ -22,6 +22,7 @@ from beamsim.analyses.values import (
     Extremes,
     largest,
     largest_at,
+    limited,
     margins,
     values_of,
 )
@@ -76,8 +77,8 @@ def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str
     ]
 
 
-def figures_of_parts(result: RunResult) -> dict[str, Any]:
-    """Entries of the summary that repeat parts of a result; None where it has none."""
+def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of the summary that repeat parts of a result, and its margins with other entries; None without any."""
     von_mises = [body.peak_von_mises_stress for body in result.bodies.values()]
     crushed = {s.name: s.residual_crush for s in result.snubbers.values() if s.residual_crush is not None}
     impacts, random = result.impacts, result.random
@@ -92,7 +93,27 @@ def figures_of_parts(result: RunResult) -> dict[str, Any]:
         "random_linear": None if random is None else random.prediction() or None,
         "srs": None if result.srs is None else result.srs.summary(),
         "spectral_lines": spectral_lines(result.spectra),
+        **_over_limits(result, summary),
     }
+
+
+def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Ratios of spectra to their limit curves, and the margins, for which root mean squares are added."""
+    spectra = {"srs_over_limit": result.srs, "psd_over_limit": result.random}
+    over = {entry: {} if part is None else part.over_limit() for entry, part in spectra.items()}
+    ratios = {entry: {name: ratio for name, (ratio, _) in of.items()} or None for entry, of in over.items()}
+    rms = {
+        "rms_displacement": summary["rms_displacement_m"],
+        "rms_absolute_acceleration": {at: x * STANDARD_GRAVITY for at, x in summary["rms_acceleration_g"].items()},
+    } | ({} if result.random is None else result.random.root_mean_squares())
+    known = {entry: of for entry, of in ratios.items() if of}
+    compared = margins(result.scenario.limits, {**summary, **rms, **known})
+    for name, item in compared.items():
+        value, place = limited(name)
+        if place in over.get(value.entry, {}):
+            item["frequency_hz"] = over[value.entry][place][1]
+            item["at"] = f"{place}, {item['frequency_hz']:.4g} Hz"
+    return {**ratios, "margins": compared or None}
 
 
 def summary_of_run(
@@ -144,8 +165,7 @@ def summary_of_run(
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
     if of_snubbers := gapping_of_run(scenario, system, motion, summary, stop):
         summary["gapping"] = of_snubbers
-    compared = margins(scenario.limits, summary)
-    return {**summary, "margins": compared} if compared else summary
+    return summary
 
 
 def deflection_size(system: StructuralSystem, states: Floats) -> float:

@@ -79,7 +79,7 @@ def sweep(
     levels = settings.levels or (
         (1.0,) if isinstance(settings, SweptSine) and settings.profile else (excitation.level,)
     )
-    limited = () if scenario.limits is None else tuple(scenario.limits.given)
+    limited = () if scenario.limits is None else tuple(scenario.limits.model_fields_set)
     if np.any(static_penetration(system) > 0):
         limited = tuple(dict.fromkeys((*limited, "gap")))
     runs: dict[int, LevelRun] = {}

@@ -1,0 +1,131 @@
+"""Limit curves of shock response spectra and densities, limits by place and on root mean squares, by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import welch
+
+import beamsim
+from beamsim.analyses.values import limits_not_met
+from beamsim.scenario import load_scenario
+
+G = 9.80665
+MASS = """\
+chain: {masses: [2 kg], springs: [8 MN/m], damping: {kind: modal, ratio: 5 %},
+        snubbers: [{name: stop, mass: 1, side: below, stiffness: 800 N/m, gap: 1}]}
+probes: [{name: mass, mass: 1}]
+"""
+STEP = (
+    MASS
+    + """\
+excitation: {kind: step, applied_to: base, level: 2 g, duration: 20 ms}
+run:
+  {duration: 0.1 s, sample_rate: 10 kHz, convergence: off, srs: {quality: 1e6, from: 50 Hz, to: 400 Hz, per_octave: 6}}
+"""
+)
+
+
+def step(**more):
+    return load_scenario(STEP, more)
+
+
+def test_margin_to_a_curve_of_a_shock_response_spectrum():
+    """An undamped oscillator doubles a rectangular pulse of at least half its period: 4 g from 25 Hz on.
+
+    The curve rises as the frequency from 3 g at 100 Hz, where the margin is 20 lg(3/4) = -2.5 dB.
+    """
+    result = beamsim.run(step(limits={"srs": {"input": [["100 Hz", "3 g"], ["400 Hz", "12 g"]]}}))
+    item = result.summary["margins"]["srs.input"]
+    assert item["margin_db"] == pytest.approx(20.0 * math.log10(3.0 / 4.0), abs=2e-3)
+    assert item["value"] == pytest.approx(4.0 / 3.0, rel=2e-4)
+    assert item["frequency_hz"] == pytest.approx(100.0)
+    assert item["at"] == "input, 100 Hz"
+    assert item["exceeded"]
+    (text,) = limits_not_met(result.scenario, result.summary["margins"])
+    assert text == "SRS of input exceeds limits.srs.input at input, 100 Hz: the margin is -2.50 dB"
+    spectrum = result.srs.signals[0]
+    of_frequency = dict(zip(np.round(result.srs.frequency_hz).tolist(), spectrum.limit / G, strict=True))
+    assert of_frequency[200.0] == pytest.approx(6.0)
+    assert math.isnan(of_frequency[50.0])  # nothing is limited below the first point
+
+
+def test_a_curve_from_a_file(tmp_path):
+    """Columns in other units; 5 g everywhere leaves 20 lg(5/4) dB."""
+    (tmp_path / "curve.csv").write_text("frequency (kHz);limit (m/s^2)\n0,01;49,03325\n10;49,03325\n")
+    (tmp_path / "case.yaml").write_text(STEP + "limits: {srs: {input: curve.csv}}\n")
+    item = beamsim.run(load_scenario(tmp_path / "case.yaml")).summary["margins"]["srs.input"]
+    assert item["margin_db"] == pytest.approx(20.0 * math.log10(5.0 / 4.0), abs=2e-3)
+    assert item["verdict"] == "ok"
+
+
+def test_a_curve_outside_of_the_spectrum_is_not_met():
+    result = beamsim.run(step(limits={"srs": {"input": [["1 kHz", "3 g"], ["2 kHz", "3 g"]]}}))
+    assert result.summary["margins"]["srs.input"]["verdict"] == "not reliable"
+
+
+def test_cases_of_a_study_have_the_margins_of_curves():
+    vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": ["1 g", "3 g"]}]}
+    limits = {"srs": {"input": [["10 Hz", "5 g"], ["1 kHz", "5 g"]]}}
+    result = beamsim.design_study(step(limits=limits, vary=vary))
+    np.testing.assert_allclose(result.margins["srs.input"].values, [5.0 / 2.0 - 1.0, 5.0 / 6.0 - 1.0], atol=1e-3)
+    assert result.summary["margins"]["srs.input"]["margin_db"] == pytest.approx(20 * math.log10(5 / 6), abs=2e-3)
+
+
+def test_margins_of_densities_and_root_mean_squares_of_a_random_input():
+    """Against SciPy's estimate of the stored history without the first tenth, and a curve interpolated here."""
+    frequencies, densities = np.array([20.0, 60.0, 200.0]), np.array([0.002, 0.02, 0.001])
+    points = [[f"{f} Hz", f"{d} g^2/Hz"] for f, d in zip(frequencies, densities, strict=True)]
+    psd = [{"frequency": f"{f} Hz", "density": "0.005 g^2/Hz"} for f in (20, 200)]
+    excitation = {"kind": "random", "applied_to": "base", "psd": psd, "seed": 3}
+    run = {"duration": 2.0, "sample_rate": "2 kHz", "convergence": "off"}
+    limits = {"psd": {"mass": points}, "rms_acceleration": {"mass": "1.2 g"}, "rms_force": "1 N"}
+    result = beamsim.run(load_scenario(MASS, {"excitation": excitation, "run": run, "limits": limits}))
+    x = result.probes["mass"].absolute_acceleration[result.time >= result.random.start_s] / G
+    length = 2 * x.size // 17
+    f, density = welch(x, 2000.0, "hann", length, length // 2)
+    inside = (f >= 20.0) & (f <= 200.0)
+    allowed = 10.0 ** np.interp(np.log10(f[inside]), np.log10(frequencies), np.log10(densities))
+    margins = result.summary["margins"]
+    ratio = density[inside] / allowed
+    assert margins["psd.mass"]["margin_db"] == pytest.approx(-10.0 * math.log10(ratio.max()), abs=1e-6)
+    assert margins["psd.mass"]["frequency_hz"] == pytest.approx(f[inside][ratio.argmax()])
+    rms = math.sqrt(float(np.mean(x**2)))
+    assert margins["rms_acceleration.mass"]["value"] == pytest.approx(rms * G, rel=1e-9)
+    assert margins["rms_acceleration.mass"]["exceeded"] == (rms > 1.2)
+    assert margins["rms_force"]["value"] == 0.0  # the stop is a metre away
+
+
+def test_root_mean_square_of_a_steady_motion():
+    """A mass on a spring of 318 Hz follows a base at 2 Hz: 3 g / sqrt(2) within (2 / 318)^2."""
+    excitation = {"kind": "harmonic", "applied_to": "base", "level": "3 g", "frequency": 2.0}
+    run = {"duration": 3.0, "sample_rate": "2 kHz", "spectrum": {"last": 1.0}, "convergence": "off"}
+    limits = {"rms_acceleration": "2 g", "peak_acceleration": {"mass": "4 g"}}
+    margins = beamsim.run(load_scenario(MASS, {"excitation": excitation, "run": run, "limits": limits})).summary[
+        "margins"
+    ]
+    assert margins["rms_acceleration"]["value"] == pytest.approx(3.0 * G / math.sqrt(2.0), rel=2e-4)
+    assert margins["rms_acceleration"]["exceeded"]
+    assert margins["peak_acceleration.mass"]["verdict"] == "ok"
+
+
+@pytest.mark.parametrize(
+    "sweep", [{"kind": "stepped", "points": 2}, {"kind": "swept_sine", "rate": "0.1 Hz/s"}, {"kind": "continuation"}]
+)
+def test_limits_by_place_along_sweeps_and_branches(sweep):
+    """Of two probes with limits of their own each is compared with its own."""
+    two = """\
+chain: {masses: [2 kg, 1 kg], springs: [800 N/m, 100 N/m], damping: {kind: modal, ratio: 5 %}}
+probes: [{name: low, mass: 1}, {name: high, mass: 2}]
+limits: {peak_displacement: {high: 1 m, low: 1 mm}}
+excitation: {kind: harmonic, applied_to: base, level: 1 m/s^2, frequency: 1 Hz}
+"""
+    continued = sweep["kind"] == "continuation"
+    result = (beamsim.continuation if continued else beamsim.sweep)(
+        load_scenario(two, {"sweep": {"from": 1.0, "to": 1.2, **sweep}})
+    )
+    curves, margins = result.branches if continued else result.curves.values(), result.summary["margins"]
+    for name, verdict in (("high", "ok"), ("low", "exceeded")):
+        largest = max(float(curve.displacement[name].peak.max()) for curve in curves)
+        assert margins[f"peak_displacement.{name}"]["value"] == pytest.approx(largest, rel=1e-12)
+        assert margins[f"peak_displacement.{name}"]["verdict"] == verdict
