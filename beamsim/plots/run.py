@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.records import Window
@@ -34,6 +35,7 @@ from beamsim.plots.drawing import (
     Chart,
     Curve,
     Guide,
+    HeatMap,
     Picture,
     beside,
     curve_style,
@@ -48,11 +50,13 @@ from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.typing import Bools, Floats, Ints
 
 MOST_STATES = 2**18  # samples in a phase portrait
+CELLS = 20, 120  # along each axis of a phase portrait that is a density, at least and at most
 MOST_BANDS = 400  # of the spectrum of a random motion
 SPECTRUM_DB = 60.0  # below the highest point of a spectrum, down to which its frequencies are shown
 DOUBTFUL_LINES = f"lines that change by more than {100 * ALLOWED_CHANGE:g} % with a finer model"
 DECAYING_LINES = "lines, weighted to the beginning"
 DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
+POWER_TOLD = 0.01  # of the power of a response, outside the band of the input
 POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off
 _FREQUENCY = ("Frequency", "Hz")
 _MARKS = ("o", "^", "s", "D", "v", "x")  # of snubbers
@@ -205,6 +209,36 @@ def phase_portrait(result: RunResult, place: SnubberHistory | ProbeHistory) -> C
     return Chart((across, scale_for("m", w)), ("Velocity", scale_for("m/s", v)), curves)
 
 
+def phase_density(result: RunResult, place: SnubberHistory | ProbeHistory, start_s: float) -> HeatMap:
+    """How long a random motion is in each cell of velocity over displacement, in red where it is mostly in contact.
+
+    Parameters
+    ----------
+    result : of a run with a stationary input.
+    place : snubber or probe.
+    start_s : what comes before is left out, s.
+    """
+    kept = result.time >= start_s
+    w, v = place.displacement[kept], place.velocity[kept]
+    closed = place.closed[kept] if isinstance(place, SnubberHistory) else np.zeros(w.size, dtype=bool)
+    count, *edges = np.histogram2d(w, v, int(np.clip(0.6 * np.sqrt(w.size), *CELLS)))
+    contact = np.histogram2d(w[closed], v[closed], edges)[0] > 0.5 * count
+    share = np.where(count > 0.0, 100.0 * count / w.size, np.nan).T
+    scales = scale_for("m", w), scale_for("m/s", v)
+    across, up = (f"At {place.name}\nDisplacement", scales[0]), ("Velocity", scales[1])
+
+    def plot(ax: Axes) -> None:
+        norm = LogNorm(20.0 / w.size, float(np.nanmax(share)))  # a single sample is grey
+        of_edges = [edge * scale.factor for edge, scale in zip(edges, scales, strict=True)]
+        for colours, where in (("Reds", contact.T), ("Greys", ~contact.T)):
+            mesh = ax.pcolormesh(*of_edges, np.where(where, share, np.nan), cmap=colours, norm=norm, rasterized=True)
+        ax.figure.colorbar(mesh, ax=ax, label="Share of the time (%)" + "; red: in contact" * bool(contact.any()))
+        finish(ax, with_unit(*across), with_unit(*up))
+
+    x, y = (0.5 * (edge[1:] + edge[:-1]) for edge in edges)
+    return HeatMap(across, up, ("Share of the time (%)", ""), x, y, share, plot)
+
+
 def _end_of_run(result: RunResult) -> slice:
     """The part of a long run that is drawn."""
     return slice(max(result.time.size - MOST_STATES, 0), None)
@@ -286,7 +320,8 @@ def _last_part(result: RunResult) -> float:
 def density(response: RandomResponse, note: str = "") -> Chart:
     """Spectral densities of the input and of the absolute accelerations of the probes (displacements under a force).
 
-    Thick grey lines are those of the linear structures with every snubber always open and always closed.
+    Thick grey lines are those of the linear structures with every snubber always open and always closed. The axis is
+    the band of the input; how much of the power of a response lies outside is said with its name.
     """
     on_base = response.input.unit == "m/s^2"
     quantity = "absolute_acceleration" if on_base else "displacement"
@@ -294,10 +329,15 @@ def density(response: RandomResponse, note: str = "") -> Chart:
     unit = scale_for("m/s^2" if on_base else "m", *(np.sqrt(s.density[1:]) for s in drawn))
     squared = f"({unit.unit})²" if "/" in unit.unit else f"{unit.unit}²"
     f, top = response.frequency_hz[1:], max((float(np.max(s.density[1:])) for s in drawn), default=0.0)
-    curves = [
-        Curve(s.name if np.any(s.density[1:] > DENSITY_SHOWN * top) else f"{s.name} (over before)", f, s.density[1:])
-        for s in drawn
-    ]
+    band = _driven(response)[1:]
+
+    def name_of(signal: SignalStatistics) -> str:
+        power = signal.density[1:]
+        outside = float(power[~band].sum() / power.sum()) if power.any() and band.any() else 0.0
+        over = "" if np.any(power > DENSITY_SHOWN * top) else " (over before)"
+        return signal.name + (over or f" ({100 * outside:.2g} % outside)" * (outside > POWER_TOLD))
+
+    curves = [Curve(name_of(s), f, s.density[1:]) for s in drawn]
     linear = []
     for signal in [s for s in drawn[:MOST_CURVES] if s.density_open is not None][:1]:
         for name, dashes in (("open", "-"), ("closed", "-.")):
@@ -309,9 +349,9 @@ def density(response: RandomResponse, note: str = "") -> Chart:
     chart = Chart(_FREQUENCY, up, curves, log="xy", of="signals", marks=[*linear, *_limit_curves(drawn, f)], note=note)
     if not top > 0:
         return chart
-    last = f[np.max([s.density[1:] for s in drawn], axis=0) >= top * DENSITY_SHOWN][-1] * 1.1
+    shown = f[band] if band.any() else f[np.max([s.density[1:] for s in drawn], axis=0) >= top * DENSITY_SHOWN]
     room = 300.0 if note else 3.0  # above the curves
-    return chart._replace(x_ends=(float(f[0]), float(last)), y_ends=(top * DENSITY_SHOWN, room * top))
+    return chart._replace(x_ends=(float(shown[0]), float(shown[-1])), y_ends=(top * DENSITY_SHOWN, room * top))
 
 
 def has_transmissibility(response: RandomResponse) -> bool:
@@ -320,9 +360,9 @@ def has_transmissibility(response: RandomResponse) -> bool:
 
 
 def _driven(response: RandomResponse) -> Bools:
-    """(nf,) where a transmissibility is not one of leakage and round-off."""
-    power = response.input.density
-    return np.asarray((power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (response.frequency_hz > 0.0))
+    """(nf,) where the input has power that is neither round-off nor leakage, as from the mean into the first line."""
+    power, lines = response.input.density, np.arange(response.frequency_hz.size)
+    return np.asarray((power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (lines > 1))
 
 
 def transmissibility(response: RandomResponse) -> Chart:
@@ -456,7 +496,9 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         panels["srs"] = [shock_response(srs, _doubts(result, "srs", "spectra"))]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items()}
     places = list(result.snubbers.values())[:MOST_CURVES] or list(result.probes.values())[:1]
-    portraits = [phase_portrait(result, place) for place in places]
+    portraits = [
+        phase_portrait(result, at) if random is None else phase_density(result, at, random.start_s) for at in places
+    ]
     figures["phase_portrait"] = Picture(result.title, portraits, columns=min(len(places), 3))
     if random is not None:
         more = [transmissibility(random)] if has_transmissibility(random) else []

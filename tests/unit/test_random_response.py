@@ -10,6 +10,7 @@ from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.random_response import LEVELS, crossing_rates, largest_of_test, rms_interval
 from beamsim.cli.report import table_rows
 from beamsim.inputs.excitation import random_signals
+from beamsim.plots.run import density, phase_density
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import RandomInput
 from beamsim.system.build import build_system
@@ -283,3 +284,24 @@ def test_largest_values_of_tests_of_an_oscillator(gap):
     ratio, share = held([random(seed, 20.0) for seed in range(100, 150)], largest)
     assert ratio == pytest.approx(1.0, abs=0.07)
     assert 0.85 < share <= 1.0
+
+
+def test_pictures_are_of_the_band_of_the_input_and_of_the_share_of_the_time(result):
+    """The ends of the density's axis are those of the table, to its resolution; cells hold all of the time."""
+    resolution = result.random.frequency_hz[1]
+    low, high = density(result.random).x_ends
+    assert low == pytest.approx(1.0, abs=2 * resolution)
+    assert high == pytest.approx(40.0, abs=2 * resolution)
+    probe, start = result.probes["mass"], result.random.start_s
+    cells = phase_density(result, probe, start)
+    share = np.nan_to_num(cells.values)
+    assert share.sum() == pytest.approx(100.0)
+    kept = probe.displacement[result.time >= start]
+    mean = share.sum(axis=0) @ cells.x / 100.0
+    assert np.sqrt(share.sum(axis=0) @ (cells.x - mean) ** 2 / 100.0) == pytest.approx(kept.std(), rel=0.01)
+
+
+def test_power_outside_the_band_of_the_input_is_said():
+    """A stop scatters power to above 40 Hz; a linear motion has none there."""
+    hit = beamsim.run(load_scenario(stopped(1e-4, sample_rate="1 kHz")))
+    assert all("% outside" in curve.label for curve in density(hit.random).curves if curve.label != "input")
