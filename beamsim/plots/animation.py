@@ -60,7 +60,7 @@ class Scene:
     names: tuple[tuple[str, float, float], ...]  # of bodies, and where
     bar: float  # rows
     bar_text: str
-    supports: tuple[tuple[str, float, float], ...]  # kind, and where
+    supports: tuple[tuple[str, int], ...]  # kind, and which of the points moves with it
     count: int  # rows of bodies
 
     def as_json(self) -> dict[str, Any]:
@@ -77,9 +77,7 @@ def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
     factor, bar = _HEIGHT / largest, round_length(largest)
     heights = frames.deflection * factor
     points = [np.array([sketch.point(place) for place in line.places]) for line in frames.lines]
-    lines = [
-        PictureLine(xy[:, 0], xy[:, 1], not line.continuous) for xy, line in zip(points, frames.lines, strict=True)
-    ]
+    lines = [PictureLine(at[:, 0], at[:, 1], not of.continuous) for at, of in zip(points, frames.lines, strict=True)]
     drawn: list[PictureStop] = []
     for name, site in sketch.sites.items():
         x, y = zip(*(sketch.point(place) for place in ends_of(site)), strict=True)
@@ -87,14 +85,15 @@ def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
         drawn.append(PictureStop(name, stops[name].side, x, y, gaps[name] * factor, height, ends, frames.force[name]))
     bodies = sketch.scenario.all_bodies
     firsts = {name: sketch.lines_of(name)[0] for name in bodies if len(bodies) > 1}
+    xy = np.concatenate(points)
     supports = tuple(
-        (kind, *sketch.point(Place(name, coordinate)))
+        (kind, int(np.hypot(*(xy - sketch.point(Place(name, coordinate))).T).argmin()))
         for name, body in bodies.items()
         for coordinate, kind in body.marks
         if kind in SUPPORTS and not sketch.width(name)
     )
-    (left, _), (right, _) = (pick([pick(xy, axis=0) for xy in points], axis=0) for pick in (np.min, np.max))
-    rest = np.concatenate([xy[:, 1] for xy in points])
+    (left, _), (right, _) = (pick(xy, axis=0) for pick in (np.min, np.max))
+    rest = xy[:, 1]
     low, high = float((rest + heights).min()), float((rest + heights).max())
     margin = 0.09 * (float(right - left) or 1.0)
     limits = float(left) - margin, float(right) + 1.6 * margin, min(low - 0.12, -0.5), max(high + 0.3, 0.6)
@@ -161,8 +160,11 @@ def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
         finish_positions(ax)
     for line in scene.lines:
         ax.plot(line.x, line.y, color=REST, linewidth=0.8, zorder=1)
-    for kind, x, y in scene.supports:
-        ax.plot(x, y, marker=SUPPORTS[kind], markersize=9, color="0.3", linestyle="none", zorder=2)
+    rest = [np.concatenate(each) for each in zip(*((line.x, line.y) for line in scene.lines), strict=True)]
+    supports = [
+        ax.plot([], [], marker=SUPPORTS[kind], markersize=9, color="0.3", linestyle="none", zorder=2)[0]
+        for kind, _ in scene.supports
+    ]
     for name, x, y in scene.names:
         ax.annotate(name, (x, y), xytext=(-4, 9), textcoords="offset points", fontsize="small", ha="right")
     scale_bar(ax, right - 0.055 * (right - left), scene.bar, scene.bar_text)
@@ -180,6 +182,8 @@ def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
         for line, artist in zip(scene.lines, moving, strict=True):
             artist.set_data(line.x, line.y + scene.heights[k, first : first + line.x.size])
             first += line.x.size
+        for (_, point), artist in zip(scene.supports, supports, strict=True):
+            artist.set_data([rest[0][point]], [rest[1][point] + scene.heights[k, point]])
         for stop, artist in zip(scene.stops, stops, strict=True):
             artist.set_data(*_stop(stop, k))
             pressed = stop.force[k] > 0.0

@@ -30,12 +30,16 @@ def deflected_shapes(result: RunResult, name: str) -> Chart:
         sites = {located.item.name: snubber_site(located) for located in result.scenario.located_snubbers}
         snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == name]
     curves = [Curve(label, beam.position, y, {"color": DARK}) for y, label in _shapes(result, beam)]
-    marks = []
-    for k, s in enumerate(snubbers):
-        below = s.side == "below"
-        triangle = {"marker": 6 if below else 7, "markersize": 11, "color": RED, "clip_on": False}
-        face = (s.position, -s.gap if below else s.gap)  # which is the tip of the triangle
-        marks.append(marked("" if k else "snubber", face, **triangle))
+    marks: list[Curve] = []
+    still = np.nan_to_num(beam.static_shape)
+    for s in snubbers:
+        side, at = (-1.0 if s.side == "below" else 1.0), np.interp(s.position, beam.position, still)
+        shut = side * at >= s.gap  # it follows the beam until it is free
+        label = f"snubber, {'closed' if shut else 'open'} at rest"
+        triangle = {"marker": 6 if side < 0.0 else 7, "markersize": 11, "color": RED, "clip_on": False,
+                    "markerfacecolor": RED if shut else "white"}  # fmt: skip
+        face = (s.position, at if shut else side * s.gap)  # which is the tip of the triangle
+        marks.append(marked("" if label in [mark.label for mark in marks] else label, face, **triangle))
     of = name if len(result.bodies) > 1 else "the beam"
     scale = scale_for("m", beam.extreme_shapes, np.array([mark.y for mark in marks]))
     rest = Guide("", 0.0, {"color": "0.6", "linewidth": 0.7, "zorder": 1})

@@ -143,6 +143,7 @@ def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:
         for value, of in sorted(followed, key=lambda each: each[0].key != DISPLACEMENT)
         for name in list(of)[:MOST_CURVES]
     }
+    charts = {name: chart for name, chart in charts.items() if any(np.any(curve.y) for curve in chart.curves)}
     for name in list(result.branches[0].harmonics)[:1]:
         charts[f"harmonics_{name}"] = harmonics(result, name)
     if any(c.parameter.size for c in result.fold_curves):

@@ -222,10 +222,15 @@ def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
     xlabel, ylabel : of its axes, with their units.
     """
     ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
+    ax.set_ylabel(_wrapped(ylabel, ax.bbox.height))
     ax.grid(visible=True, color="0.88", linewidth=0.6)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
+
+
+def _wrapped(text: str, length: float) -> str:
+    """The label of an axis of so many pixels; of a longer one what is in brackets is on a line of its own."""
+    return text.replace(" (", "\n(", 1) if max(map(len, text.split("\n"))) * 6.8 > length else text
 
 
 def _plain_logarithmic(axis: Any) -> None:

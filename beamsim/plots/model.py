@@ -18,7 +18,7 @@ from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import Distributed, LoadSite, Place, ends_of
-from beamsim.system.parts import exciting_forces
+from beamsim.system.parts import driven_supports, exciting_forces
 from beamsim.system.structural import SnubberNumbers
 
 MOST_NAMES = 14  # of stops, masses, springs and probes together; more are not readable
@@ -125,8 +125,14 @@ def _springs(sketch: Sketch, ax: Axes) -> Iterator[Named]:
     """Springs of joints, of a chain, between points and to the ground."""
     scenario = sketch.scenario
     for joint in scenario.joints:
-        yield f"{joint.name} ({joint.kind} joint)", sketch.point(ends_of(site_in(scenario, joint))[0])
+        turning = getattr(joint, "rotational_stiffness", 0.0)
+        spring = f", {amount(turning, 'N m/rad')}" if turning else ""
+        yield f"{joint.name} ({joint.kind} joint{spring})", sketch.point(ends_of(site_in(scenario, joint))[0])
     for name, body in scenario.all_bodies.items():
+        for x, spring in body.elastic_supports:
+            given = (spring.stiffness, "N/m"), (spring.rotational_stiffness, "N m/rad")
+            if text := " and ".join(amount(value, unit) for value, unit in given if value):
+                yield f"support on {text}", sketch.point(Place(name, x))
         step = sketch.span / max(sketch.lines_of(name)[0].x.size - 1, 1)
         for first, second in body.spring_links:
             (x, y), *others = (sketch.point(Place(name, at)) for at in (first, second) if at is not None)
@@ -165,6 +171,22 @@ def _forces(sketch: Sketch, ax: Axes) -> Iterator[Named]:
             x, y = sketch.point(place)
             ax.annotate("", (x, y + 0.04), xytext=(x, y + 0.34), arrowprops=arrow)
         yield levels[0] if len(levels) == 1 else part.kind.replace("_", " "), (x, y + 0.34)
+
+    for _, part in driven_supports(sketch.scenario):
+        for x, y in _moved(sketch, part.applied_to):
+            ax.annotate("", (x, y - 0.08), xytext=(x, y - 0.3), arrowprops={**arrow, "arrowstyle": "<|-|>"})
+            yield _level_text(part, max((level for _, level in part.levels()), key=abs)), (x, y - 0.3)
+
+
+def _moved(sketch: Sketch, moved: Any) -> list[tuple[float, float]]:
+    """Where a support that moves is drawn, or a joint."""
+    scenario = sketch.scenario
+    if moved.joint:
+        joined = next(each for each in (*scenario.joints, *scenario.springs_between) if each.name == moved.joint)
+        return [sketch.point(place) for place in ends_of(site_in(scenario, joined))[-1:]]
+    line = sketch.lines_of(moved.body or scenario.default_body)[0]
+    ends = dict(zip(("left", "right"), line.coordinate[[0, -1]], strict=True))
+    return [tuple(line.at(ends[moved.support], sketch.rest))] if moved.support in ends else []
 
 
 def _loaded(site: LoadSite, sketch: Sketch) -> Sequence[Place]:

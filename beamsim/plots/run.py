@@ -68,7 +68,7 @@ def histories(
     result: RunResult, up: Axis, values: Mapping[str, Floats], levels: Iterable[Guide] = (), note: str = "",
     of: str = "probes",
 ) -> list[Chart]:  # fmt: skip
-    """Time histories: the whole, and its last periods, unless that is the whole or a shock is over then.
+    """Time histories: the whole, and its last periods, unless that is the whole, or nothing happens then.
 
     Parameters
     ----------
@@ -88,10 +88,10 @@ def histories(
     curves = [Curve(name, time, x) for name, x in values.items()]
     ends = begin, end if end > begin else begin + 1.0
     whole = Chart(("Time", plain_scale("s")), up, curves, list(levels), of=of, x_ends=ends, note=note)
-    if result.scenario.excitation.shock or start <= begin:
-        return [whole]
     first = int(np.searchsorted(time, start))
     last = [Curve(name, time[first:], x[first:]) for name, x in values.items()]
+    if result.scenario.excitation.shock or start <= begin or not any(np.any(curve.y) for curve in last):
+        return [whole]
     return [whole, whole._replace(curves=last, x_ends=(start, end), note="")]
 
 
@@ -108,6 +108,10 @@ def _faces(result: RunResult) -> Iterator[Guide]:
             face = (-1.0 if side == "below" else 1.0) * stop.gap
             dashes = (0, (7, 2.5)) if side == "below" else (0, (7, 2.5, 1.5, 2.5))
             yield Guide(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": dashes})
+
+
+def _touched(result: RunResult) -> bool:
+    return any(np.any(snubber.force) for snubber in result.snubbers.values())
 
 
 def _contact_forces(result: RunResult) -> dict[str, Floats]:
@@ -254,8 +258,7 @@ def force_deflection(result: RunResult) -> Chart:
         Curve(name, s.penetration[shown], np.where(s.closed[shown], s.force[shown], np.nan), {"linewidth": 0.8})
         for name, s in result.snubbers.items()
     ]
-    title = "" if any(np.isfinite(loop.y).any() for loop in loops) else "no contact"
-    return Chart(("Penetration", "m"), ("Contact force", "N"), loops, of="snubbers", title=title)
+    return Chart(("Penetration", "m"), ("Contact force", "N"), loops, of="snubbers")
 
 
 def shock_response(response: ShockResponse, note: str) -> Chart:
@@ -298,7 +301,7 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     if result.scenario.excitation.shock and result.base_unit == "m" and np.any(result.base_acceleration):
         up = ("Acceleration of the base", "m/s^2")
         panels["acceleration"] += histories(result, up, {"": result.base_acceleration})
-    if result.snubbers:
+    if _touched(result):
         up, levels, note = ("Contact force", "N"), limit_levels(limits, "peak_force"), _doubts(result, "peak_force_n")
         panels["contact_force"] = histories(result, up, _contact_forces(result), levels, note, of="snubbers")
     for name, output in list(result.outputs.items())[:MOST_CURVES]:
@@ -478,7 +481,7 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
     random, srs, shown = result.random, result.srs, _end_of_run(result)
     panels = _histories_of_all(result)
-    if result.snubbers:
+    if _touched(result):
         panels["force_deflection"] = [force_deflection(result)]
     if result.friction:  # loops enclose the work that is lost
         thin = {"linewidth": 0.8}

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.path import Path as MarkerPath
 
 from beamsim.plots.drawing import DARK, RED
 from beamsim.plots.style import plain_scale
@@ -22,9 +23,12 @@ from beamsim.typing import Floats, Ints
 
 MANY_NODES = 40  # of a body; beyond that they are drawn smaller
 BODY, REST, STOP = DARK, "0.75", RED
+TURNING = "rotational spring"
 SHUT = "stop in contact"
 SUPPORTS = {"clamped": "s", "pinned": 6, "guided": "D"}
-_MARKERS = {**SUPPORTS, "springs": "v", "mass": "o"}
+_TURNS = np.linspace(0.0, 4.5 * np.pi, 60)
+_SPIRAL = MarkerPath((0.1 + 0.9 * _TURNS / _TURNS[-1])[:, None] * np.column_stack([np.cos(_TURNS), np.sin(_TURNS)]))
+_MARKERS = {**SUPPORTS, "springs": "v", "mass": "o", TURNING: _SPIRAL}
 _JOINTS = {"rigid": ("s", BODY), "hinge": ("o", "white"), "spring": ("d", "white")}
 _SHEAR, _RISE = 0.25, 0.3  # of a plate: to the right by its y, up over the distance of rows
 
@@ -153,15 +157,16 @@ class Sketch:
         ]
 
     def _marks(self, ax: Axes, heights: Floats) -> None:
-        """Supports stay where they are, along an edge of a plate; masses move."""
+        """Supports, along an edge of a plate, and masses, where the body is."""
         for name, body in self.scenario.all_bodies.items():
             for coordinate, kind in body.marks:
                 if kind != "mass":
-                    still = kind in SUPPORTS
-                    at = [line.at(coordinate, self.rest if still else heights) for line in self.lines_of(name)]
-                    ax.plot(*np.transpose(at), marker=_MARKERS[kind], markersize=7, clip_on=False, zorder=5, label=kind,
-                            linestyle="-" if len(at) > 1 else "none", linewidth=2.5, color="0.25" if still else BODY,
-                            markerfacecolor="0.25" if still else "white")  # fmt: skip
+                    holds, size = kind in SUPPORTS, 12 if kind == TURNING else 7
+                    at = [line.at(coordinate, heights) for line in self.lines_of(name)]
+                    ax.plot(*np.transpose(at), marker=_MARKERS[kind], markersize=size, clip_on=False, zorder=5,
+                            linestyle="-" if len(at) > 1 else "none", linewidth=2.5, color="0.25" if holds else BODY,
+                            markerfacecolor="0.25" if holds else "none" if kind == TURNING else "white",
+                            label=kind)  # fmt: skip
         for _, mass in self.masses(heights):
             ax.plot(*mass, marker="o", markersize=9, color=BODY, markerfacecolor="#8fb1c9", linestyle="none", zorder=5,
                     label="mass")  # fmt: skip
@@ -170,6 +175,9 @@ class Sketch:
         for joint in self.scenario.joints:
             ends = [self.point(place, heights) for place in ends_of(site_in(self.scenario, joint))]
             marker, face = _JOINTS[joint.kind]
+            if getattr(joint, "rotational_stiffness", 0.0):
+                ax.plot(*ends[0], marker=_SPIRAL, markersize=14, color=BODY, markerfacecolor="none", linestyle="none",
+                        zorder=6, label=TURNING)  # fmt: skip
             if len(ends) == 2 and math.dist(*ends) > 1e-6:
                 ax.plot(*zip(*ends, strict=True), color=BODY, linestyle=":", linewidth=1.0, zorder=2)
             ax.plot(

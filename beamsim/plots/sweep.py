@@ -9,6 +9,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult
@@ -173,18 +174,20 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve)
     step = max(1, curve.frequency_hz.size // 1500)
     amplitude, f = np.abs(curve.displacement[probe].harmonics)[:, ::step], curve.frequency_hz[::step]
     top = float(np.nanmax(amplitude, initial=0.0)) or 1.0
+    ax.set_facecolor(colormaps["cividis"](0.0))  # dark where nothing moves
     for order, values in zip(curve.orders, amplitude, strict=True):
         level = 20 * np.log10(np.maximum(values, 1e-30) / top)
-        drawn = ax.scatter(f, order * f, c=level, s=5, marker="s", linewidths=0, cmap="cividis_r", vmin=-60, vmax=0)
+        drawn = ax.scatter(f, order * f, c=level, s=9, marker="s", linewidths=0, cmap="cividis", vmin=-60, vmax=0)
         fraction = Fraction(float(order)).limit_denominator(12)
         ax.annotate(f"{fraction}", (f.max(), order * f.max()), xytext=(4, 0), textcoords="offset points", va="center",
-                    fontsize="small")  # fmt: skip
+                    fontsize="small", color="white")  # fmt: skip
     for natural in result.modes.open_frequencies_hz:
         if natural <= curve.orders.max(initial=1.0) * f.max():
             ax.axhline(natural, color="0.75", linewidth=0.6, zorder=0)
     if curve.orders.size:
         colour_bar(ax, drawn, "Amplitude (dB re largest)")
     finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Response frequency of {probe} (Hz)")
+    ax.grid(visible=False)
 
 
 def _has_spectrogram(result: SweepResult, probe: str, level_index: int) -> bool:
@@ -387,7 +390,9 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
     levels = sorted({c.level_index for c in result.curves.values()})
     panels: dict[str, list[Any]] = {f"response_{k}": [responses(result, probe, k)] for k in levels}
     names = {ACCELERATION: "acceleration", FORCE: "contact"}
-    for value in [value for value, _ in last.peaks() if value.followed and value.key != DISPLACEMENT]:
+    touched = any(np.any(force.peak) for curve in result.curves.values() for force in curve.force.values())
+    left_out = (DISPLACEMENT,) if touched else (DISPLACEMENT, FORCE)
+    for value in [value for value, _ in last.peaks() if value.followed and value.key not in left_out]:
         panels[names.get(value.key, value.name)] = [peaks(result, value, index)]
     if last.has_transmissibility:
         panels["acceleration"].append(transmissibility(result, index))
@@ -395,7 +400,7 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
         if _has_spectrogram(result, probe, k):
             panels[f"spectrogram_{k}"] = [partial(plot_spectrogram, result, probe=probe, level_index=k)]
     panels["waterfall"] = [partial(plot_waterfall, result, probe=probe, curve=last)]
-    if last.force:
+    if touched:
         panels["contact"].append(contact(result, direction))
     if last.outputs:
         panels["outputs"] = [output_peaks(result, name) for name in list(last.outputs)[:MOST_CURVES]]

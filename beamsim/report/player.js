@@ -38,7 +38,9 @@ function player(canvas, scene, controls) {
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.font = "14px system-ui, sans-serif"; context.textAlign = "left"; context.fillStyle = "#444";
     scene.lines.forEach(line => stroke(line.x.map((x, k) => [x, line.y[k]]), "#bbb", 1));
-    scene.supports.forEach(([kind, x, y]) => {
+    const at = scene.lines.flatMap(line => line.x.map((x, k) => [x, line.y[k]]));
+    scene.supports.forEach(([kind, point]) => {
+      const x = at[point][0], y = at[point][1] + scene.heights[frame][point];
       context.fillStyle = "#444"; context.beginPath();
       if (kind === "clamped") context.rect(X(x) - 6, Y(y) - 14, 6, 28);
       else { context.moveTo(X(x), Y(y)); context.lineTo(X(x) - 8, Y(y) + 14); context.lineTo(X(x) + 8, Y(y) + 14); }

@@ -529,12 +529,19 @@ class BeamBody(Body):
         return max((stretch.bending.depth or 0.0 for stretch in self.stretches), default=0.0)
 
     @property
+    def elastic_supports(self) -> tuple[tuple[float, ElasticSupport], ...]:
+        """Ends on springs, with their positions, m."""
+        ends = zip((0.0, self.length), self.supports.springs, strict=True)
+        return tuple((x, springs) for x, springs in ends if springs is not None)
+
+    @property
     def marks(self) -> tuple[tuple[float, str], ...]:
         """Ends that are held, and point masses."""
-        marks: list[tuple[float, str]] = []
-        for x, kind, springs in zip((0.0, self.length), self.supports.kinds, self.supports.springs, strict=True):
-            marks += [(x, kind)] if kind != "free" else []
-            marks += [(x, "springs")] if springs is not None else []
+        ends = zip((0.0, self.length), self.supports.kinds, strict=True)
+        marks: list[tuple[float, str]] = [(x, kind) for x, kind in ends if kind != "free"]
+        for x, spring in self.elastic_supports:
+            turns, moves = spring.rotational_stiffness > 0.0, spring.stiffness > 0.0 or spring.dashpot > 0.0
+            marks += [(x, "springs")] * moves + [(x, "rotational spring")] * turns
         return (*marks, *((x, "mass") for x in self.mass_points))
 
     @property

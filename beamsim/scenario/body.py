@@ -499,8 +499,13 @@ class Body(Schema):
         return {}
 
     @property
+    def elastic_supports(self) -> tuple[tuple[float, Any], ...]:
+        """Coordinates and sections of ends on springs."""
+        return ()
+
+    @property
     def marks(self) -> tuple[tuple[float, str], ...]:
-        """Coordinates and kinds of what a sketch shows on the body: clamped, pinned, guided, springs, mass."""
+        """Coordinates and kinds of what a sketch shows on the body: clamped, springs, mass, ..."""
         return ()
 
     @property

@@ -255,7 +255,8 @@ class MatricesStructure(BodyStructure):
         rows = np.array(sorted(chosen | at, key=lambda i: int(self.table.nodes[i])), dtype=np.int64)
         shapes = self.expansion[rows] @ member.field(basis.vectors) / np.sqrt(member.whole.mass_scale)
         points = None if self.table.coordinates is None else self.table.coordinates[rows]
-        return Recovery(self.name, NODES, self.table.nodes[rows].astype(float), np.asarray(shapes), points=points)
+        nodes = self.table.nodes[rows].astype(float)
+        return Recovery(self.name, NODES, nodes, np.asarray(shapes), points=points, direction=direction)
 
     def deflections(self, vectors: Floats) -> Floats:
         """Displacements of nodes, else all that there is."""

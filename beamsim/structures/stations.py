@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from beamsim.fields import attribute, axis, dataset, declared
+from beamsim.structures.places import DEFLECTION, Place
 from beamsim.typing import Floats, Ints
 
 
@@ -141,6 +142,14 @@ class Recovery:
     across: Floats | None = None  # (nx,) m, y on a plate
     points: Floats | None = None  # (nx, 3) m, of nodes whose table has coordinates; NaN where it has none
     moments: int = 1  # at a station
+    direction: str = DEFLECTION
+
+    @property
+    def places(self) -> list[Place]:
+        """The stations."""
+        if self.across is None:
+            return [Place(self.body, float(x), self.direction) for x in self.position]
+        return [Place(self.body, (float(x), float(y))) for x, y in zip(self.position, self.across, strict=True)]
 
     def moment_weights(self, x: float, y: float | None, component: str) -> Floats:
         """(moments nx,) weights of moments at a point: 1 at a beam's station, linear between the nodes of a plate.

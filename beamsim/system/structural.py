@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from beamsim.fields import attribute, declared, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.structures.named_matrices import FileSummary
+from beamsim.structures.places import Place
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
 from beamsim.system.equations import Channel, ChannelSet, Forcing, PiecewiseLinearSystem, Rows, SineLoads, Sizes
 from beamsim.system.modes import Assessment, ModeTable
@@ -127,6 +129,14 @@ class StructuralSystem:
     def deflection(self) -> Floats:
         """(nx, n) deflection at the stations for a unit of each coordinate, 1/sqrt(kg)."""
         return self.assessment.deflection
+
+    def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
+        """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""
+        moved, signals = self.assessment.parts.moved, self.forcing.signal
+        motion = np.zeros((times.size, len(places)))
+        for each, displacement in zip(moved, signals[len(signals) - 3 * len(moved) :][2::3], strict=True):
+            motion += np.outer(displacement(times), [each.support.direct(place) for place in places])
+        return motion
 
     @cached_property
     def channels(self) -> ChannelSet:

@@ -58,3 +58,62 @@ def test_a_stop_that_presses_is_drawn_at_the_body(result):
     assert np.all(stop.ends[pressed, 0] < face + 1e-12)
     scale = np.abs(scene.heights).max() / np.abs(frames.deflection).max()
     assert stop.gap == pytest.approx(1e-5 * scale)
+
+
+PIPE = {
+    "beam": {"length": 0.9, "width": 0.03, "thickness": 0.004, "youngs_modulus": 70e9, "density": 2700.0, "elements": 5,
+             "supports": {"left": "pinned", "right": "pinned"}, "damping": {"kind": "modal", "ratio": 0.02}},
+    "excitation": {"kind": "forces", "forces": [
+        {"kind": "harmonic", "applied_to": {"support": "left"}, "level": "1 mm", "frequency": 0.05},
+        {"kind": "harmonic", "applied_to": {"support": "right"}, "level": "0.6 mm", "frequency": 0.05, "phase": 1.2},
+    ]},
+    "probes": [{"name": "middle", "position": 0.45}],
+    "run": {"duration": 20.0, "sample_rate": 40.0, "convergence": "off", "start": "rest"},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def pipe():
+    """So slow that the beam stays straight between its two supports."""
+    return beamsim.run(load_scenario(PIPE))
+
+
+def ends_of_pipe(time):
+    """(nt, 2) m, the motion of both supports."""
+    return np.stack([1e-3 * np.sin(0.1 * np.pi * time), 6e-4 * np.sin(0.1 * np.pi * time + 1.2)], axis=-1)
+
+
+def test_supports_that_move_are_drawn_where_they_are(pipe):
+    body = pipe.bodies["beam"]
+    left, right = ends_of_pipe(body.extreme_times).T
+    straight = left[:, None] + (right - left)[:, None] * body.position / 0.9
+    np.testing.assert_allclose(body.extreme_shapes, straight, atol=2e-6)
+    frames = frames_of_run(pipe)
+    (line,) = frames.lines
+    left, right = ends_of_pipe(frames.time).T
+    straight = left[:, None] + (right - left)[:, None] * line.x / 0.9  # at places within elements, too
+    np.testing.assert_allclose(frames.deflection, straight, atol=2e-6)
+
+
+def test_the_animation_moves_the_supports(pipe):
+    frames = frames_of_run(pipe)
+    scene = scene_of(frames, Sketch(pipe.scenario, pipe.modes.stations, pipe.snubbers), "case")
+    scale = scene.heights.max() / frames.deflection.max()
+    moved = np.stack([scene.heights[:, point] for _, point in scene.supports], axis=1)
+    np.testing.assert_allclose(moved, scale * ends_of_pipe(frames.time), atol=1e-9 * scale)
+
+
+def test_a_contact_is_drawn_with_the_supports_where_they_are():
+    bodies = {
+        "pipe": {"kind": "beam", **PIPE["beam"]},
+        "wall": {"kind": "beam", **PIPE["beam"], "supports": {"left": "clamped", "right": "clamped"}},
+    }
+    stop = {"name": "stop", "between": [{"body": "wall", "position": 0.45},
+            {"body": "pipe", "position": 0.45}], "stiffness": 1e4, "gap": 1e-4}  # fmt: skip
+    forces = [{**each, "applied_to": {**each["applied_to"], "body": "pipe"}} for each in PIPE["excitation"]["forces"]]
+    case = {"bodies": bodies, "snubbers": [stop], "excitation": {"kind": "forces", "forces": forces},
+            "probes": [{"name": "middle", "at": {"body": "pipe", "position": 0.45}}], "run": PIPE["run"]}  # fmt: skip
+    result = beamsim.run(load_scenario(case))
+    shape = result.contact.deflection(result.modes)
+    part = next(each.stations for each in result.modes.stations if each.body == "pipe")
+    assert shape[part][[0, -1]] == pytest.approx(ends_of_pipe(np.array(result.contact.time)), abs=1e-9)

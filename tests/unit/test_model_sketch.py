@@ -86,3 +86,32 @@ def test_validate_draws_the_model(tmp_path):
     (file,) = json.loads(done.stdout)["files"]
     assert file == str(tmp_path / "case_sketch.png")
     assert (tmp_path / "case_sketch.png").stat().st_size > 10_000
+
+
+def labels(figure):
+    return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+
+
+def test_rotational_springs_are_drawn_with_their_stiffness():
+    arm = {"kind": "beam", **BEAM}
+    hinge = {"kind": "hinge", "between": [{"body": "inner", "position": 0.4}, {"body": "outer", "position": 0.0}]}
+    case = {"bodies": {"inner": arm, "outer": {**arm, "supports": {"left": "free", "right": "free"}}},
+            "joints": [{**hinge, "name": "hinge", "rotational_stiffness": 200.0}]}  # fmt: skip
+    figure = sketched(load_scenario(case))
+    assert "rotational spring" in labels(figure)
+    assert "hinge (hinge joint, 200 N m/rad)" in texts(figure)
+    held = {"left": {"stiffness": 1e6, "rotational_stiffness": 50.0}, "right": "pinned"}
+    figure = sketched(load_scenario({"beam": {**BEAM, "supports": held}}))
+    assert {"springs", "rotational spring"} <= labels(figure)
+    assert "support on 1 MN/m and 50 N m/rad" in texts(figure)
+    held["left"] = {"stiffness": 1e6}
+    assert "rotational spring" not in labels(sketched(load_scenario({"beam": {**BEAM, "supports": held}})))
+
+
+def test_supports_that_move_are_marked():
+    beam = {**BEAM, "supports": {"left": "pinned", "right": "pinned"}}
+    forces = [{"kind": "harmonic", "applied_to": {"support": "right"}, "level": "2 mm", "frequency": 9.0}]
+    figure = sketched(load_scenario({"beam": beam, "excitation": {"kind": "forces", "forces": forces}}))
+    assert "2 mm" in texts(figure)
+    (arrow,) = [each for each in figure.axes[0].texts if each.arrow_patch is not None]
+    assert arrow.xy[0] == pytest.approx(0.4)

@@ -10,7 +10,7 @@ from sampling import slow_after
 
 import beamsim
 from beamsim.plots import run as plots
-from beamsim.plots.drawing import HERTZ, save_figures
+from beamsim.plots.drawing import HERTZ, Chart, Picture, save_figures
 from beamsim.report.interactive import thinned
 from beamsim.scenario import load_scenario
 
@@ -34,7 +34,7 @@ EVERYTHING = {
             ({"snubbers": tuple("abcdefgh"), "probes": tuple("pqrstuvw")}, set()),
             ({"chain": True}, {"deflected_shapes"}),
             ({"frequency": math.nan}, set()),
-            ({"duration": 0.001, "rate": 1000.0}, set()),
+            ({"duration": 0.001, "rate": 1000.0}, {"contact_force", "force_deflection"}),
         ]),
     ],
 )  # fmt: skip
@@ -117,3 +117,21 @@ def test_a_shock_is_shown_whole_with_its_input():
     assert "base" in below.get_ylabel()
     assert below.lines[0].get_ydata().max() == pytest.approx(10.0, rel=1e-3)
     assert above.get_xlim() == below.get_xlim()
+
+
+def test_no_picture_is_of_a_contact_that_never_was(fabricated_run):
+    result = fabricated_run()
+    for stop in result.snubbers.values():
+        stop.force[:] = 0.0
+    assert set(plots.run_figures(result)) == EVERYTHING - {"contact_force", "force_deflection"}
+
+
+def test_no_label_is_cut():
+    """The long label of a low panel."""
+    high, low = (Chart(("Time", "s"), ("Absolute acceleration (dB re peak)", ""), []) for _ in range(2))
+    figure = Picture("case", [high, low]).figure()
+    FigureCanvasAgg(figure).draw()
+    for ax in figure.axes:
+        label = ax.yaxis.label.get_window_extent()
+        assert label.height <= ax.bbox.height + 1.0
+        assert ax.get_ylabel().replace("\n", " ") == "Absolute acceleration (dB re peak)"

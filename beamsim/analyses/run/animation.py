@@ -120,7 +120,10 @@ def frames_of_run(
     shape = _shape_of(scenario, system, lines, shared)
     at_stops = _rows(scenario, [end for site in sites.values() for end in ends_of(site)], shared)
     force = {name: known.of(FORCE)[:, k] for k, name in enumerate(sites)}
-    return Frames(lines, times, slow, q @ shape.T, _of_stops(sites, q @ at_stops.T), force)
+    bodies = {body.body: body.places for body in system.bodies}
+    places = [place for line in lines for place in (line.places if line.continuous else bodies[line.body])]
+    deflection = q @ shape.T + system.with_supports(places, times)
+    return Frames(lines, times, slow, deflection, _of_stops(sites, q @ at_stops.T), force)
 
 
 def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion) -> Frames:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -280,7 +280,9 @@ def contact_instant(system: StructuralSystem, motion: RunMotion) -> ContactInsta
     if not forces[at] > 0.0:
         return None
     coordinates = motion.state_at(float(times[at]))[: system.dynamics.size]
-    return ContactInstant(float(times[at]), system.snubbers[at].name, float(forces[at]), coordinates)
+    carried = system.with_supports([place for body in system.bodies for place in body.places], times[[at]])[0]
+    instant = ContactInstant(float(times[at]), system.snubbers[at].name, float(forces[at]), coordinates)
+    return replace(instant, supports=carried) if carried.any() else instant
 
 
 def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, OutputHistory]:
@@ -317,7 +319,8 @@ def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotio
             across=body.across,
             peak_bending_stress=peaks(stress[body.body], body.moments) if body.body in stress else None,
             peak_von_mises_stress=von_mises.get(body.body),
-            extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T,
+            extreme_shapes=motion.extreme_states[:, : system.dynamics.size] @ body.deflection.T
+            + system.with_supports(body.places, motion.extreme_times),
             extreme_times=motion.extreme_times,
             static_shape=np.full(body.position.size, np.nan) if equilibrium is None else body.deflection @ equilibrium,
         )

@@ -366,10 +366,15 @@ class ContactInstant:
         "kg^0.5 m", "coordinates of the reduced model: the deflection is their sum over the mode shapes",
         along=(Counter("mode", "mode number"),),
     )  # fmt: skip
+    supports: Floats | None = dataset(
+        "m", "deflection at the stations of what moves with supports, which no mode has",
+        along=(Counter("station", "station number"),), default=None,
+    )  # fmt: skip
 
     def deflection(self, modes: ModeTable) -> Floats:
         """(nx,) m, relative to the base at the stations."""
-        return np.asarray(self.coordinates @ modes.shapes)
+        of_modes = self.coordinates @ modes.shapes
+        return np.asarray(of_modes if self.supports is None else of_modes + self.supports)
 
 
 @declared(along=_TIME)
