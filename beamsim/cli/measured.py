@@ -26,19 +26,13 @@ from beamsim.scenario.parameters import unit_of
 
 def identification_screen(result: IdentificationResult) -> Screen:
     """What was found with its interval, and how well the model then has the measured frequencies."""
-    s = result.summary
     rows = []
     if (estimate := result.estimate) is not None:
         std, (low, high) = estimate.standard_deviation, estimate.interval
         row = {"": f"stiffness of {estimate.snubber}", "found": _found(estimate.stiffness, "N/m", std)}
         rows.append(row | _scatter(std, low, high, "N/m", estimate.coverage))
-    estimated = [part for part in (result.update, result.nonlinear) if part is not None]
-    for part in estimated:
-        for p in part.parameters[: 2 * SHOWN]:
-            unit = unit_of(result.scenario, p.parameter)
-            row = {"": parameter_label(p.parameter), "before": amount(p.before, unit)}
-            row["found"] = _found(p.value, unit, p.standard_deviation) + (" at its bound" if p.at_bound else "")
-            rows.append(row | _scatter(p.standard_deviation, *p.interval, unit, s.get("coverage", 0.95)))
+    for part in (result.update, result.nonlinear):
+        rows += _parameters(result, () if part is None else part.parameters[: 2 * SHOWN])
     return Screen(_agreement(result), rows, list(_facts(result)))
 
 
@@ -78,6 +72,10 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
     for name in ("update_misfit", "nonlinear_misfit"):
         if name in s:
             yield f"misfit {_misfit(result, s[name])}"
+    if (fit := result.nonlinear) is not None and len(fit.tests) > 1 and fit.misfit > 0.0:
+        worst = min(fit.tests, key=lambda test: test.misfit_without)
+        share = percent(worst.misfit / fit.misfit, 2)
+        yield f"{worst.name} has {share} of the misfit; without it {worst.misfit_without:.4g} would be left"
     if "starts_agreeing" in s:
         agreeing, starts = s["starts_agreeing"]
         freedom = counted(s["nonlinear_degrees_of_freedom"], "degree of freedom", "degrees of freedom")
@@ -103,24 +101,22 @@ def _updated(result: IdentificationResult, _: Any) -> Labelled | str:
         return ""
     supports = {text: f"misfit {misfit:.4g}" for text, misfit in update.alternatives[:4]}
     return Labelled({
-        "": _parameters(update.parameters),
+        "": _parameters(result, update.parameters),
         "supports chosen": update.choices,
         "supports tried": supports,
         "without, before": _frequencies(update.before),
     })  # fmt: skip
 
 
-def _parameters(parameters: Sequence[ParameterEstimate]) -> list[dict[str, str]]:
-    known = [math.isfinite(p.standard_deviation) for p in parameters]
-    return [
-        {
-            "": p.parameter, "before": f"{p.before:.5g}", "found": f"{p.value:.5g}",
-            "standard deviation": f"{p.standard_deviation:.2g}" if scatters else "",
-            "from": f"{p.interval[0]:.5g}" if scatters else "", "to": f"{p.interval[1]:.5g}" if scatters else "",
-            "bound": "at its bound" if p.at_bound else "",
-        }
-        for p, scatters in zip(parameters, known, strict=True)
-    ]  # fmt: skip
+def _parameters(result: IdentificationResult, parameters: Sequence[ParameterEstimate]) -> list[dict[str, str]]:
+    section, rows = result.scenario.identify_stiffness, []
+    assert section is not None
+    for p in parameters:
+        unit = unit_of(result.scenario, p.parameter)
+        row = {"": parameter_label(p.parameter), "before": amount(p.before, unit)}
+        row["found"] = _found(p.value, unit, p.standard_deviation) + (" at its bound" if p.at_bound else "")
+        rows.append(row | _scatter(p.standard_deviation, *p.interval, unit, section.coverage))
+    return rows
 
 
 def _frequencies(table: FrequencyTable | None) -> list[dict[str, Any]]:
@@ -195,6 +191,15 @@ def _misfit(_: IdentificationResult, misfit: Sequence[float]) -> str:
     return f"{misfit[0]:.4g} before, {misfit[1]:.4g} after"
 
 
+def _test_misfits(result: IdentificationResult, misfits: Mapping[str, Sequence[float]]) -> list[dict[str, str]]:
+    whole = sum(own for own, _ in misfits.values()) or 1.0
+    return [
+        {"": name, "misfit": f"{own:.4g}", "share": percent(own / whole, 2), "of the others alone": f"{without:.4g}"}
+        for name, (own, without) in misfits.items()
+        if len(misfits) > 1
+    ]
+
+
 IDENTIFICATION_VIEWS: Views = {
     "updated": _updated,
     "update_misfit": _misfit,
@@ -210,7 +215,8 @@ IDENTIFICATION_VIEWS: Views = {
     "pad_misfit": lambda _, misfit: f"{percent(misfit)} of the measured stiffness, root mean square",
     "frequencies_with_hz": lambda result, _: _frequencies(result.with_snubber),
     "sensitivities": _sensitivities,
-    "estimated": lambda result, _: _parameters(() if result.nonlinear is None else result.nonlinear.parameters),
+    "estimated": lambda result, _: _parameters(result, () if result.nonlinear is None else result.nonlinear.parameters),
+    "test_misfits": _test_misfits,
     "nonlinear_misfit": _misfit,
     "starts_agreeing": lambda _, counts: f"{counts[0]} of {counts[1]} reached the same minimum",
 }

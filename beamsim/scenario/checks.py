@@ -889,6 +889,9 @@ def _identification(scenario: ScenarioParts) -> Problems:
     for index, test in enumerate(section.nonlinear.tests):
         if test.probe is not None:
             yield from unknown((_TOP, "nonlinear", "tests", index, "probe"), test.probe, "probe", names)
+    labels = [test.label for test in section.nonlinear.tests]
+    for index, name in enumerate(section.nonlinear.leave_out):
+        yield from unknown((_TOP, "nonlinear", "leave_out", index), name, "test", labels)
 
 
 def _shapes(scenario: ScenarioParts, section: IdentifyStiffness, shapes: MeasuredShapes) -> Problems:

@@ -340,6 +340,8 @@ class MeasuredTest(Schema):
 
     file: q.FileName
     """Measured signal or spectrum: CSV, HDF5 (also a beamsim result) or UFF dataset 58; relative to the case."""
+    name: q.Name | None = None
+    """What it is called in tables and in leave_out; by default its file."""
     channel: q.Text | None = None
     """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""
     probe: q.Name | None = None
@@ -364,6 +366,13 @@ class MeasuredTest(Schema):
     """Free: the time origin of the signal is unknown, and only phases between harmonics are compared."""
     noise: q.Ratio | None = None
     """Standard deviation of a harmonic, relative to the largest one; by default from the scatter of the signal."""
+    gain: q.PositiveNumber = 1.0
+    """Recorded over true value, of a channel whose calibration is not exact; estimate may name it."""
+
+    @property
+    def label(self) -> str:
+        """What it is called."""
+        return self.name or self.file
 
 
 class NonlinearFit(Schema):
@@ -373,6 +382,8 @@ class NonlinearFit(Schema):
     """Parameters to be identified, for example snubbers.tip.gap or beam.damping.ratio."""
     tests: Annotated[tuple[MeasuredTest, ...], Field(min_length=1)]
     """The measured vibrations."""
+    leave_out: tuple[q.Text, ...] = ()
+    """Names, or files, of tests that are not used."""
     starts: q.Count = 5
     """Number of starting points: the values in the scenario and random points around them."""
     spread: q.Ratio = 0.3
@@ -381,6 +392,16 @@ class NonlinearFit(Schema):
     """Seed of the random starting points."""
     profiles: bool = True
     """Compute the profile likelihood of every parameter, for the plot."""
+
+    @property
+    def used(self) -> dict[int, MeasuredTest]:
+        """The tests that are not left out, by their number in the list."""
+        return {k: test for k, test in enumerate(self.tests) if test.label not in self.leave_out}
+
+    def check(self) -> None:
+        """Demand a test that is used."""
+        if not self.used:
+            raise Unfit("leaves no test", "keep one", ("leave_out",))
 
 
 class IdentifyStiffness(Schema):

@@ -1,15 +1,18 @@
 """`beamsim identify-stiffness` and `beamsim compare` as a user meets them."""
 
 import json
+import re
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+import yaml
 
 import beamsim
 from beamsim.analyses.identify.vibrations import steady_vibration
 from beamsim.scenario import load_scenario
+from benchmarks import identification_coverage as coverage
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -220,3 +223,24 @@ def test_compare_explains_mistakes(tmp_path, run_file, history, arguments, says)
     done = invoke("compare", run_file, *arguments)
     assert done.exit_code == 2, done.output
     assert says in done.output
+
+
+def test_the_first_screen_names_the_record_that_has_most_of_the_misfit(tmp_path):
+    """With units and intervals of what was found; the same lines of -v."""
+    tests = []
+    for name, f, wrong in (("good", 0.2, 1.0), ("loose", 0.25, 1.1), ("other", 0.3, 1.0)):
+        case = load_scenario(coverage.case(coverage.TRUTH), {"excitation.frequency": f})
+        t = np.arange(16 * 48) / (48 * f)
+        turning = np.exp(2j * np.pi * f * np.outer(t, np.arange(1, 13)))
+        true = np.imag(turning @ steady_vibration(case).harmonics(0, "displacement", 12))
+        noise = 1e-2 * np.random.default_rng(0).standard_normal(t.size)
+        columns = np.column_stack([t, 1e3 * (wrong * true + noise)])
+        np.savetxt(tmp_path / f"{name}.csv", columns, delimiter=",", header="time (s),mass (mm)", comments="")
+        tests.append({"file": f"{name}.csv", "name": name, "frequency": f, "quantity": "displacement", "harmonics": 4})
+    fit = {"estimate": list(coverage.TRUTH)[:2], "tests": tests, "starts": 1, "profiles": False}
+    section = {"snubber": "stop", "nonlinear": fit}
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(coverage.case(coverage.BEGIN, identify_stiffness=section)))
+    screen = invoke("identify-stiffness", tmp_path / "case.yaml", "-o", tmp_path, "--no-plots").stdout
+    assert re.search(r"loose has \d+ % of the misfit; without it [\d.]+ would be left", screen)
+    (line,) = [each for each in screen.splitlines() if each.startswith("chain dashpot 1")]
+    assert re.search(r"290 mN s/m +[\d.]+ mN s/m +[\d.]+ [mµ]N s/m +[\d.]+ mN to [\d.]+ mN s/m", line)

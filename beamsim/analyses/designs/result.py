@@ -21,7 +21,7 @@ from beamsim.typing import Bools, Floats, Ints
 
 _GROUP = "designs"
 _OF_NAMED = (
-    "snubbers", "probes", "bodies", "joints", "springs_to_ground", "springs_between", "friction", "outputs",
+    "snubbers", "probes", "bodies", "joints", "springs_to_ground", "springs_between", "friction", "outputs", "tests",
 )  # sections of things with names  # fmt: skip
 _CASES = Axes("axes", "parameters of a grid, otherwise case", auxiliary="auxiliary")
 
@@ -34,7 +34,7 @@ def parameter_label(path: str) -> str:
     >>> parameter_label("beam.youngs_modulus"), parameter_label("beam.point_masses[0].mass")
     ("beam Young's modulus", 'beam point mass 1 mass')
     """
-    first, *others = path.split(".")
+    first, *others = path.removeprefix("identify_stiffness.nonlinear.").split(".")
     parts = others if len(others) > 1 and first in _OF_NAMED else [first, *others]
     words = []
     for part in parts:

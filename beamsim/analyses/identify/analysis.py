@@ -60,7 +60,7 @@ def identify_stiffness(
     Parameters
     ----------
     scenario : with that section.
-    measurements : one signal for each of ``identify_stiffness.nonlinear.tests``, read from their files.
+    measurements : one signal for each of ``identify_stiffness.nonlinear.tests`` that is used, read from their files.
     progress : called repeatedly with the fraction done.
     stop : asked after each start of a fit to vibrations, and before its profiles, whether to end with the best so far.
 
@@ -241,6 +241,7 @@ def _summary(result: IdentificationResult) -> dict[str, Any]:
     if nonlinear is not None:
         summary["estimated"] = {p.parameter: _plain(p) for p in nonlinear.parameters}
         summary["nonlinear_misfit"] = [nonlinear.misfit_before, nonlinear.misfit]
+        summary["test_misfits"] = {test.name: [test.misfit, test.misfit_without] for test in nonlinear.tests}
         summary["starts_agreeing"] = [nonlinear.starts_agreeing, nonlinear.starts]
     return summary
 

@@ -245,6 +245,10 @@ class TestFit:
     before: Complexes = dataset("{unit}", "harmonic predicted with the scenario's values")
     predicted: Complexes = dataset("{unit}", "harmonic predicted with the estimated values")
     delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
+    misfit: float = attribute("1", "its part of chi squared with the estimated values", default=math.nan)
+    misfit_without: float = attribute(
+        "1", "chi squared of a fit to the other tests alone, to first order", default=math.nan
+    )
 
 
 @declared
@@ -311,6 +315,8 @@ _SUMMARY = (
     Entry("nonlinear_misfit", "1", "chi squared before and after the nonlinear fit", "misfit"),
     Entry("nonlinear_degrees_of_freedom", of="nonlinear.degrees_of_freedom", label="degrees of freedom"),
     Entry("periodic_responses", of="nonlinear.responses"),
+    Entry("test_misfits", "1", "by nonlinear test, its part of chi squared, and chi squared of a fit without it",
+             "misfit of tests"),
     Entry("starts_agreeing", "1", "starting points that ended in the best minimum, and all of them", "starts"),
     Entry("processor_time_s", of="processor_time_s", label="solver"),
 )  # fmt: skip

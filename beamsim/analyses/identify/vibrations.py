@@ -12,9 +12,10 @@ of neighbouring exact responses. The sum is minimised from several starting poin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -86,7 +87,7 @@ def fit_nonlinear(
     begin = processor_time()
     nonlinear = section.nonlinear
     assert nonlinear is not None
-    tests = _tests(scenario, nonlinear.tests, signals)
+    tests = _tests(scenario, nonlinear.used, signals)
     vibrations = _Vibrations(tests, _cases(scenario, tests), sought_numbers(scenario, nonlinear.estimate)[0])
     _check_count(vibrations.numbers, tests)
     vibrations.start()
@@ -107,7 +108,8 @@ def fit_nonlinear(
     predicted = vibrations.compared
     vibrations.take_out_phases(jacobian)
     freedom = first.size - sum(test.free_phase for test in tests) - (len(fit.numbers) - len(unknown))
-    scale, warnings = _scatter(tests, best.misfit, freedom)
+    parts = _parts(tests, fit.residuals(best.x), jacobian)
+    scale, warnings = _scatter(tests, parts, best.misfit, freedom)
     parameters, covariance, remarks = fit.estimates(best, jacobian, scale, section.coverage, unknown)
     warnings += [*remarks, *unknown.values()]
     warnings += _yielding(scenario, fit.numbers) + vibrations.without_contact()
@@ -120,7 +122,7 @@ def fit_nonlinear(
         outcome=_outcome(stopped, best, without),
         parameters=parameters,
         correlation=correlation_of(covariance),
-        tests=tuple(map(_test_fit, tests, before, predicted)),
+        tests=tuple(map(_test_fit, tests, parts, before, predicted)),
         misfit_before=float(first @ first),
         misfit=best.misfit,
         degrees_of_freedom=freedom,
@@ -162,6 +164,7 @@ def _outcome(stopped: str | None, best: Best, without: list[str]) -> Outcome:
 class _Test:
     """One measured vibration, ready to be compared."""
 
+    number: int  # in the list of the scenario
     name: str
     probe: str
     probe_index: int
@@ -206,7 +209,7 @@ def _check_count(numbers: Sequence[Sought], tests: Sequence[_Test]) -> None:
         )
 
 
-def _tests(scenario: Scenario, given: Sequence[MeasuredTest], signals: Sequence[MeasuredSignal]) -> list[_Test]:
+def _tests(scenario: Scenario, given: Mapping[int, MeasuredTest], signals: Sequence[MeasuredSignal]) -> list[_Test]:
     if len(signals) != len(given):
         raise ScenarioError.at(
             "identify_stiffness.nonlinear.tests",
@@ -214,9 +217,9 @@ def _tests(scenario: Scenario, given: Sequence[MeasuredTest], signals: Sequence[
             "give one signal per test",
         )
     tests, problems = [], []
-    for index, (test, signal) in enumerate(zip(given, signals, strict=True)):
+    for (index, test), signal in zip(given.items(), signals, strict=True):
         try:
-            tests.append(_test(scenario, test, signal))
+            tests.append(_test(scenario, index, test, signal))
         except MeasurementError as fault:
             at = f"identify_stiffness.nonlinear.tests[{index}].file"
             problems.append(Problem(at, f"= {test.file} {fault.message}", fault.remedy))
@@ -225,7 +228,7 @@ def _tests(scenario: Scenario, given: Sequence[MeasuredTest], signals: Sequence[
     return tests
 
 
-def _test(scenario: Scenario, test: MeasuredTest, signal: MeasuredSignal) -> _Test:
+def _test(scenario: Scenario, number: int, test: MeasuredTest, signal: MeasuredSignal) -> _Test:
     excitation: Any = scenario.excitation
     frequency = excitation.frequency if test.frequency is None else test.frequency
     if not (np.all(np.isfinite(signal.y)) and np.all(np.isfinite(signal.x))) or signal.x.size == 0:
@@ -243,7 +246,8 @@ def _test(scenario: Scenario, test: MeasuredTest, signal: MeasuredSignal) -> _Te
     probes = [probe.name for probe in scenario.effective_probes]
     probe = probes[0] if test.probe is None else test.probe
     return _Test(
-        name=test.file or signal.name,
+        number=number,
+        name=test.label,
         probe=probe,
         probe_index=probes.index(probe),
         quantity=test.quantity,
@@ -312,11 +316,10 @@ class _Vibrations:
         vibrations, compared, out = [], [], []
         for t, (test, case) in enumerate(zip(self.tests, self.cases, strict=True)):
             count, guess = test.harmonics.order.size, self.guesses[t].start if self.guesses else None
-            vibration = steady_vibration(
-                varied(case, self.numbers, x), guess, multiple=test.multiple, shared=self.shared
-            )
+            case = varied(case, self.numbers, x)
+            vibration = steady_vibration(case, guess, multiple=test.multiple, shared=self.shared)
             self.responses += 1
-            harmonics = vibration.harmonics(test.probe_index, test.quantity, count)
+            harmonics = _gain(case, test) * vibration.harmonics(test.probe_index, test.quantity, count)
             phase = test.phase(harmonics)
             harmonics = harmonics * np.exp(1j * test.harmonics.order * phase)
             vibrations.append(vibration)
@@ -329,10 +332,7 @@ class _Vibrations:
 
     def take_out_phases(self, jacobian: Floats) -> None:
         """Take out of derivatives what free phases take up to first order, so that they are those of the parameters."""
-        first = 0
-        for test, (harmonics, _) in zip(self.tests, self.compared, strict=True):
-            rows = slice(first, first + test.size)
-            first += test.size
+        for test, rows, (harmonics, _) in zip(self.tests, _rows(self.tests), self.compared, strict=True):
             if test.free_phase:
                 turned = 1j * test.harmonics.order * harmonics / test.sigma
                 by_phase = np.concatenate([turned.real, turned.imag]) / np.linalg.norm(turned)
@@ -346,6 +346,19 @@ class _Vibrations:
             for test, vibration in zip(self.tests, self.last, strict=True)
             if not vibration.touching and vibration.system.snubbers
         ]
+
+
+def _gain(case: Scenario, test: _Test) -> float:
+    section = case.identify_stiffness
+    assert section is not None
+    assert section.nonlinear is not None
+    return section.nonlinear.tests[test.number].gain
+
+
+def _rows(tests: Sequence[_Test]) -> list[slice]:
+    """Those of each test in the residuals of all."""
+    ends = np.cumsum([0, *(test.size for test in tests)]).tolist()
+    return [slice(first, last) for first, last in pairwise(ends)]
 
 
 def _from_starts(
@@ -375,18 +388,56 @@ def _from_starts(
     return solutions, tried
 
 
-def _scatter(tests: Sequence[_Test], misfit: float, freedom: int) -> tuple[float, list[str]]:
+class _Misfit(NamedTuple):
+    """What a test has of the misfit."""
+
+    misfit: float
+    without: float  # the misfit of a fit to the other tests alone
+
+
+def _parts(tests: Sequence[_Test], residuals: Floats, jacobian: Floats) -> list[_Misfit]:
+    """What each test has of the misfit.
+
+    Without the rows i of a linear problem the sum of squares is less by ``r_i (1 - H_ii)^-1 r_i``, with the projection
+    ``H = J (J' J)^-1 J'`` (R. D. Cook, S. Weisberg, Residuals and influence in regression, 1982).
+
+    Parameters
+    ----------
+    tests : of which the residuals are, in this order.
+    residuals : (r,) at the estimate, with those of the priors at the end.
+    jacobian : (r, p) their derivatives.
+    """
+    left, size, _ = np.linalg.svd(np.nan_to_num(jacobian), full_matrices=False)
+    left = left[:, size > 1e-9 * size.max()]
+    parts, whole = [], float(residuals @ residuals)
+    for rows in _rows(tests):
+        own = residuals[rows]
+        inverse = np.linalg.pinv(np.eye(own.size) - left[rows] @ left[rows].T, rcond=1e-9, hermitian=True)
+        parts.append(_Misfit(float(own @ own), max(whole - float(own @ inverse @ own), 0.0)))
+    return parts
+
+
+def _scatter(tests: Sequence[_Test], parts: Sequence[_Misfit], misfit: float, freedom: int) -> tuple[float, list[str]]:
     """Factor on the covariance: chi^2 per degree of freedom if the noise is unknown or too small for the misfit."""
-    if freedom <= 0:
+    known = all(test.noise_known for test in tests)
+    wider = widening(misfit, freedom)
+    if freedom <= 0 or (known and wider == 1.0):
         return 1.0, []
-    if not all(test.noise_known for test in tests):
-        return misfit / freedom, []
-    if (wider := widening(misfit, freedom)) > 1.0:
-        return wider, [
+    warnings = []
+    if known:
+        warnings.append(
             f"the measurements differ from the model by more than their noise (misfit {misfit:.3g} with {freedom} "
             "degrees of freedom); the intervals are widened accordingly"
-        ]
-    return 1.0, []
+        )
+    worst = min(range(len(tests)), key=lambda k: parts[k].without)
+    rest = freedom - tests[worst].size + tests[worst].free_phase
+    if rest > 0 and parts[worst].without / rest < 0.5 * misfit / freedom:
+        warnings.append(
+            f"{tests[worst].name} has {parts[worst].misfit / misfit:.0%} of the misfit of {misfit:.3g}, and without it "
+            f"{parts[worst].without:.3g} would be left with {rest} degrees of freedom: check its level, frequency, "
+            f"unit and sensor, estimate its gain, or fit without it, leave_out: [{tests[worst].name}]"
+        )
+    return misfit / freedom, warnings
 
 
 def _yielding(scenario: Scenario, numbers: Sequence[Sought]) -> list[str]:
@@ -400,7 +451,9 @@ def _yielding(scenario: Scenario, numbers: Sequence[Sought]) -> list[str]:
     ]
 
 
-def _test_fit(test: _Test, before: tuple[Complexes, float], predicted: tuple[Complexes, float]) -> TestFit:
+def _test_fit(
+    test: _Test, part: _Misfit, before: tuple[Complexes, float], predicted: tuple[Complexes, float]
+) -> TestFit:
     return TestFit(
         name=test.name,
         probe=test.probe,
@@ -412,6 +465,8 @@ def _test_fit(test: _Test, before: tuple[Complexes, float], predicted: tuple[Com
         noise=test.sigma,
         before=before[0],
         predicted=predicted[0],
+        misfit=part.misfit,
+        misfit_without=part.without,
         delay_s=float(np.angle(np.exp(1j * predicted[1]))) * test.multiple / (2 * np.pi * test.frequency_hz),
     )
 
