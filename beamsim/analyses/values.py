@@ -328,7 +328,8 @@ def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
 
     Parameters
     ----------
-    compared : with the range of each value, ``lowest`` to ``highest``, by its change.
+    compared : with the range of each value, ``lowest`` to ``highest``, by its change; ``held_within`` is the share of
+        the limit to which the level of a sweep is known that holds it there.
     outcome : of the computation.
 
     Returns
@@ -336,7 +337,8 @@ def judged(compared: Margins, outcome: Outcome = COMPLETE) -> Margins:
     With ``verdict`` (`OnLimit`), and ``exceeded`` where it says so.
     """
     verdicts = {
-        name: on_limit(item["lowest"], item["highest"], item["limit"], outcome) for name, item in compared.items()
+        name: on_limit(item["lowest"], item["highest"], item["limit"] * (1.0 + item.get("held_within", 0.0)), outcome)
+        for name, item in compared.items()
     }
     return {
         name: item | {"exceeded": verdicts[name] is OnLimit.EXCEEDED, "verdict": verdicts[name].value}

@@ -16,6 +16,9 @@ from beamsim.cli.report import Labelled, Views, in_units, stress_text, together
 from beamsim.cli.screens import SHOWN, Numbers, Screen, contact_levels, limit_lines, limits_by_place, modes, sureness
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, is_known, scale_for
+from beamsim.scenario.quantities import INTEGRALS
+from beamsim.scenario.scenario import profile_jumps
+from beamsim.scenario.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepCurve, SweepResult
@@ -99,7 +102,10 @@ def sweep_screen(result: SweepResult) -> Screen:
         row["in contact"] = ", ".join(percent(share) for share in s.get("contact_share", {}).get(name, {}).values())
         rows.append(row)
     notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
-    lines = [*modes(result), *contact_levels(result), *notches, *limit_lines(s.get("margins", {})), *numbers.legend()]
+    lines = [
+        *modes(result), *contact_levels(result), *profile_jumps(result.scenario), *notches,
+        *limit_lines(s.get("margins", {})), *numbers.legend(),
+    ]  # fmt: skip
     return Screen(sureness(result, numbers.largest_change), rows, lines)
 
 
@@ -329,7 +335,10 @@ def notch_texts(result: SweepResult, _: object = None) -> dict[str, str]:
             ratio = f"{percent(limit.share)} of {amount(limit.limit, limit.unit)}"
             rows[f"{curve.name} {limit.name}"] = f"at most {largest}, {ratio}"
         for number, part in enumerate(curve.notching.ranges, 1):
-            lowest = f"{amount(part.level, curve.notching.unit)} ({part.reduction_db:.1f} dB) at {part.at_hz:.4g} Hz"
+            level, power = amount(part.level, curve.notching.unit), INTEGRALS.get(curve.notching.quantity, 0)
+            if power and curve.excitation_unit == "m/s^2":
+                level += f" or {part.level * (2.0 * math.pi * part.at_hz) ** power / STANDARD_GRAVITY:.4g} g"
+            lowest = f"{level} ({part.reduction_db:.1f} dB) at {part.at_hz:.4g} Hz"
             rows[f"{curve.name} range {number}"] = (
                 f"{part.from_hz:.4g} to {part.to_hz:.4g} Hz by {part.limit}, lowest level {lowest}"
             )

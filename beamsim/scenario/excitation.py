@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
 from pydantic import Field
@@ -12,7 +14,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
-from beamsim.scenario.units import UnitError
+from beamsim.scenario.units import STANDARD_GRAVITY, UnitError
 
 Quantity = Literal[
     "acceleration", "velocity", "displacement", "force", "force_per_length", "pressure",
@@ -275,6 +277,15 @@ class ProfilePoint(_LevelAt):
     frequency: q.Frequency
     """Frequency of the point."""
 
+    @property
+    def power(self) -> int:
+        """Power of the frequency with which the acceleration (or force) grows at this level."""
+        return q.INTEGRALS.get(self.quantity or "", 0)
+
+    def amplitude(self, frequency: float) -> float:
+        """Of the acceleration, or force, at a frequency in Hz."""
+        return float(self.level * (2.0 * math.pi * frequency) ** self.power)
+
 
 class Notch(_LevelAt, FrequencyRange):
     """A range of frequencies in which the level is not exceeded."""
@@ -300,6 +311,29 @@ def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
 def holds_levels(section: Any) -> bool:
     """Whether a section has a profile whose levels are held, so that they change in steps."""
     return bool(getattr(section, "profile", ())) and section.between == "held"
+
+
+def level_jumps(section: Any, unit: str) -> Iterator[str]:
+    """A sentence for each step of more than 1 % in the level of a profile that is held, within the sweep.
+
+    Parameters
+    ----------
+    section : with or without a profile.
+    unit : of the amplitudes: g, and N or what several forces have, for which the empty text stands.
+    """
+    for before, point in pairwise(section.profile if holds_levels(section) else ()):
+        f = point.frequency
+        levels = before.amplitude(f), point.amplitude(f)
+        inside = min(section.from_, section.to) < f < max(section.from_, section.to)
+        if not inside or abs(levels[1] - levels[0]) <= 0.01 * max(levels):
+            continue
+        below, above = (f"{x / STANDARD_GRAVITY if unit == 'g' else x:.4g} {unit}".rstrip() for x in levels)
+        size, meet = "", ""
+        if min(levels) > 0.0:
+            size = f" ({20.0 * math.log10(levels[1] / levels[0]):+.1f} dB)"
+            if before.power != point.power:
+                meet = f" (they meet at {f * (levels[1] / levels[0]) ** (1.0 / (before.power - point.power)):.4g} Hz)"
+        yield f"the level of the profile jumps at {f:.4g} Hz from {below} to {above}{size}; let the levels meet{meet}"
 
 
 class NoExcitation(Input):

@@ -20,9 +20,9 @@ from beamsim.scenario.base import Path, Schema, Unfit, path_text, plain, problem
 from beamsim.scenario.body import ModalDamping
 from beamsim.scenario.checks import problems
 from beamsim.scenario.connections import SnubberRatioDamping, placed
-from beamsim.scenario.excitation import Shock
+from beamsim.scenario.excitation import Shock, level_jumps
 from beamsim.scenario.parts import ScenarioParts
-from beamsim.scenario.quantities import FileType
+from beamsim.scenario.quantities import FACTOR, FileType, amplitude_unit
 from beamsim.scenario.tree import dumped, locate, located_problem
 
 Record = Mapping[str, Any]
@@ -117,6 +117,7 @@ def doubts(scenario: ScenarioParts) -> Iterator[str]:
         )
     yield from _idle_forces(scenario)
     yield from _timing(scenario)
+    yield from profile_jumps(scenario)
     reduction = scenario.reduction
     if reduction is not None and reduction.highest_frequency is not None:
         highest = scenario.excitation.highest_frequency_hz
@@ -125,6 +126,14 @@ def doubts(scenario: ScenarioParts) -> Iterator[str]:
                 f"reduction.highest_frequency = {reduction.highest_frequency:g} Hz is below the excitation frequency, "
                 f"{highest:g} Hz; the modes it excites are omitted"
             )
+
+
+def profile_jumps(scenario: ScenarioParts) -> Iterator[str]:
+    """Where the level of a sweep steps."""
+    quantity = getattr(scenario.excitation, "takes", (FACTOR,))[0]
+    unit = "g" if quantity == "acceleration" else "" if quantity == FACTOR else amplitude_unit(quantity)
+    for key in ("excitation", "sweep"):
+        yield from (f"{key}: {text}" for text in level_jumps(getattr(scenario, key), unit))
 
 
 def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
 from beamsim.analyses.gapping import contact_levels, gapping, static_penetration, transfer
-from beamsim.analyses.sweep.notching import with_limited_outputs
+from beamsim.analyses.sweep.notching import with_held_limits, with_limited_outputs
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import (
@@ -251,14 +251,14 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
         or None,
         "energy_error": max((float(np.max(c.energy_error)) for c in curves.values() if c.energy_error is not None),
                             default=None),
-        "margins": margins_along(
+        "margins": with_held_limits(scenario, margins_along(
             scenario.limits,
             (
                 (value, name, largest, f"{frequency:.4g} Hz {curve.direction}")
                 for curve in curves.values()
                 for value, name, largest, frequency in curve.largest_values()
             ),
-        ),
+        )),
     }  # fmt: skip
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.result import NotchedRange, Notching, NotchLimit, SweepCurve
+from beamsim.analyses.values import Margins, judged
+from beamsim.analyses.values import limited as limited_value
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import LevelControl, SweptLoads
@@ -20,6 +22,7 @@ from beamsim.scenario.sweep import SweptSine
 from beamsim.typing import Floats
 
 ALLOWED_EXCESS = 0.05  # of a limit
+LEVEL_KNOWN = 1e-3  # relative, to which the table is the level that was followed
 LOWERED = 0.995  # of the specification; a higher level is none that is notched
 NARROW = 0.01  # relative width below which a range between others is not told from them
 SAME_STEP = 1e-9  # relative change of the specification that is no step
@@ -136,6 +139,22 @@ def continuous(profile: Profile, leg: Leg) -> Profile:
         points += sorted(float(f) for f in around)
     frequency = np.unique([*points, high])
     return Profile.through(frequency, profile(np.append(frequency[:-1], np.nextafter(high, 0.0))))
+
+
+def with_held_limits(scenario: Scenario, margins: Margins) -> Margins:
+    """Margins of which those that the level keeps say how well it is known: its table is thinned by as much."""
+    limits = getattr(scenario.sweep, "notch_to", None) or {}
+    of = [limited_quantity(name, scenario.base_force or BASE_FORCE.name) for name in limits]
+    held = {(f"peak_{each.quantity}" if each.quantity else each.section, each.item) for each in of if each is not None}
+
+    def of_level(name: str, at: str) -> bool:
+        value, place = limited_value(name)
+        return (value.limit, place or at.partition(",")[0]) in held
+
+    return judged({
+        name: item | ({"held_within": LEVEL_KNOWN} if of_level(name, item["at"]) else {})
+        for name, item in margins.items()
+    })  # fmt: skip
 
 
 def with_notching(
