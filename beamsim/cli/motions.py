@@ -273,7 +273,9 @@ def _curves(result: SweepResult, peaks: Sequence[Mapping[str, Any]]) -> Labelled
         curves.append({"": curve.name, **about})
         own = [p for p in peaks if p["curve"] == curve.name and p["probe"] == first]
         shown += [{"": curve.name, **_peak(peak)} for peak in own[:6]]
-    return Labelled({"": curves, f"peaks of {first}": shown or "none within the range"})
+    offset = next((curve.displacement[first].offset for curve in result.curves.values() if first), 0.0)
+    of = f"{first} from equilibrium at {amount(offset, 'm')}" if offset else first
+    return Labelled({"": curves, f"peaks of {of}": shown or "none within the range"})
 
 
 def _peak(peak: Mapping[str, Any]) -> dict[str, Any]:
@@ -311,7 +313,12 @@ def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
     envelope = getattr(curve, quantity).get(name)
     if envelope is None or not np.any(np.isfinite(envelope.peak)) or not np.nanmax(envelope.peak) > 0.0:
         return ""
-    return f" at {curve.frequency_hz[np.nanargmax(envelope.peak)]:.4g} Hz"
+    where = f" at {curve.frequency_hz[np.nanargmax(envelope.peak)]:.4g} Hz"
+    if quantity != "displacement" or not envelope.offset:
+        return where
+    k = int(np.nanargmax(envelope.response))
+    response = f"{amount(float(envelope.response[k]), 'm')} at {curve.frequency_hz[k]:.4g} Hz"
+    return f"{where} ({response} from equilibrium at {amount(envelope.offset, 'm')})"
 
 
 def _outputs_of_curves(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> dict[str, str]:

@@ -32,7 +32,7 @@ from beamsim.plots.drawing import (
     marked,
     over_frequencies,
 )
-from beamsim.plots.style import Scale, level_text, scale_for
+from beamsim.plots.style import Scale, amount, level_text, scale_for
 from beamsim.scenario.reporting import limited_quantity
 from beamsim.typing import Floats
 
@@ -90,7 +90,9 @@ def _level(result: SweepResult, curve: SweepCurve, *, always: bool = False) -> s
 
 
 def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
-    """Peak displacement over frequency, up and down, with that of the linear structure without snubbers.
+    """Peak displacement from static equilibrium over frequency, with that of the linear structures.
+
+    Grey are those with every snubber open and always closed; first, and full, the one that holds at rest.
 
     Parameters
     ----------
@@ -103,18 +105,24 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
     Curves of all directions at the level, with marks at up to eight classified peaks.
     """
     curves = _of_level(result, level_index)
-    linear = np.abs(result.linear.displacement[probe]) * curves[0].amplitude_at(result.linear.frequency_hz)
-    grey = {"color": "0.6", "linestyle": "-", "linewidth": 1.0, "zorder": 1}
-    drawn = [_swept(f"sweep {c.direction}", c, c.displacement[probe].peak) for c in curves]
-    drawn.append(Curve("without snubbers (linear)", result.linear.frequency_hz, linear, grey))
+    drawn = [_swept(f"sweep {c.direction}", c, c.displacement[probe].response) for c in curves]
+    linear, amplitude = result.linear, curves[0].amplitude_at(result.linear.frequency_hz)
+    states = {"open, linear": linear.displacement, "always closed, linear": linear.closed}
+    known = [(name, np.abs(of[probe]) * amplitude) for name, of in states.items() if probe in of]
+    for k, (name, values) in enumerate(reversed(known) if linear.closed_at_rest else known):
+        grey = {"color": "0.6", "linestyle": "--" if k else "-", "linewidth": 1.0, "zorder": 1}
+        drawn.append(Curve(name if curves[0].contact_share else "linear", linear.frequency_hz, values, grey))
     # more than eight labels are not readable
     named = [p for p in result.peaks if p.curve in {c.name for c in curves} and p.probe == probe][:8]
     for kind in dict.fromkeys(p.kind for p in named):
         peaks, face = [(p.frequency_hz, p.value_m) for p in named if p.kind == kind], "harmonic" in kind
         marks = {"marker": _MARKS[kind], "markersize": 5, "markerfacecolor": "white" if face else "0.2"}
         drawn.append(marked(kind, peaks, color="0.2", **marks))
-    up = (f"Peak displacement of {probe}{_level(result, curves[0])}", "m")
-    return _chart(result, up, drawn, levels=limit_levels(result.scenario.limits, "peak_displacement"), of="")
+    offset = curves[0].displacement[probe].offset
+    said = f"\nfrom equilibrium at {amount(offset, 'm')}" if offset else ""
+    up = (f"Peak displacement of {probe}{_level(result, curves[0])}{said}", "m")
+    levels = [] if offset else limit_levels(result.scenario.limits, "peak_displacement", probe)  # of the whole
+    return _chart(result, up, drawn, levels=levels, of="")
 
 
 def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
@@ -231,10 +239,10 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
 
 
 def level_family(result: SweepResult, probe: str, direction: str) -> Chart:
-    """Peak displacement divided by excitation amplitude for each level."""
+    """Peak displacement from static equilibrium divided by excitation amplitude for each level."""
     curves = _in_direction(result, direction)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = [curve.displacement[probe].peak / curve.excitation_amplitude for curve in curves]
+        ratios = [curve.displacement[probe].response / curve.excitation_amplitude for curve in curves]
     drawn = [
         _swept(_level(result, curve, always=True)[2:], curve, ratio)
         for curve, ratio in zip(curves, ratios, strict=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
-from beamsim.analyses.gapping import contact_levels, gapping, static_penetration, transfer
+from beamsim.analyses.gapping import contact_levels, gapping, pressed_phases, static_penetration, transfer
 from beamsim.analyses.sweep.notching import with_held_limits, with_limited_outputs
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
@@ -184,17 +184,23 @@ def sweep_system(scenario: Scenario) -> StructuralSystem:
 
 
 def _linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> LinearCurve:
-    """The steady response without snubbers between two frequencies; the resonances are among its points."""
+    """The steady response with open and with closed snubbers; resonances of the open ones are among its points."""
     between = np.geomspace if logarithmic else np.linspace
     frequency, resonances = between(low_hz, high_hz, LINEAR_POINTS), system.open_frequencies_hz
     frequency = np.unique(np.append(frequency, resonances[(resonances > low_hz) & (resonances < high_hz)]))
-    q = transfer(system, frequency)
+    q, contacts, penetration = transfer(system, frequency), system.dynamics.contacts, static_penetration(system)
     omega2 = (2 * np.pi * frequency) ** 2
     displacement = {probe.name: q @ probe.shape for probe in system.probes}
+    closed = {}
+    if system.snubbers and not contacts.ever_hold and not contacts.pressed.size:
+        pressed = transfer(system, frequency, pressed_phases(system, penetration))
+        closed = {probe.name: pressed @ probe.shape for probe in system.probes}
     acceleration = {
         name: carried - omega2 * w for carried, (name, w) in zip(system.carried, displacement.items(), strict=True)
     }
-    return LinearCurve(frequency, displacement, acceleration, contact_levels(system, frequency))
+    at_rest = bool(closed) and bool(np.all(penetration[: len(system.snubbers)] > 0.0))
+    levels = contact_levels(system, frequency)
+    return LinearCurve(frequency, displacement, acceleration, closed, closed_at_rest=at_rest, contact=levels)
 
 
 def _settings(scenario: Scenario) -> SweptSine | SteppedSine:

@@ -122,6 +122,9 @@ class SweepLevel:
     def curve(self, record: CycleRecord, direction: str, **fields: Any) -> SweepCurve:
         """The curve of one way from the values of its cycles; ``fields`` are the other fields of `SweepCurve`."""
         force, stress = self._named(FORCE), self.channels.places.get(STRESS)
+        rest = self.system.static_equilibrium
+        shapes = {(probe.name, *DISPLACEMENT): probe.shape for probe in self.system.probes}
+        at_rest = {} if rest is None else {key: float(shape @ rest) for key, shape in shapes.items()}
 
         def numbers(k: int) -> tuple[Floats, Floats, Floats, Floats, Complexes]:
             rms, harmonic = np.sqrt(np.maximum(record.mean_square[:, k], 0.0)), record.harmonic[:, k]
@@ -130,7 +133,10 @@ class SweepLevel:
         def envelopes(section: str) -> tuple[Envelope, ...]:
             of = [(c, k) for c, k in self.channels.located if c.section == section and c.key != PENETRATION]
             of.sort(key=lambda located: located[0].quantity)
-            return tuple(Envelope(c.name, c.quantity, c.unit, *numbers(k)) for c, k in of)
+            static = [at_rest.get((c.name, *c.key), 0.0) for c, _ in of]
+            return tuple(
+                Envelope(c.name, c.quantity, c.unit, *numbers(k), x) for (c, k), x in zip(of, static, strict=True)
+            )
 
         if "gap" in self.limited:
             fields["peak_gap"] = {name: -record.low[:, k] for name, k in self._named(PENETRATION).items()}

@@ -31,7 +31,7 @@ ALWAYS = 1e-6  # contact shares within this distance of 0 or 1 count as never or
 
 
 def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[ResponsePeak]:
-    """Peaks in the displacement of a probe.
+    """Peaks in the displacement of a probe from static equilibrium.
 
     Parameters
     ----------
@@ -47,12 +47,13 @@ def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[R
     from scipy import signal
 
     envelope = curve.displacement[probe]
-    good = np.isfinite(envelope.peak) & (envelope.peak > 0)
+    response = envelope.response
+    good = np.isfinite(response) & (response > 0)
     if good.sum() < 5:
         return []
     order = np.argsort(curve.frequency_hz[good], kind="stable")
     index = np.flatnonzero(good)[order]
-    frequency, peak = curve.frequency_hz[index], envelope.peak[index]
+    frequency, peak = curve.frequency_hz[index], response[index]
     bins = np.arange(frequency.size)
     if frequency.size > 3 * BINS:
         edges = np.geomspace(frequency[0], frequency[-1], BINS + 1)
@@ -107,7 +108,7 @@ def _named(
     steps = np.diff(np.log(np.abs(curve.excitation_amplitude[index[here]])))
     if linear and np.any(np.abs(steps) > np.log(LEVEL_STEP)):
         kind = "level step"
-    value = float(envelope.peak[index[at]])
+    value = float(envelope.response[index[at]])
     share = float(median(r, here) / value)
     return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
 

@@ -36,6 +36,7 @@ from beamsim.scenario.reporting import LimitedQuantity
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
+OFFSET = 1e-6  # of the peak
 _FREQUENCY = ("frequency_hz",)
 _TIME = ("time",)
 _SECTION = ("poincare_frequency_hz", "probe")
@@ -60,12 +61,26 @@ class Envelope:
         along=("order", *_FREQUENCY), name="harmonic_{quantity}",
         imaginary="minus the amplitude of sin(order x phase) in the {quantity:words}",
     )  # fmt: skip
+    at_rest: float = dataset(
+        "{unit}", "{quantity:words} at static equilibrium, of displacements; else 0", along=(),
+        name="static_{quantity}", default=0.0,
+    )  # fmt: skip
 
     @property
     @stored(dataset("{unit}", "largest magnitude of the {quantity:words} in a cycle", name="peak_{quantity}"))
     def peak(self) -> Floats:
         """(C,) largest absolute value."""
         return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
+
+    @property
+    def response(self) -> Floats:
+        """(C,) largest distance from static equilibrium."""
+        return np.maximum(np.abs(self.maximum - self.at_rest), np.abs(self.minimum - self.at_rest))
+
+    @property
+    def offset(self) -> float:
+        """The static part where it is none of round-off, which text names; else 0."""
+        return self.at_rest if abs(self.at_rest) > OFFSET * np.nanmax(self.peak, initial=0.0) else 0.0
 
 
 @declared(along=_FREQUENCY)
@@ -299,13 +314,19 @@ class SweepCurve(AlongCurve):
 
 @declared(along=_FREQUENCY)
 class LinearCurve:
-    """Steady response of the structure without its snubbers to a unit of the excitation's amplitude."""
+    """Steady response of the structure to a unit of the excitation's amplitude, no contact being made or lost."""
 
     frequency_hz: Floats = axis("Hz", "excitation frequency")
     displacement: dict[str, Complexes] = per_probe("1", "displacement per unit of excitation, without snubbers")
     acceleration: dict[str, Complexes] = per_probe(
         "1", "absolute acceleration per unit of excitation", name="absolute_acceleration"
     )
+    # empty where that is no linear motion, or there are no snubbers
+    closed: dict[str, Complexes] = dataset(
+        "1", "displacement per unit of excitation, every snubber always closed", per="probes",
+        name="displacement_closed", default_factory=dict,
+    )  # fmt: skip
+    closed_at_rest: bool = attribute("", "whether every snubber is closed at static equilibrium", default=False)
     contact: dict[str, ContactLevels] = named("snubbers", ContactLevels, default_factory=dict)
 
 
@@ -318,7 +339,7 @@ class ResponsePeak:
     direction: str = dataset("1", "direction of the sweep")
     level: float = dataset("", "level of the excitation")
     frequency_hz: float = dataset("Hz", "excitation frequency of the peak")
-    value_m: float = dataset("m", "peak displacement")
+    value_m: float = dataset("m", "peak displacement, from static equilibrium")
     kind: str = dataset(
         "1", "kind of the peak"
     )  # linear or nonlinear resonance, superharmonic, subharmonic, beat, level step
