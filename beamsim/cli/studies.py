@@ -25,8 +25,14 @@ MOST_ROWS = 24
 MOST_BEST = 5
 
 _DESIGNS = {
-    "grid": "grid of ", "zip": "", "latin_hypercube": "Latin-hypercube sample of ", "sobol": "Sobol' sample of ",
-    "draws": "ensemble of ",
+    "grid": "grid of ", "zip": "", "one_at_a_time": "one parameter at a time, ",
+    "latin_hypercube": "Latin-hypercube sample of ", "sobol": "Sobol' sample of ", "draws": "ensemble of ",
+}  # fmt: skip
+
+
+_STATISTICS = {
+    "smallest": "smallest", "quantile_5_percent": "5 %", "quantile_50_percent": "median", "mean": "mean",
+    "quantile_95_percent": "95 %", "largest": "largest",
 }  # fmt: skip
 
 
@@ -43,14 +49,20 @@ def design_screen(result: DesignsResult) -> Screen:
             for name, of in shown[:SHOWN]
         ]
         lines += [f"all cases: {', '.join(ranges)}"] if ranges else []
+    elif result.kind == "one_at_a_time":
+        rows = list(_swing_rows(result, [name for name, _ in shown][:SHOWN]))
     else:
         rows = [_range_row(result, name, of) for name, of in shown[:MOST_BEST]]
         more = len(s["responses"]) - len(rows)
         lines += [f"{counted(more, 'more response')}: -v shows all"] if more else []
-    for name, shares in list(s.get("sensitivity", {}).items())[:SHOWN]:
-        ranked = sorted(shares, key=lambda path: -shares[path]["total_order"])[:SHOWN]
-        parts = ", ".join(f"{parameter_label(path)} {_share(shares[path]['total_order'])}" for path in ranked)
-        lines.append(f"variance of {_response_label(result, name)}: {parts}")
+    within = s.get("scatter", {})
+    if "probability" in within:
+        case = "best case" if "best" in s else "case"
+        lines.append(
+            f"{case} within its tolerances: every limit met with a probability of {_odds(within['probability'])}"
+        )
+    for name, of in shown[:SHOWN]:
+        lines += _remarks(result, name, within.get("responses", {}).get(name, of))
     return Screen(_judged(result), rows, lines)
 
 
@@ -63,21 +75,69 @@ def _judged(result: DesignsResult) -> str:
     return f"{said}, each a {result.analysis.replace('_', ' ')}{failed}{passing}"
 
 
+def _remarks(result: DesignsResult, name: str, of: Mapping[str, Any]) -> Iterator[str]:
+    """The populations of a response of a sample, and the parameters that it depends on most."""
+    called, shares = _response_label(result, name), result.summary.get("sensitivity", {}).get(name, {})
+    if "populations" in of:
+        mean = rounded(of["mean"], result.responses[name].unit)
+        yield f"{called} has {_populations(result, name, of)}; its mean of {mean} describes none of them"
+    key, text = ("total_order", _share) if result.kind == "sobol" else ("rank_correlation", "({:+.2f})".format)
+    sure = {path: each[key] for path, each in shares.items() if key in each and each.get("p_value", 0.0) < 0.05}
+    ranked = ", ".join(
+        f"{parameter_label(p)} {text(sure[p])}" for p in sorted(sure, key=lambda p: -abs(sure[p]))[:SHOWN]
+    )
+    if ranked:
+        yield f"variance of {called}: {ranked}" if result.kind == "sobol" else f"{called} goes with {ranked}"
+
+
+def _swing_rows(result: DesignsResult, names: Sequence[str]) -> Iterator[dict[str, str]]:
+    """Responses of the scenario as it is, and their ranges with each parameter; that of the largest first one first."""
+    swings = {name: result.summary["sensitivity"][name] for name in names if name in result.summary["sensitivity"]}
+    of = {name: (result.responses[name].unit, _response_label(result, name)) for name in swings}
+    yield {"": "as it is"} | {
+        label: amount(float(result.responses[n].values[0]), unit) for n, (unit, label) in of.items()
+    }
+    first: Mapping[str, Any] = next(iter(swings.values()), {})
+    for path in sorted(first, key=lambda path: first[path]["smallest"] - first[path]["largest"]):
+        ends = {name: swing[path] for name, swing in swings.items() if path in swing}
+        ranges = {of[name][1]: extent(end["smallest"], end["largest"], of[name][0]) for name, end in ends.items()}
+        yield {"": parameter_label(path)} | ranges
+
+
+def _populations(result: DesignsResult, name: str, of: Mapping[str, Any]) -> str:
+    """The populations that values are in."""
+    unit, groups = result.responses[name].unit, of["populations"]
+    ranges = [f"{extent(g['smallest'], g['largest'], unit)} in {counted(g['cases'], 'case')}" for g in groups]
+    return f"{len(groups)} populations: {', '.join(ranges)}"
+
+
+def _odds(of: Mapping[str, Any]) -> str:
+    """A probability with its interval, each to two digits of what it is away from 0 or from 1."""
+    share, low, high = (
+        f"{100 * p:.{max(0, -math.floor(math.log10(min(p, 1 - p))) - 1) if 0 < p < 1 else 0}f}"
+        for p in (of["share"], of["low"], of["high"])
+    )
+    return f"{share} % (95 % interval {low} to {high} %)"
+
+
 def _limit_lines(result: DesignsResult) -> Iterator[str]:
     for name, item in _margins(result, result.summary.get("margins", {})).items():
         at = f" at {item['at']}" if item["at"] else ""
+        met = f", met with a probability of {item['probability']}" if "probability" in item else ""
         if item["verdict"] == "ok":
-            yield f"{name} ok in all cases: at most {item['value']}{at}, limit {item['limit']}"
+            yield f"{name} ok in all cases: at most {item['value']}{at}, limit {item['limit']}{met}"
         else:
             worst = f"{item['value']}{at}, limit {item['limit']}, {item['most with']}"
-            yield f"{name} {item['verdict']} in {item['cases']} cases: {worst}"
+            yield f"{name} {item['verdict']} in {item['cases']} cases: {worst}{met}"
+    if "probability" in result.summary and len(result.limits) > 1:
+        yield f"all limits met with a probability of {_odds(result.summary['probability'])}"
 
 
 def _range_row(result: DesignsResult, name: str, of: Mapping[str, Any]) -> dict[str, str]:
     """A response with its ends and the parameters there."""
     row, unit = {"": _response_label(result, name)}, result.responses[name].unit
     if "mean" in of:  # of a sample
-        return row | {key: rounded(of[key], unit) for key in ("smallest", "mean", "largest")}
+        return row | {label: rounded(of[key], unit) for key, label in _STATISTICS.items()}
     varied = ", ".join(coordinate.label.split()[-1] for coordinate in result.coordinates)
     for end in ("smallest", "largest"):
         at = ", ".join(_parameters(result, of[f"{end}_at"]).values()) if of["smallest"] != of["largest"] else ""
@@ -107,13 +167,15 @@ def _extent(coordinate: Coordinate) -> str:
     if not coordinate.numeric:
         return ", ".join(dict.fromkeys(map(str, values)))
     low, high = (amount(float(value), coordinate.unit) for value in (values.min(), values.max()))
-    return f"{low} to {high}, {len(values)} values"
+    return f"{low} to {high}, {len(set(values.tolist()))} values"
 
 
 def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """The worst margin of each limit; of one that is not met also in how many cases, and in which most."""
     rows: dict[str, dict[str, Any]] = dict(margins(result, compared))
     for name, item in compared.items():
+        if "probability" in item:
+            rows[limit_label(name)]["probability"] = _odds(item["probability"])
         if item["verdict"] != OnLimit.MET:
             rows[limit_label(name)] |= {
                 "cases": f"{item['cases_exceeding'] or 'some'} of {result.cases}", "most with": ", ".join(
@@ -157,18 +219,24 @@ def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> Labelled:
     ranges = scatter["responses"]
     shown = {name: item for name, item in ranges.items() if name in _decisive(result)} or ranges
     case = "the best case" if "best" in result.summary else "the case"
-    return Labelled({"": f"of {case}", "responses of it": _extents(result, shown)})
+    met = (
+        {"probability": f"every limit is met with {_odds(scatter['probability'])}"} if "probability" in scatter else {}
+    )
+    return Labelled({"": f"of {case}", **met, "responses of it": _extents(result, shown)})
 
 
 def _extents(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:
-    """By response its range, and its mean or its value without deviations where that is known."""
+    """By response its range, and its value without deviations, statistics and populations where these are known."""
     rows = {}
     for name, item in list(responses.items())[:MOST_ROWS]:
         unit = result.responses[name].unit if name in result.responses else "1"
-        others = {"mean": "mean", "nominal": "without deviations"}
+        others = {"nominal": "without deviations"} | {
+            k: v for k, v in _STATISTICS.items() if k not in ("smallest", "largest")
+        }
         rows[_response_label(result, name)] = {
             "range": extent(item["smallest"], item["largest"], unit),
             **{label: amount(item[key], unit) for key, label in others.items() if key in item},
+            **({"has": _populations(result, name, item)} if "populations" in item else {}),
         }
     if len(responses) > MOST_ROWS:
         rows[f"and {len(responses) - MOST_ROWS} more in the file"] = {"range": ""}
@@ -197,17 +265,28 @@ def _best_rows(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> list
 
 
 def _sensitivity(result: DesignsResult, indices: Mapping[str, Mapping[str, Any]]) -> Labelled:
-    """Shares of the parameters in the variance of each response."""
+    """Shares of the parameters in the variance of each response, its rank correlations with them, or its ranges."""
     rows = {
         _response_label(result, name): {
-            parameter_label(path): f"{_share(s['total_order'])} "
-            f"({_share(s['total_order_low'])} to {_share(s['total_order_high'])})"
-            for path, s in shares.items()
+            parameter_label(path): _sensitivity_text(of, result.responses[name].unit) for path, of in shares.items()
         }
         for name, shares in list(indices.items())[:MOST_ROWS]
     }
-    what = "share of the variance by each parameter with its interactions (Sobol' total index, 95 % interval)"
-    return Labelled({"": what, "of": rows})
+    return Labelled({"": _MEANS.get(result.kind, "rank correlation with each parameter"), "of": rows})
+
+
+_MEANS = {
+    "sobol": "share of the variance by each parameter with its interactions (Sobol' total index, 95 % interval)",
+    "one_at_a_time": "range over the values of each parameter alone",
+}
+
+
+def _sensitivity_text(of: Mapping[str, Any], unit: str) -> str:
+    if "total_order" in of:
+        return f"{_share(of['total_order'])} ({_share(of['total_order_low'])} to {_share(of['total_order_high'])})"
+    if "rank_correlation" in of:
+        return f"{of['rank_correlation']:+.2f}{'' if of['p_value'] < 0.05 else ' (may be chance)'}"
+    return extent(of["smallest"], of["largest"], unit)
 
 
 def _share(index: float) -> str:
@@ -230,6 +309,7 @@ DESIGN_VIEWS: Views = {
     "tolerances": _tolerances,
     "scatter": _scatter,
     "margins": _margins,
+    "probability": lambda _, of: f"all limits are met with {_odds(of)}",
     "sensitivity": _sensitivity,
     "responses": _extents,
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,7 +11,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from beamsim.analyses.designs.result import Coordinate, DesignsResult, Objective, Response, SobolIndices, is_scalar
+from beamsim.analyses.designs.result import (
+    Coordinate,
+    DesignsResult,
+    Objective,
+    Response,
+    is_scalar,
+    parameter_label,
+    varies,
+)
 from beamsim.analyses.values import BY_NAME, OUTPUT
 from beamsim.plots.drawing import (
     DARK,
@@ -27,7 +35,7 @@ from beamsim.plots.drawing import (
     finish,
     with_unit,
 )
-from beamsim.plots.style import Scale, scale_for
+from beamsim.plots.style import Scale, amount, extent, scale_for
 from beamsim.typing import Floats
 
 SHOWN = (
@@ -40,6 +48,7 @@ MOST_SLICES = 4  # maps of one response of three or more parameters
 MOST_SLICED = 3  # responses
 MOST_NUMBERED = (12, 6)  # rows and columns of a map whose cells have room for numbers
 MOST_PARAMETERS = 6  # columns of a matrix
+MOST_BARS = 12
 NAMED = {
     "closed_frequencies_hz": "Natural frequencies, closed",
     "open_frequencies_hz": "Natural frequencies, open",
@@ -57,7 +66,7 @@ def shown_quantities(result: DesignsResult) -> list[str]:
     objective = Objective.of(result.scenario.vary).response
     limited = [q for q in ranked if f"/{objective}".endswith(f"/{q}") or _limit(result, q) is not None]
     ranked = limited + [q for q in ranked if q not in limited]
-    return [q for q in ranked if any(_varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
+    return [q for q in ranked if any(varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
 
 
 def response_curves(result: DesignsResult, quantity: str) -> Chart:
@@ -108,8 +117,7 @@ def plot_response_map(
     values = every[(slice(None), slice(None), *at)].T
     beyond = np.ma.filled(values > (np.inf if limit is None else limit * scale.factor), False)
     cells = ax.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=every.min(), vmax=every.max())
-    where = f", {response.place}" if response.place else ""
-    bar = colour_bar(ax, cells, with_unit(_words(quantity), scale) + where)
+    bar = colour_bar(ax, cells, with_unit(_titled(response), scale))
     starred = () if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape))
     star = starred[:2] if starred[2:] == at else ()
     if all(size <= most for size, most in zip(values.shape, MOST_NUMBERED, strict=True)):
@@ -154,33 +162,114 @@ def _write_words(ax: Axes, coordinate: Coordinate) -> None:
         ax.set_xticks(np.arange(len(words)), words)
 
 
-def plot_sensitivity(result: DesignsResult, ax: Axes, indices: SobolIndices) -> None:
-    """Sobol' indices of a response: first and total of every parameter, with their 95 % intervals.
+def plot_sensitivity(result: DesignsResult, ax: Axes, name: str) -> None:
+    """What a response depends on, the most important parameter first.
+
+    These are Sobol' indices with their 95 % intervals, ranges over each parameter alone (a tornado), or rank
+    correlations.
 
     Parameters
     ----------
-    result : of a study with indices.
+    result : of a study that has them.
     ax : to draw on.
-    indices : one of them.
+    name : of the response.
     """
-    place = np.arange(len(result.coordinates))
-    for shift, name, values, low, high, colour in (
-        (-0.2, "alone", indices.first_order, indices.first_order_low, indices.first_order_high, "#8fb8de"),
-        (0.2, "with interactions", indices.total_order, indices.total_order_low, indices.total_order_high, "#0b3c5d"),
-    ):
-        spread = np.abs(np.stack([np.minimum(low - values, 0.0), np.maximum(high - values, 0.0)]))
-        ax.barh(place + shift, 100.0 * values, 0.38, label=name, color=colour)
-        ax.errorbar(
-            100.0 * values, place + shift, xerr=100.0 * spread, fmt="none", ecolor="0.35", elinewidth=0.9, capsize=2
-        )
-    ax.set_yticks(place, [c.label for c in result.coordinates])
+    of, response = result.summary["sensitivity"][name], result.responses[name]
+    paths = sorted(of, key=lambda path: -_importance(of[path]))[:MOST_BARS]
+    rows = np.arange(len(paths))
+
+    def column(key: str) -> Floats:
+        return np.array([of[path][key] for path in paths], dtype=float)
+
+    if result.kind == "sobol":
+        label = "Share of the variance (%)"
+        for shift, order, meaning, colour in (
+            (-0.2, "first_order", "alone", "#8fb8de"), (0.2, "total_order", "with interactions", DARK),
+        ):  # fmt: skip
+            values, low, high = (100.0 * column(f"{order}{end}") for end in ("", "_low", "_high"))
+            spread = np.maximum([values - low, high - values], 0.0)
+            ax.barh(rows + shift, values, 0.38, label=meaning, color=colour)
+            ax.errorbar(values, rows + shift, xerr=spread, fmt="none", ecolor="0.35", elinewidth=0.9, capsize=2)
+        ax.set_xlim(left=min(0.0, ax.get_xlim()[0]))
+    elif result.kind == "one_at_a_time":
+        scale = scale_for(response.unit, response.values)
+        label, nominal = with_unit(_words(_quantity(response)), scale), float(response.values[0]) * scale.factor
+        units = {c.path: c.unit for c in result.coordinates}
+        for end, align in (("smallest", "right"), ("largest", "left")):
+            values = column(end) * scale.factor
+            ax.barh(rows, values - nominal, 0.6, nominal, color=DARK)
+            for row, path in enumerate(paths):
+                at = of[path][f"{end}_at"]
+                text = at if isinstance(at, str) else amount(at, units[path])
+                if values[row] != nominal:
+                    ax.text(values[row], row, f" {text} ", ha=align, va="center", fontsize="x-small")
+        ax.axvline(nominal, color="black", linewidth=0.9)
+        ax.margins(x=0.4)
+    else:
+        label, values, chance = "Rank correlation", column("rank_correlation"), column("p_value") > 0.05
+        ax.barh(rows[~chance], values[~chance], 0.6, color=DARK)
+        ax.barh(rows, np.where(chance, values, 0.0), 0.6, color="0.8", label="may be chance" if chance.any() else "")
+        ax.set(xlim=(-1.0, 1.0), xticks=(-1.0, -0.5, 0.0, 0.5, 1.0))
+    ax.set_yticks(rows, [parameter_label(path) for path in paths])
     ax.invert_yaxis()
-    ax.set_xlim(left=min(0.0, ax.get_xlim()[0]))
-    response = result.responses[indices.name]
-    ax.set_title(
-        f"{_words(_quantity(response))}{f', {response.place}' if response.place else ''}", fontsize="small", loc="left"
-    )
-    finish(ax, "Share of the variance (%)", "")
+    ax.set_title(_titled(response), fontsize="small", loc="left")
+    finish(ax, label, "")
+
+
+def _importance(of: Mapping[str, Any]) -> float:
+    """What ranks a parameter among those of a response."""
+    if "largest" in of:
+        return float(of["largest"] - of["smallest"])
+    return abs(float(of["total_order"] if "total_order" in of else of["rank_correlation"]))
+
+
+def histogram(result: DesignsResult, response: Response, values: Floats, of: Mapping[str, Any]) -> Chart:
+    """How many cases have which value, a colour for each population, with the limit and the quantiles that are known.
+
+    Parameters
+    ----------
+    result : of a sample.
+    response : that the values are of.
+    values : (cases,) of a sample, or of the realisations of one case; nan where not known.
+    of : what the summary says of them.
+    """
+    known, limit = values[np.isfinite(values)], _limit(result, _quantity(response))
+    edges = np.linspace(known.min(), known.max(), min(max(10, known.size // 5), 30) + 1)
+    curves = []
+    for k, group in enumerate(of.get("populations", [of])):
+        own = known[(known >= group["smallest"]) & (known <= group["largest"])]
+        heights = np.concatenate([[0.0], np.repeat(np.histogram(own, edges)[0], 2), [0.0]])
+        cases = f"{extent(group['smallest'], group['largest'], response.unit)}, {own.size} cases"
+        style = {**curve_style(k + 2 if k else 0), "linestyle": "-"}  # the second colour is that of the limit
+        curves.append(Curve(cases if "populations" in of else "", np.repeat(edges, 2), heights, style))
+
+    def more(ax: Axes, x: Scale, _: Scale) -> None:
+        for curve in curves:
+            ax.fill_between(curve.x * x.factor, curve.y, color=curve.style["color"], alpha=0.3, linewidth=0)
+        at = {f"{percent} %": (of[f"quantile_{percent}_percent"], "0.35", "--") for percent in (5, 50, 95)}
+        for text, (value, colour, dashes) in (at | ({} if limit is None else {"limit": (limit, RED, "-")})).items():
+            ax.axvline(value * x.factor, color=colour, linewidth=1.2, linestyle=dashes)
+            ax.text(
+                value * x.factor, 0.98, text, transform=ax.get_xaxis_transform(), ha="right", va="top",
+                fontsize="x-small", rotation=90, color=colour,
+            )  # fmt: skip
+        ax.margins(y=0.2)
+
+    what = "Realisations of the best case" if "nominal" in of else "Cases"
+    return Chart((_titled(response), response.unit), (what, ""), curves, more=more, y_ends=(0.0, None))
+
+
+def _histograms(result: DesignsResult, quantities: Sequence[str]) -> Iterator[Chart]:
+    """Of the responses that are shown of a sample, or of the best case within tolerances."""
+    scatter = result.summary.get("scatter", {})
+    said = scatter.get("responses", result.summary["responses"])
+    for response in (r for q in quantities for r in _of(result, q)[:2]):
+        values = response.values
+        if scatter and response.name in result.realised:
+            values = result.realised[response.name].values.reshape(result.cases, -1)[scatter["case"]]
+        of = said.get(response.name, {})
+        if "quantile_50_percent" in of and of["smallest"] < of["largest"]:
+            yield histogram(result, response, values, of)
 
 
 def response_scatter(result: DesignsResult, k: int, quantity: str) -> Chart:
@@ -221,10 +310,18 @@ def design_figures(result: DesignsResult) -> dict[str, Picture]:
     best = result.summary["best"][0]["case"] if result.summary.get("best") else None
     title = result.title + _judgement(result)
     quantities, dimensions = shown_quantities(result), len(result.coordinates)
-    if dimensions == 1 or result.kind == "zip":
-        return {"curves": _grid(title, [response_curves(result, q) for q in quantities], 2, 3.2)}
     figures: dict[str, Picture] = {}
-    maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == dimensions and _varies(r)]
+    if causes := _explained(result, quantities):
+        shares = [partial(plot_sensitivity, result, name=name) for name in causes]
+        size = 1.4 + 0.4 * min(dimensions, MOST_BARS)
+        figures["sensitivity"] = _grid(title, shares, 2, size, width=5.0)._replace(legend_below=True)
+    if result.kind == "one_at_a_time":
+        return figures
+    if counts := list(_histograms(result, quantities))[:MOST_PANELS]:
+        figures["histograms"] = _grid(result.title, counts, 2, 3.0)
+    if dimensions == 1 or result.kind == "zip":
+        return {"curves": _grid(title, [response_curves(result, q) for q in quantities], 2, 3.2), **figures}
+    maps = [r for q in quantities for r in _of(result, q)[:2] if r.values.ndim == dimensions and varies(r)]
     if result.kind == "grid" and min(result.shape[:2]) > 1 and maps:
         starred = title + (f"   (star: best case, {result.summary['objective']})" if best is not None else "")
         places = _slices(result, best)
@@ -232,13 +329,8 @@ def design_figures(result: DesignsResult) -> dict[str, Picture]:
             maps = list({_quantity(r): r for r in reversed(maps)}.values())[::-1][:MOST_SLICED]
         plots = [_map(result, response, at, best) for response in maps[:MOST_PANELS] for at in places]
         figures["maps" if dimensions == 2 else "slices"] = _grid(starred, plots, max(len(places), 2), 3.4)
-    if dimensions == 2 and figures:
+    if dimensions == 2 and "maps" in figures:
         return figures
-    if result.sensitivity:
-        chosen = [s for q in quantities for s in result.sensitivity if _quantity(result.responses[s.name]) == q]
-        chosen = (chosen or list(result.sensitivity))[:MOST_PANELS]
-        shares = [partial(plot_sensitivity, result, indices=indices) for indices in chosen]
-        figures["sensitivity"] = _grid(title, shares, 2, 1.2 + 0.45 * dimensions)
     scalar = [q for q in quantities if any(is_scalar(r, result.shape) for r in _of(result, q))][:4]
     columns = min(dimensions, MOST_PARAMETERS)
     cases = [response_scatter(result, k, q) for q in scalar for k in range(columns)]
@@ -246,10 +338,16 @@ def design_figures(result: DesignsResult) -> dict[str, Picture]:
     return figures
 
 
-def _grid(title: str, panels: Sequence[Any], columns: int, height: float) -> Picture:
-    """Panels of a height, inches, at most so many in a row."""
+def _explained(result: DesignsResult, quantities: Sequence[str]) -> list[str]:
+    """The responses whose dependence on the parameters is drawn: those of the quantities that are shown, or others."""
+    known = [name for name, of in result.summary.get("sensitivity", {}).items() if of]
+    return ([r.name for q in quantities for r in _of(result, q) if r.name in known] or known)[:MOST_PANELS]
+
+
+def _grid(title: str, panels: Sequence[Any], columns: int, height: float, width: float = 3.6) -> Picture:
+    """Panels of a height and width, inches, at most so many in a row."""
     columns = min(columns, len(panels))
-    return Picture(title, panels, columns, (max(3.6 * columns, 6.4), height * -(-len(panels) // columns)))
+    return Picture(title, panels, columns, (max(width * columns, 6.4), height * -(-len(panels) // columns)))
 
 
 def _map(result: DesignsResult, response: Response, at: tuple[int, ...], best: int | None) -> Any:
@@ -300,11 +398,6 @@ def _quantity(response: Response) -> str:
 
 def _of(result: DesignsResult, quantity: str) -> list[Response]:
     return [r for r in result.responses.values() if _quantity(r) == quantity]
-
-
-def _varies(response: Response) -> bool:
-    known = response.values[np.isfinite(response.values)]
-    return bool(known.size) and bool(np.ptp(known) > 1e-12 * np.max(np.abs(known)))
 
 
 def _curves(responses: Sequence[Response]) -> Iterator[tuple[str, Floats]]:
@@ -362,6 +455,10 @@ def _limit(result: DesignsResult, quantity: str) -> float | None:
     if quantity.endswith(_PEAK):
         return result.limits.get(f"{OUTPUT.limit}.{quantity.removesuffix(_PEAK)}")
     return result.limits.get(BY_NAME[quantity].limit)
+
+
+def _titled(response: Response) -> str:
+    return _words(_quantity(response)) + (f", {response.place}" if response.place else "")
 
 
 def _words(quantity: str) -> str:

@@ -276,8 +276,7 @@ def _columns(labels: Sequence[str], width: float) -> int:
 
 def _legend_below(figure: Figure) -> None:
     """One of each mark that any panel has a label for, below all panels."""
-    marks = {str(line.get_label()): line for ax in figure.axes for line in ax.lines}
-    shown = {label: line for label, line in marks.items() if not label.startswith("_")}
+    shown = {label: mark for ax in figure.axes for mark, label in zip(*ax.get_legend_handles_labels(), strict=True)}
     if shown:
         figure.legend(
             list(shown.values()), list(shown), loc="outside lower center", frameon=False, fontsize="small",

@@ -8,7 +8,7 @@ from typing import Any
 
 from beamsim.errors import Problem
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Schema, Unfit, path_parts, path_text, problem, unknown, walk
+from beamsim.scenario.base import Path, Schema, Unfit, counted, path_parts, path_text, problem, unknown, walk
 from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedSupport, Sited
 from beamsim.scenario.connections import PiecewiseLinearSpring, SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
@@ -40,7 +40,15 @@ from beamsim.scenario.reporting import (
     unit_of_dimension,
 )
 from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
-from beamsim.scenario.studies import IdentifyStiffness, MeasuredShapes, Sobol, SoughtParameter, Zipped
+from beamsim.scenario.studies import (
+    IdentifyStiffness,
+    LatinHypercube,
+    MeasuredShapes,
+    Sobol,
+    SoughtParameter,
+    Tolerances,
+    Zipped,
+)
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, LevelPath, PhaseResonance, PositionPath, SnubberPath
 
 MOST_SAMPLES = 50_000_000
@@ -1048,9 +1056,13 @@ def _cases(scenario: ScenarioParts) -> Problems:
                 f"have {', '.join(map(str, counts))} values, which cannot be zipped",
                 "give all of them equally many, or write kind: grid",
             )
+    if isinstance(vary, LatinHypercube):
+        yield from _correlation_problems(vary, ("vary",))
     if isinstance(vary, Sobol) and vary.samples & (vary.samples - 1):
         power = 2 ** (vary.samples - 1).bit_length()
         yield Problem("vary.samples", f"= {vary.samples} is not a power of two", f"take {power // 2} or {power}")
+    if isinstance(vary, Sobol) and len(vary.parameters) < 2:
+        yield Problem("vary.parameters", "has one, which causes all of the variance", "write kind: latin_hypercube")
     count = case_count(vary)
     if count > MOST_CASES:
         yield Problem(
@@ -1080,6 +1092,22 @@ def _parameter_problems(scenario: ScenarioParts, parameters: Sequence[Any], sect
                 break
 
 
+def _correlation_problems(sample: LatinHypercube | Tolerances, section: Path) -> Problems:
+    """Correlations of what is no parameter, of one with itself, or stated twice; samples too small to have them."""
+    paths, stated = [parameter.path for parameter in sample.parameters], set[frozenset[str]]()
+    for k, correlation in enumerate(sample.correlations):
+        at, pair = (*section, "correlations", k, "between"), frozenset(correlation.between)
+        for j, path in enumerate(correlation.between):
+            yield from unknown((*at, j), path, "parameter", paths)
+        if len(pair) < 2 or pair in stated:
+            what = "are one parameter" if len(pair) < 2 else "have a correlation already"
+            yield problem(at, f"= {', '.join(correlation.between)} {what}", "name two parameters, each pair once")
+        stated.add(pair)
+    if stated and sample.samples <= len(paths):
+        message = f"= {sample.samples} is too few for correlations of {counted(len(paths), 'parameter')}"
+        yield problem((*section, "samples"), message, f"take more than {len(paths)}")
+
+
 _TOLERATED: Path = ("vary", "tolerances", "parameters")
 
 
@@ -1090,6 +1118,7 @@ def _tolerances(scenario: ScenarioParts) -> Problems:
         return
     problems = list(_parameter_problems(scenario, tolerances.parameters, _TOLERATED))
     yield from problems
+    yield from _correlation_problems(tolerances, _TOLERATED[:-1])
     try:
         varied = varied_parameters(scenario)
     except Unfit:

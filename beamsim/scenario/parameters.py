@@ -32,6 +32,7 @@ from beamsim.scenario.studies import (
     IdentifyStiffness,
     LatinHypercube,
     ListedParameter,
+    OneAtATime,
     RangedParameter,
     SampledRange,
     Sobol,
@@ -412,11 +413,14 @@ def case_count(vary: Vary) -> int:
     """Number of cases that are solved, each realisation counted."""
     if isinstance(vary, Sobol):
         return vary.samples * (len(vary.parameters) + 2)
-    realisations = 1 if vary.tolerances is None else 1 + vary.tolerances.samples
     if isinstance(vary, LatinHypercube):
-        return vary.samples * realisations
-    counts = [value_count(parameter) for parameter in vary.parameters]
-    return (counts[0] if isinstance(vary, Zipped) else math.prod(counts)) * realisations
+        count = vary.samples
+    else:
+        counts = [value_count(parameter) for parameter in vary.parameters]
+        if isinstance(vary, OneAtATime):
+            return 1 + sum(counts)
+        count = counts[0] if isinstance(vary, Zipped) else math.prod(counts)
+    return count * (1 if vary.tolerances is None else 1 + vary.tolerances.samples)
 
 
 def value_count(parameter: Any) -> int:
@@ -571,7 +575,7 @@ class ToleratedParameter:
 
 def tolerances_of(scenario: ScenarioParts) -> Tolerances | None:
     """The tolerances of a study."""
-    return None if scenario.vary is None or isinstance(scenario.vary, Sobol) else scenario.vary.tolerances
+    return getattr(scenario.vary, "tolerances", None)
 
 
 def tolerated_parameters(scenario: ScenarioParts) -> tuple[ToleratedParameter, ...]:

@@ -113,6 +113,20 @@ class _Study(Schema):
         self.exclude("maximise", "minimise", remedy="name one objective, minimise or maximise")
 
 
+class Correlation(Schema):
+    """Two numbers that are drawn together."""
+
+    between: Annotated[tuple[Text, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    """Paths of both, as the parameters have them."""
+    coefficient: Annotated[float, q.Quantity(units.NUMBER, above=-1.0, below=1.0)]
+    """Rank correlation (Spearman's): 1 were in the same order, -1 in the opposite one."""
+
+    def check(self) -> None:
+        """Demand two."""
+        if len(self.between) != 2:
+            raise Unfit(f"has {counted(len(self.between), 'parameter')}", "name the two that go together", ("between",))
+
+
 class Tolerances(Schema):
     """What manufacture leaves open: every case is solved as it is, and again for each of a sample of deviations."""
 
@@ -125,6 +139,8 @@ class Tolerances(Schema):
     the worst of them."""
     parameters: Annotated[tuple[SampledTolerance, ...], Field(min_length=1)]
     """The numbers with a tolerance. That of a varied number is about its value in each case."""
+    correlations: tuple[Correlation, ...] = ()
+    """Which of their deviations go together; all others are independent."""
 
     def check(self) -> None:
         """Refuse a quantile beyond what the realisations, the nominal one among them, can tell from the worst."""
@@ -161,6 +177,15 @@ class Zipped(_ToleratedStudy):
     """The varied parameters; all need the same number of values."""
 
 
+class OneAtATime(_Study):
+    """The scenario as it is, and every value of each parameter with all others as they are: a tornado."""
+
+    kind: Literal["one_at_a_time"] = "one_at_a_time"
+    """One parameter at a time."""
+    parameters: Annotated[tuple[AnyParameter, ...], Field(min_length=1)]
+    """The varied parameters."""
+
+
 class LatinHypercube(_ToleratedStudy):
     """A Latin-hypercube sample: one value of every parameter in each of `samples` equally likely intervals."""
 
@@ -172,6 +197,8 @@ class LatinHypercube(_ToleratedStudy):
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters."""
+    correlations: tuple[Correlation, ...] = ()
+    """Which of them go together; all others are independent."""
 
 
 class Sobol(_Study):
@@ -187,7 +214,7 @@ class Sobol(_Study):
     """The varied parameters, which are independent of each other."""
 
 
-Vary = Annotated[Grid | Zipped | LatinHypercube | Sobol, BY_FORM]
+Vary = Annotated[Grid | Zipped | OneAtATime | LatinHypercube | Sobol, BY_FORM]
 
 
 Probability = Annotated[float, q.Quantity(replace(units.RATIO, example="95 %"), above=0.0, below=1.0)]

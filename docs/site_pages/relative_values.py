@@ -65,6 +65,7 @@ RATIOS = {
     "MeasuredTest.gain": "true value of the channel",
     "PadData.dynamic": "loss factor: storage stiffness at that frequency",
     "PhaseResonance.span": "resonance frequency",
+    "Correlation.coefficient": "rank correlation of what is drawn; 1 is the same order",
     "Tolerances.quantile": "number of realisations, the case itself among them, counted from the good side",
     "_Toleranced.tolerance": "in percent: value in the case (of a position too, not the length); in a unit: absolute",
     "ListedParameter.values": "of a position in percent: length of its body, in each case; else absolute",

@@ -1,6 +1,8 @@
 """The shipped design studies, each with fewer cases and a shorter run."""
 
 import numpy as np
+import pytest
+from scipy.stats import spearmanr
 from shipped import PATHS, shipped
 
 import beamsim
@@ -54,3 +56,36 @@ def test_homogeneity_in_the_tolerance_study_of_zero_gap():
     force = "snubbers/tip/peak_force"
     np.testing.assert_allclose(two.responses[force].values, 2.0 * one.responses[force].values, rtol=1e-9)
     assert np.ptp(one.responses[force].values) > 0.0
+
+
+def test_both_populations_of_the_sample_are_motions_of_one_part():
+    """The part with the largest force of the lower population has the higher motion, too, if released far away."""
+    scenario = shipped(CONFIGS / "design_two_motions.yaml")
+    result = design_study(scenario)
+    force = result.table["snubbers/tip/peak_force"]
+    low, high = result.summary["responses"]["snubbers/tip/peak_force"]["populations"]
+    assert low["cases"] + high["cases"] == 100
+    assert low["largest"] < 40.0 < high["smallest"]
+    assert result.summary["probability"]["share"] == low["cases"] / 100
+    assert spearmanr(
+        result.table["snubbers.tip.gap"], result.table["snubbers.tip.stiffness"]
+    ).statistic == pytest.approx(0.6, abs=0.05)
+    case = int(np.flatnonzero(force == low["largest"])[0])
+    part = {c.path: float(c.values[case]) for c in result.coordinates}
+    late = {}
+    for name, start in {"at rest": "static_equilibrium", "far away": {"mode": 1, "amplitude": "2.5 mm"}}.items():
+        changes = {"vary": None, **part, "run.start": start, "run.duration": "2.5 s"}
+        run = beamsim.run(beamsim.load_scenario(CONFIGS / "design_two_motions.yaml", changes))
+        late[name] = run.snubbers["tip"].force[run.time > 2.0].max()
+    assert late["at rest"] == 0.0  # it strikes only at the start
+    assert high["smallest"] < late["far away"] < high["largest"]
+
+
+def test_a_tolerance_alone_is_the_run_with_it():
+    result = design_study(shipped(CONFIGS / "design_tornado.yaml"))
+    swing = result.summary["sensitivity"]["snubbers/tip/peak_force"]["snubbers.tip.gap"]
+    for end in ("smallest", "largest"):
+        changes = {"vary": None, "snubbers.tip.gap": swing[f"{end}_at"]}
+        run = beamsim.run(beamsim.load_scenario(CONFIGS / "design_tornado.yaml", changes))
+        assert run.summary["peak_force_n"]["tip"] == pytest.approx(swing[end], rel=1e-12)
+    assert abs(swing["smallest_at"]) == abs(swing["largest_at"]) == 5e-5

@@ -33,6 +33,7 @@ STUDIES = {
     "map_of_words": f"vary: {{kind: grid, parameters: [{ONE}, {WORD}]}}",
     "three": f"vary: {{kind: grid, parameters: [{ONE}, {TWO}, {WORD}]}}",
     "zip": f"vary: {{kind: zip, parameters: [{ONE}, {{path: excitation.level, from: 1, to: 2, points: 5}}]}}",
+    "tornado": f"vary: {{kind: one_at_a_time, parameters: [{ONE}, {TWO}, {WORD}]}}",
     "sobol": "vary: {kind: sobol, samples: 4, minimise: peak_force, parameters: "
     "[{path: beam.thickness, tolerance: 5 %}, {path: snubbers.tip.gap, tolerance: 0.1 mm}]}",
     "tolerances": f"vary: {{kind: grid, minimise: peak_force, parameters: [{ONE}, {TWO}], tolerances: "
@@ -93,8 +94,9 @@ def test_xarray_sees_parameters_as_coordinates(tmp_path):
 @pytest.mark.parametrize(
     ("name", "picture"),
     slow_after(3, [
-        ("curve", "curves"), ("map", "maps"), ("sample", "scatter"), ("words", "curves"), ("zip", "curves"),
-        ("map_of_words", "maps"), ("three", "slices scatter"), ("sobol", "scatter"), ("tolerances", "maps"),
+        ("curve", "curves"), ("map", "maps"), ("sample", "sensitivity histograms scatter"), ("words", "curves"),
+        ("zip", "curves"), ("map_of_words", "maps"), ("three", "slices scatter"), ("sobol", "histograms scatter"),
+        ("tolerances", "histograms maps"), ("tornado", "sensitivity"),
     ]),
 )  # fmt: skip
 def test_pictures(name, picture, tmp_path):

@@ -93,6 +93,9 @@ def test_by_default_the_worst_realisation_judges():
     assert [(item["case"], item["value"]) for item in result.summary["best"]] == [(1, 24.0)]
     assert result.summary["scatter"]["responses"][FORCE]["smallest"] == 20.0
     assert result.summary["scatter"]["responses"][FORCE]["nominal"] == 20.0
+    met = result.summary["scatter"]["probability"]  # of the four deviations: the case itself is no draw
+    assert (met["share"], met["cases"]) == (1.0, 4)
+    assert met["low"] == pytest.approx(0.025**0.25, rel=1e-6)
 
 
 def test_a_quantile_leaves_the_worst_realisations_out():

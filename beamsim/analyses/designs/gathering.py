@@ -24,8 +24,10 @@ from beamsim.analyses.designs.result import (
     judging,
     limited_response,
     responses_of,
+    varies,
     worst_of,
 )
+from beamsim.analyses.designs.statistics import probability, rank_correlations, statistics, swings
 from beamsim.analyses.doubts import forces_beyond_tables
 from beamsim.analyses.values import margin_of, margins_of
 from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, on_limit, together
@@ -63,7 +65,8 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
     missing = int(np.sum(~known.reshape(-1, count).all(axis=1)))
     failures = _failures(plan, outcomes)
     limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
-    margins, worst, met, meets = _margins(plan, realised, limits, outcomes)
+    drawn = _drawn(plan, known)
+    margins, worst, met, meets = _margins(plan, realised, limits, outcomes, drawn)
     passing = solved & met
     objective, values = Objective.of(plan.scenario.vary), None
     asked = [r for r in responses_of(realised, objective.response) if is_scalar(r, shape)]
@@ -71,7 +74,8 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
     if objective.response and asked:
         values, _ = worst_of(asked, large_is_good=objective.largest)
         values = values[judging(values, count, realisations.quantile, large_is_good=objective.largest)]
-    chosen = plan.kind not in SAMPLES or bool(objective.response)  # the best of many parts is no choice
+    # the best of many parts is no choice
+    chosen = plan.kind not in (*SAMPLES, "one_at_a_time") or bool(objective.response)
     best = best_cases(values, margins, passing, largest=objective.largest) if chosen and not unknown else []
     shares = meets.mean(axis=-1) if limits and count > 1 else None
     sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
@@ -115,9 +119,10 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
             for item in best
         ] or None,
         tolerances=_tolerances(realisations),
-        scatter=_scatter(stored, best, solved.size, count),
+        scatter=_scatter(stored, best, meets if limits else None, solved.size),
         margins=worst if limits else None,
-        sensitivity={item.name: _by_parameter(plan, item) for item in sensitivity} or None,
+        probability=probability(passing.ravel()[drawn]) if limits and drawn.any() else None,
+        sensitivity=_sensitivity(plan, responses, sensitivity) or None,
         processor_time_s=sum(outcome.processor_time_s for outcome in outcomes.values()),
     )  # fmt: skip
 
@@ -171,25 +176,30 @@ def _tolerances(realisations: Realisations) -> dict[str, Any] | None:
 
 
 def _scatter(
-    realised: Mapping[str, RealisedResponse], best: Sequence[Mapping[str, Any]], cases: int, count: int
+    realised: Mapping[str, RealisedResponse], best: Sequence[Mapping[str, Any]], meets: Bools | None, cases: int
 ) -> dict[str, Any] | None:
-    """What the best case ranges over within its tolerances, or the only one; known realisations only."""
+    """What the best case ranges over within its tolerances, or the only one; known realisations only.
+
+    Parameters
+    ----------
+    realised : responses of all realisations.
+    best : the best cases.
+    meets : (..., realisations) whether each meets every limit; None without limits.
+    cases : number of them.
+    """
     if not realised or not (best or cases == 1):
         return None
     case = int(best[0]["case"]) if best else 0
+    count = next(iter(realised.values())).values.size // cases
     rows = {name: response.values.reshape(-1, count)[case] for name, response in realised.items()}
     known = {name: values[np.isfinite(values)] for name, values in rows.items()}
     ranges = {
         name: {"nominal": float(rows[name][0]), "smallest": float(values.min()), "largest": float(values.max()),
-               **_quantiles(values)}
+               **statistics(values)}
         for name, values in known.items() if values.size
     }  # fmt: skip
-    return {"case": case, "responses": ranges}
-
-
-def _quantiles(known: Floats) -> dict[str, float]:
-    low, high = np.quantile(known, [0.05, 0.95])
-    return {"quantile_5_percent": float(low), "quantile_95_percent": float(high)}
+    met = {} if meets is None else {"probability": probability(meets.reshape(-1, count)[case, 1:])}
+    return {"case": case, "responses": ranges, **met}
 
 
 def _about_choice(
@@ -228,6 +238,26 @@ def _about_seeds(plan: DesignPlan) -> list[str]:
     ]
 
 
+def _drawn(plan: DesignPlan, known: Bools) -> Bools:
+    """Which cases are known draws of the varied numbers, independent of each other; of Sobol' samples A and B."""
+    if plan.kind not in SAMPLES or plan.study.realisations.count > 1:
+        return np.zeros(plan.shape, dtype=bool).ravel()
+    return known & (plan.kind != "sobol" or np.arange(known.size) < 2 * known.size // (len(plan.coordinates) + 2))
+
+
+def _sensitivity(
+    plan: DesignPlan, responses: Mapping[str, Response], indices: Sequence[SobolIndices]
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """By response and parameter: Sobol' indices, the range over its values alone, or the rank correlation."""
+    if plan.kind == "sobol":
+        return {item.name: _by_parameter(plan, item) for item in indices}
+    if plan.kind not in (*SAMPLES, "one_at_a_time"):
+        return {}
+    numbers = {c.path: c.values for c in plan.coordinates if c.numeric or plan.kind not in SAMPLES}
+    measure = rank_correlations if plan.kind in SAMPLES else swings
+    return {name: measure(r.values, numbers) for name, r in responses.items() if is_scalar(r, plan.shape) and varies(r)}
+
+
 def _ranges(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], limit: str, value: Floats) -> Floats:
     """(2, cases and realisations) the values of a limit less and plus their changes, where these are known."""
     ranges = np.array([value.ravel(), value.ravel()])
@@ -242,10 +272,12 @@ def _margins(
     realised: Mapping[str, Response],
     limits: Mapping[str, float],
     outcomes: Mapping[int, CaseOutcome],
+    drawn: Bools,
 ) -> tuple[dict[str, Response], dict[str, Any], Bools, Bools]:
     """Margin of every case, those of the worst cases for the summary, and which cases and realisations meet all limits.
 
-    A case meets a limit if it surely does, with the change of its value by a finer model.
+    A case meets a limit if it surely does, with the change of its value by a finer model. The cases that are drawn give
+    the probability of that.
     """
     margins, summary = {}, {}
     shape, quantile = (*plan.shape, plan.study.realisations.count), plan.study.realisations.quantile
@@ -275,6 +307,7 @@ def _margins(
                 "case": case,
                 "parameters": _named(plan, case),
                 "cases_exceeding": int(np.sum(verdicts == OnLimit.EXCEEDED)),
+                **({"probability": probability((verdicts == OnLimit.MET)[drawn])} if drawn.any() else {}),
             }
     return margins, summary, met, meets
 
@@ -296,12 +329,7 @@ def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, 
             "largest_at": _named(plan, high),
         }
         if plan.kind in SAMPLES:
-            known = flat[np.isfinite(flat)]
-            summary[name] |= {
-                "mean": float(known.mean()),
-                "standard_deviation": float(known.std(ddof=1)) if known.size > 1 else math.nan,
-                **_quantiles(known),
-            }
+            summary[name] |= statistics(flat[np.isfinite(flat)])
     return summary
 
 
@@ -378,7 +406,7 @@ def sensitivities(responses: Mapping[str, Response], count: int) -> tuple[tuple[
             continue
         if not np.all(np.isfinite(response.values)):
             gaps.append(name)
-        elif np.ptp(response.values) > 1e-9 * np.max(np.abs(response.values)):  # less is round-off
+        elif varies(response):
             indices.append(_indices(name, response.values.reshape(count + 2, -1)))
     return tuple(indices), gaps
 

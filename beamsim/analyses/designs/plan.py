@@ -30,7 +30,7 @@ from beamsim.scenario.parameters import (
     with_values,
 )
 from beamsim.scenario.scenario import named_files
-from beamsim.scenario.studies import LatinHypercube, Sobol
+from beamsim.scenario.studies import Correlation, LatinHypercube, OneAtATime, Sobol
 from beamsim.typing import Floats
 
 MOST_CHECKED = 400  # cases checked before the first is solved
@@ -55,7 +55,7 @@ class Realisations:
             return cls()
         parameters = tolerated_parameters(scenario)
         units = tuple(replace(p.number, low=-1.0, high=1.0, spacing="linear") for p in parameters)
-        sample: Any = latin_hypercube(units, asked.samples, asked.seed)
+        sample: Any = latin_hypercube(units, asked.samples, asked.seed, asked.correlations)
         return cls(parameters, np.vstack([np.zeros(len(parameters)), np.transpose(sample)]), asked.quantile)
 
     @property
@@ -155,9 +155,11 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
         )
     varied = varied_parameters(scenario)
     if isinstance(vary, LatinHypercube):
-        columns = latin_hypercube(varied, vary.samples, vary.seed)
+        columns = latin_hypercube(varied, vary.samples, vary.seed, vary.correlations)
     elif isinstance(vary, Sobol):
         columns = sobol(varied, vary.samples, vary.seed)
+    elif isinstance(vary, OneAtATime):
+        columns = one_at_a_time(varied)
     else:
         columns = [listed_values(parameter) for parameter in varied]
     for key in ("minimise", "maximise"):
@@ -361,7 +363,25 @@ def listed_values(parameter: VariedParameter) -> list[Value]:
     return [*dict.fromkeys(int(v) for v in np.rint(values))] if parameter.whole else values.tolist()
 
 
-def latin_hypercube(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:
+def one_at_a_time(varied: tuple[VariedParameter, ...]) -> list[list[Value]]:
+    """The scenario's own values, then each value of every parameter, the others being as in the scenario."""
+    nominal = [int(p.nominal) if p.whole and not isinstance(p.nominal, str) else p.nominal for p in varied]
+    rows = [nominal]
+    for k, parameter in enumerate(varied):
+        others = [v for v in listed_values(parameter) if not _same(v, nominal[k])]
+        rows += [[*nominal[:k], value, *nominal[k + 1 :]] for value in others]
+    return [list(column) for column in zip(*rows, strict=True)]
+
+
+def _same(one: Value, other: Value) -> bool:
+    if isinstance(one, str) or isinstance(other, str):
+        return one == other
+    return math.isclose(one, other, rel_tol=1e-12)
+
+
+def latin_hypercube(
+    varied: tuple[VariedParameter, ...], samples: int, seed: int, correlations: Sequence[Correlation] = ()
+) -> list[list[Value]]:
     """A Latin-hypercube sample of the parameters.
 
     Parameters
@@ -369,15 +389,45 @@ def latin_hypercube(varied: tuple[VariedParameter, ...], samples: int, seed: int
     varied : with their ranges and distributions.
     samples : number of cases.
     seed : of the random numbers.
+    correlations : of pairs of them.
 
     Returns
     -------
     list
         A column of values for each parameter.
+
+    Raises
+    ------
+    ScenarioError
+        If there are no numbers with these correlations.
     """
     from scipy.stats.qmc import LatinHypercube
 
-    return _distributed(varied, LatinHypercube(len(varied), rng=np.random.default_rng(seed)).random(samples))
+    cube = LatinHypercube(len(varied), rng=np.random.default_rng(seed)).random(samples)
+    return _distributed(varied, _correlated([p.path for p in varied], cube, correlations) if correlations else cube)
+
+
+def _correlated(paths: list[str], cube: Floats, correlations: Sequence[Correlation]) -> Floats:
+    """The columns of a sample put into orders that have the rank correlations of a Gaussian copula.
+
+    Source: R. L. Iman and W. J. Conover, Communications in Statistics B 11 (1982) 311-334. A rank correlation r of
+    normal numbers belongs to the correlation 2 sin(pi r / 6) of them.
+    """
+    from scipy.stats import norm
+
+    wanted, scores = np.eye(len(paths)), norm.ppf(cube)
+    for each in correlations:
+        i, j = map(paths.index, each.between)
+        wanted[i, j] = wanted[j, i] = 2.0 * math.sin(math.pi / 6.0 * each.coefficient)
+    try:
+        mixing = np.linalg.cholesky(wanted)
+    except np.linalg.LinAlgError:
+        pairs = ", ".join(f"{each.coefficient:g} of {' and '.join(each.between)}" for each in correlations)
+        message = f"asks for rank correlations that no numbers have together: {pairs}"
+        raise ScenarioError.at("vary", message, "state the third one of three, or smaller ones") from None
+    present = np.linalg.cholesky(np.corrcoef(scores, rowvar=False))
+    ranks = (mixing @ np.linalg.solve(present, scores.T)).argsort(axis=1).argsort(axis=1).T
+    return np.asarray(np.take_along_axis(np.sort(cube, axis=0), ranks, axis=0))
 
 
 def sobol(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:

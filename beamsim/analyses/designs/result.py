@@ -179,13 +179,18 @@ _SUMMARY = (
     Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "
              "unit", "tolerances"),
     Entry("scatter", "", "by response of the best case, or of the only one: nominal, smallest and largest value and "
-             "5 % and 95 % quantiles over the realisations", "within tolerances"),
-    Entry("margins", "", "by limit, of the worst case: limit, value, margin, at, exceeded, case, parameters; and "
-             "the number of cases beyond the limit", "limits"),
-    Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, "
-             "standard deviation and the 5 % and 95 % quantiles", "responses"),
-    Entry("sensitivity", "", "Sobol' indices by response and parameter: first_order and total_order, each with the "
-             "ends of its 95 % interval", "sensitivity"),
+             "what responses have of a sample, over the realisations; and the probability that every limit is met",
+             "within tolerances"),
+    Entry("margins", "", "by limit, of the worst case: limit, value, margin, at, exceeded, case, parameters; the "
+             "number of cases beyond the limit, and of a sample the probability that it is met", "limits"),
+    Entry("probability", "", "of a sample: share of the cases that meet every limit, with the ends of the 95 % "
+             "interval of its probability", "probability"),
+    Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, standard deviation, the "
+             "5 %, 50 % and 95 % quantiles with their 95 % intervals, and the populations of values that are in "
+             "several", "responses"),
+    Entry("sensitivity", "", "by response and parameter: of a sample rank_correlation and p_value; of kind: sobol "
+             "first_order and total_order, each with the ends of its 95 % interval; of kind: one_at_a_time smallest "
+             "and largest value, and where they are", "sensitivity"),
     Entry("processor_time_s", "s", "processor time of all cases", "solver"),
 )  # fmt: skip
 
@@ -201,7 +206,7 @@ class DesignsResult(Result):
     SUMMARY = _SUMMARY
 
     analysis: str = attribute("", "what was done with each case: run, or the kind of sweep", at=_GROUP)
-    kind: str = attribute("", "grid, zip, latin_hypercube, sobol, or draws of an ensemble", at=_GROUP)
+    kind: str = attribute("", "grid, zip, one_at_a_time, latin_hypercube, sobol, or draws of an ensemble", at=_GROUP)
     coordinates: tuple[Coordinate, ...] = members(_GROUP, Coordinate, called="<parameter>")
     # the design's shape
     solved: Bools = dataset("1", "whether the case has responses", name=f"{_GROUP}/solved", flags=("missing", "solved"))
@@ -304,6 +309,12 @@ def responses_of(responses: Mapping[str, Response], name: str) -> list[Response]
 def is_scalar(response: Response, shape: tuple[int, ...]) -> bool:
     """Whether a response is one number per case."""
     return response.values.shape == shape
+
+
+def varies(response: Response) -> bool:
+    """Whether a response differs between cases by more than round-off."""
+    known = response.values[np.isfinite(response.values)]
+    return bool(known.size) and bool(np.ptp(known) > 1e-9 * np.max(np.abs(known)))
 
 
 def limited_response(limit: str) -> str:

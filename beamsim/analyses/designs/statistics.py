@@ -1,0 +1,99 @@
+"""What a sample says: percentiles, populations, the probability that a limit is met, what a response goes with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.typing import Bools, Floats
+
+PERCENTILES = (5, 50, 95)
+CHANCE = 0.05  # share of samples of one population in which two are seen, at most
+
+
+def statistics(known: Floats) -> dict[str, Any]:
+    """Mean, deviation, quantiles with their 95 % intervals, and the populations of values where there are several."""
+    from scipy.stats import quantile_test
+
+    summary: dict[str, Any] = {
+        "mean": float(known.mean()),
+        "standard_deviation": float(known.std(ddof=1)) if known.size > 1 else math.nan,
+    }
+    for percent in PERCENTILES:
+        test: Any = quantile_test(known, p=percent / 100)
+        interval = test.confidence_interval(0.95)
+        summary[f"quantile_{percent}_percent"] = float(np.quantile(known, percent / 100))
+        summary[f"quantile_{percent}_percent_interval"] = [float(interval.low), float(interval.high)]
+    groups = populations(known)
+    if len(groups) > 1:
+        summary["populations"] = [
+            {"smallest": float(g[0]), "largest": float(g[-1]), "mean": float(g.mean()), "cases": g.size} for g in groups
+        ]
+    return summary
+
+
+def populations(values: Floats) -> list[Floats]:
+    """Values in their order, split at the gaps that a distribution with one peak hardly has.
+
+    On one side of a gap, density falls from there on. The first of the n spacings of that side and the gap is then at
+    most as large as that of even values, of which it is a share s with the probability (1 - s)^(n - 1). That of a gap
+    is the larger one of its two sides, times the number of gaps.
+    """
+    values = np.sort(values)
+    distinct, counts = np.unique(values, return_counts=True)
+    if distinct.size < 2:
+        return [values]
+    if np.sum(counts > 1) > 1:  # of a few values, such as numbers of contacts; one alone may be no force at all
+        counts = np.ones_like(counts)
+    gaps, left = np.diff(distinct), np.cumsum(counts)[:-1] - 1  # spacings on the left of each gap
+    right, below, above = counts.sum() - left - 2, distinct[:-1] - distinct[0], distinct[-1] - distinct[1:]
+    chance = gaps.size * np.maximum((below / (below + gaps)) ** left, (above / (above + gaps)) ** right)
+    at = int(chance.argmin())
+    if chance[at] > CHANCE:
+        return [values]
+    lower = values <= distinct[at]
+    return [*populations(values[lower]), *populations(values[~lower])]
+
+
+def probability(met: Bools) -> dict[str, Any]:
+    """Share of the cases in which something holds, with the 95 % interval of its probability (Clopper and Pearson)."""
+    from scipy.stats import binomtest
+
+    test = binomtest(int(met.sum()), met.size)
+    interval = test.proportion_ci(0.95)
+    return {"share": test.statistic, "low": float(interval.low), "high": float(interval.high), "cases": met.size}
+
+
+def rank_correlations(values: Floats, numbers: Mapping[str, Floats]) -> dict[str, dict[str, float]]:
+    """Rank correlation of a response with each number that varies, and the probability that chance gives as much."""
+    from scipy.stats import spearmanr
+
+    known = np.isfinite(values)
+    if np.unique(values[known]).size < 4:
+        return {}
+    tests = {name: spearmanr(x[known], values[known]) for name, x in numbers.items() if np.ptp(x[known]) > 0.0}
+    return {name: {"rank_correlation": float(t.statistic), "p_value": float(t.pvalue)} for name, t in tests.items()}
+
+
+def swings(values: Floats, numbers: Mapping[str, NDArray[Any]]) -> dict[str, dict[str, Any]]:
+    """Of one parameter at a time: the smallest and the largest value with each, and what it is there.
+
+    Parameters
+    ----------
+    values : (cases,) of the response, the first as the scenario is; nan where it is not known.
+    numbers : by path (cases,) numbers or words.
+    """
+    ranges = {}
+    for name, x in numbers.items():
+        own = np.flatnonzero(np.isfinite(values) & ((x != x[0]) | (np.arange(x.size) == 0)))
+        if own.size:
+            low, high = own[values[own].argmin()], own[values[own].argmax()]
+            ranges[name] = {
+                "smallest": float(values[low]), "smallest_at": x[low].item(),
+                "largest": float(values[high]), "largest_at": x[high].item(),
+            }  # fmt: skip
+    return ranges
