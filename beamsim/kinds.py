@@ -22,6 +22,7 @@ class Kind(NamedTuple):
     screen: str  # function of a result: what is printed first
     views: str  # what its table tells beyond the entries of its summary
     figures: str  # function of a result: its pictures by name
+    question: str  # that it answers, for a report
 
 
 KINDS = {
@@ -32,6 +33,7 @@ KINDS = {
         screen="beamsim.cli.motions:run_screen",
         views="beamsim.cli.motions:RUN_VIEWS",
         figures="beamsim.plots.run:run_figures",
+        question="How does the structure move under the excitation, and how hard does it meet its stops?",
     ),
     "sweep": Kind(
         "sweep", "a sweep of one design by `beamsim sweep`",
@@ -40,6 +42,7 @@ KINDS = {
         screen="beamsim.cli.motions:sweep_screen",
         views="beamsim.cli.motions:SWEEP_VIEWS",
         figures="beamsim.plots.sweep:sweep_figures",
+        question="How large is the response at each frequency while the excitation sweeps?",
     ),
     "continuation": Kind(
         "sweep", "a continuation by `beamsim sweep`",
@@ -48,6 +51,7 @@ KINDS = {
         screen="beamsim.cli.branches:continuation_screen",
         views="beamsim.cli.branches:CONTINUATION_VIEWS",
         figures="beamsim.plots.continuation:continuation_figures",
+        question="Which steady motions does the excitation lead to, and which of them are stable?",
     ),
     "designs": Kind(
         "sweep", "a design study by `beamsim sweep`",
@@ -56,6 +60,7 @@ KINDS = {
         screen="beamsim.cli.studies:design_screen",
         views="beamsim.cli.studies:DESIGN_VIEWS",
         figures="beamsim.plots.designs:design_figures",
+        question="How does the response depend on what is varied?",
     ),
     "identify-stiffness": Kind(
         "identify-stiffness", "the result of `beamsim identify-stiffness`",
@@ -64,6 +69,7 @@ KINDS = {
         screen="beamsim.cli.measured:identification_screen",
         views="beamsim.cli.measured:IDENTIFICATION_VIEWS",
         figures="beamsim.plots.identification:identification_figures",
+        question="Which stiffness do the measurements give, and how closely?",
     ),
     "nnm": Kind(
         "nnm", "the result of `beamsim nnm`",
@@ -72,6 +78,7 @@ KINDS = {
         screen="beamsim.cli.branches:nnm_screen",
         views="beamsim.cli.branches:NNM_VIEWS",
         figures="beamsim.plots.nnm:nnm_figures",
+        question="How do frequency and shape of free vibrations change with their size?",
     ),
     "compare": Kind(
         "compare", "the result of `beamsim compare`",
@@ -80,6 +87,7 @@ KINDS = {
         screen="beamsim.cli.measured:comparison_screen",
         views="beamsim.cli.measured:COMPARISON_VIEWS",
         figures="beamsim.plots.comparison:comparison_figures",
+        question="How well does the computed motion agree with the measured one?",
     ),
     "compare-modes": Kind(
         "compare-modes", "the result of `beamsim compare-modes`",
@@ -88,6 +96,7 @@ KINDS = {
         screen="beamsim.cli.measured:modes_screen",
         views="beamsim.cli.measured:MODE_VIEWS",
         figures="beamsim.plots.comparison:mode_comparison_figures",
+        question="How well do the computed modes agree with the measured ones?",
     ),
 }  # fmt: skip
 

@@ -34,7 +34,7 @@ def continuation_screen(result: ContinuationResult) -> Screen:
     forces = [f"{numbers.text(force, 'N', 'peak_force_n', name)} at {name}" for name, force in hardest if force > 0]
     if forces:
         lines.append(f"peak force of stable motions {', '.join(forces)}")
-    lines += [*_special_lines(result), *modes(result)]
+    lines += [*_special_lines(result), *_several(result), *modes(result)]
     outputs = {name: of for name, of in _outputs(result, s.get("peak_output", {})).items() if of}
     lines += [f"peak of {name} {of['peak']} at {of['at']}" for name, of in list(outputs.items())[:SHOWN]]
     for curve in s.get("fold_curves", ()):
@@ -70,6 +70,18 @@ def _followed(result: ContinuationResult, numbers: Numbers, level: float, period
         row["largest displacement"] = f"{size} at {_parameter(peak['parameter'], result.unit, 4)}, {peak['probe']}"
     row["stable"] = "all" if stable == points else f"{stable} of {points} points"
     return row
+
+
+def _several(result: ContinuationResult) -> Iterator[str]:
+    """In words the widest range where several motions are stable."""
+    ranges = sorted(result.coexisting(), key=lambda several: several.low - several.high)
+    for several in ranges[:1]:
+        where = extent(several.low, several.high, result.unit)
+        level = f" at {_level(result, several.level)['level']}" if len({b.level for b in result.branches}) > 1 else ""
+        peaks = " or ".join(dict.fromkeys(amount(peak, "m", 3) for peak in several.peaks))
+        at, more = _parameter(several.at, result.unit, 4), counted(len(ranges) - 1, "more range")
+        reach = f"{result.branches[0].probes[0].name} reaches {peaks} at {at}, by the start"
+        yield f"{len(several.peaks)} stable motions from {where}{level}: {reach}{f'; {more}' if ranges[1:] else ''}"
 
 
 def _special_lines(result: ContinuationResult) -> list[str]:

@@ -127,8 +127,8 @@ def _sketch_of(scenario: Scenario, system: StructuralSystem) -> Sketch:
 def sketched(result: Any, model: BuiltModel | None) -> Sketch | None:
     """The sketch of a result, with a run's own numbers; without one None where the model is not known."""
     if isinstance(result, RunResult):
-        return Sketch(result.scenario, result.modes.stations, result.snubbers)
-    return None if model is None else _sketch_of(result.scenario, model.system)
+        return Sketch(result.scenario.model_copy(update={"sweep": None}), result.modes.stations, result.snubbers)
+    return None if model is None else _sketch_of(result.scenario.model_copy(update={"run": None}), model.system)
 
 
 def _model(result: Any) -> BuiltModel | None:

@@ -230,7 +230,7 @@ def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
 
 def _wrapped(text: str, length: float) -> str:
     """The label of an axis of so many pixels; of a longer one what is in brackets is on a line of its own."""
-    return text.replace(" (", "\n(", 1) if max(map(len, text.split("\n"))) * 6.8 > length else text
+    return text.replace(" (", "\n(", 1) if max(map(len, text.split("\n"))) * 7.5 > length else text
 
 
 def _plain_logarithmic(axis: Any) -> None:

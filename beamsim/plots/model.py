@@ -12,10 +12,11 @@ from matplotlib.patches import Rectangle
 
 from beamsim.plots.drawing import GREEN, Picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
-from beamsim.plots.style import amount, level_text, round_length
+from beamsim.plots.style import amount, extent, level_text, round_length
 from beamsim.scenario import Scenario
 from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+from beamsim.scenario.sweep import LevelPath
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import Distributed, LoadSite, Place, ends_of
 from beamsim.system.parts import driven_supports, exciting_forces
@@ -41,7 +42,7 @@ def plot_model(sketch: Sketch, ax: Axes) -> None:
         *_probes(sketch, ax),
     ]
     if largest > 0.0:
-        bar, right = round_length(largest), max(line.x.max() for lines in sketch.lines.values() for line in lines)
+        bar, right = round_length(largest), ax.dataLim.x1  # beyond the springs to walls, too
         scale_bar(ax, float(right) + 0.1 * sketch.span, bar * factor, f"gaps:\n{amount(bar, 'm')}")
     ax.set_xmargin(0.07)
     if len(names) <= MOST_NAMES:
@@ -76,19 +77,40 @@ def model_figure(sketch: Sketch) -> Picture:
 
 
 def excitation_text(scenario: Scenario) -> str:
-    """What excites the model, in a line."""
-    parts = [_excitation_text(scenario, part) for _, part in scenario.excitation.items]
+    """What excites the model, in a line; of a case with both a run and a sweep that of each."""
+    swept = _SWEEPS.get(getattr(scenario.sweep, "kind", ""), "")
+    ways = [*([""] if scenario.run is not None or not swept else []), *([swept] if swept else [])]
+    parts = [_excitation_text(scenario, part, way) for way in ways for _, part in scenario.excitation.items]
     return "; ".join(dict.fromkeys(parts)) or "no excitation"
 
 
-def _excitation_text(scenario: Scenario, part: Any) -> str:
-    words = [part.kind.replace("_", " ")]
+_SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine", "continuation": "steady sine"}
+
+
+def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
+    """Levels, range and rate of a sweep."""
+    sweep: Any = scenario.sweep
+    path = sweep.parameter if sweep.kind == "continuation" else sweep
+    if sweep.levels:
+        yield " and ".join(_level_text(part, level) for level in sweep.levels)
+    unit = {"level": scenario.level_unit, "gap": "m", "stiffness": "N/m", "position": ""}.get(path.kind, "Hz")
+    ends = extent(float(min(path.ends)), float(max(path.ends)), unit)
+    yield ends if unit == "Hz" else f"{path.kind} {ends}, {' and '.join(f'{f:.6g} Hz' for f in part.frequencies_hz)}"
+    if rate := getattr(sweep, "rate", None):
+        yield f"{60.0 * rate.value:.4g} {rate.unit.replace('/s', '/min')}"
+
+
+def _excitation_text(scenario: Scenario, part: Any, swept: str) -> str:
+    sweep: Any = scenario.sweep
+    words = [swept or part.kind.replace("_", " ")]
     levels = [level for _, level in part.levels()]
-    if levels:
+    if levels and not (swept and (sweep.levels or isinstance(getattr(sweep, "continue_in", None), LevelPath))):
         words.append(_level_text(part, max(levels, key=abs)))
+    if swept:
+        words += _swept(scenario, part)
     if getattr(part, "psd", ()):
         words.append(f"{part.psd[0].frequency:.6g} to {part.psd[-1].frequency:.6g} Hz")
-    tones = part.frequencies_hz
+    tones = () if swept else part.frequencies_hz
     if 0 < len(tones) <= 3:
         words.append(" and ".join(f"{tone:.6g} Hz" for tone in tones))
     elif getattr(part, "duration", None):

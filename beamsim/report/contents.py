@@ -1,14 +1,16 @@
-"""What a page says about a result: verdict, model, numbers, plots, contacts, animation, trust, scenario."""
+"""What a page says about a result: two pages with question, model, limits, answer and how sure it is; an appendix."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from re import fullmatch
 from typing import Any
 
 from beamsim.analyses.result import MARGINS, Result
 from beamsim.analyses.values import limit_label
 from beamsim.fields import figure_in_words, place_in_words
+from beamsim.kinds import KINDS, kind_of_class
 from beamsim.outcomes import STANDINGS, OnLimit
 from beamsim.plots.animation import Scene
 from beamsim.plots.drawing import Picture
@@ -18,12 +20,17 @@ from beamsim.plots.style import amount, scale_for
 from beamsim.report.interactive import interactive
 from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import Schema, plain
+from beamsim.scenario.base import Schema
 from beamsim.structures.assembly import snubber_site
 from beamsim.system.structural import SnubberNumbers
 from beamsim.trust.convergence import named
 
 CHANGES_SHOWN = 60
+FIRST = (
+    "srs", "random", "displacement", "response_.*", "contact(_force.*)?", "backbone|frequency_energy", "maps|slices",
+    "acceleration", "spectrum",
+)  # fmt: skip
+"""Names of pictures in the order in which they matter."""
 METHODS = {
     "exact": "Closed form between contacts, without a time step. The search for the next contact event is certified: "
     "bounds exclude that a contact is passed over.",
@@ -72,14 +79,22 @@ def page_of(
 
     Returns
     -------
-    Sections from the first screen to the scenario, with the verdict above them.
+    Sections from the question to the scenario, with the verdict above them.
     """
-    page = Page(result.title or "beamsim", about, verdict_of(result))
-    page.add("Summary", listing(screen))
-    page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_limits(limits)))))
+    page = Page(result.title or "beamsim", about, verdict_of(result), appendix="Results")
+    page.add("Question", labelled(_question(result, result.scenario if sketch is None else sketch.scenario)))
     if sketch is not None:
-        page.add("Model", *_model(sketch))
+        page.add("Model", f"<figure>{picture(model_figure(sketch), 'model')}</figure>")
+    page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_limits(limits)))))
+    page.add(
+        "Summary",
+        listing(screen),
+        *(captioned(name.removesuffix("_0"), picture(shown, name)) for name, shown in _front(figures)),
+    )
+    page.add("How sure", labelled([("outcome", _ended(result)), *_checked(rows)]))
     page.add("Results", labelled(rows))
+    if sketch is not None:
+        page.add("Model in numbers", *_model(sketch))
     if scene is not None:
         page.add("Motion", page.animated(scene.as_json(), NOTE))
     plots = {name: interactive(figure) for name, figure in figures.items()}
@@ -115,7 +130,7 @@ def verdict_of(result: Result) -> Verdict:
         return Verdict("good", "All limits are kept")
     if MARGINS in type(result).SUMMARY:
         limit = "peak_force: 50 N" if result.scenario.all_snubbers else "peak_displacement: 2 mm"
-        return Verdict("", "Complete. No limits are given", [f"limits: {{{limit}}} gives a verdict"])
+        return Verdict("", "Complete. No limits are given", [f"{limit} among the limits gives a verdict"])
     return Verdict("", "Complete")
 
 
@@ -125,10 +140,38 @@ def _limits(limits: Mapping[str, Mapping[str, str]]) -> Iterator[list[str]]:
         yield [name, of["value"], of["at"], of["limit"], of["margin"], signs.get(of["verdict"], "") + of["verdict"]]
 
 
+def _question(result: Result, scenario: Scenario) -> Iterator[tuple[str, str]]:
+    yield "asked", KINDS[kind_of_class(type(result))].question
+    yield "excitation", excitation_text(scenario)
+    if scenario.vary is not None:
+        yield "varied", ", ".join(parameter.path for parameter in scenario.vary.parameters)
+
+
+def _front(figures: Mapping[str, Picture]) -> list[tuple[str, Picture]]:
+    """The pictures that matter most, of each the first panel."""
+    ranks = {name: next((k for k, x in enumerate(FIRST) if fullmatch(x, name)), len(FIRST)) for name in figures}
+    chosen = sorted(figures, key=lambda name: ranks[name])[:3]
+    return [
+        (name, figures[name]._replace(title="", panels=figures[name].panels[:1], size=(7.2, 2.3))) for name in chosen
+    ]
+
+
+def _ended(result: Result) -> str:
+    return str(result.outcome.displayed(scale_for)) or "complete"
+
+
+def _checked(rows: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
+    """The printed rows that say how sure the others are."""
+    label = ""
+    for name, text in rows:
+        label = name or label
+        if label in CHECKS:
+            yield name, text
+
+
 def _model(sketch: Sketch) -> Iterator[str]:
     scenario = sketch.scenario
-    yield f"<figure>{picture(model_figure(sketch), 'model')}</figure>"
-    yield labelled([("excitation", excitation_text(scenario)), *_bodies(scenario)])
+    yield labelled(_bodies(scenario))
     sites = {located.item.name: snubber_site(located).label for located in scenario.located_snubbers}
     rows = [[name, sites.get(name, ""), stop.side, *_stop(stop)] for name, stop in sketch.stops.items()]
     heading = ("stop", "at", "side", "stiffness", "dashpot", "gap", "force at rest", "k L^3 / E I")
@@ -163,12 +206,8 @@ def _given(body: Any) -> Iterator[str]:
         elif isinstance(value, tuple):
             yield f"{len(value)} {words}"
         elif isinstance(value, Schema):
-            inner = ", ".join(f"{k.replace('_', ' ')} {_plain(v)}" for k, v in plain(value).items())
+            inner = ", ".join(filter(None, (getattr(value, "kind", "").replace("_", " "), *_given(value))))
             yield f"{words} ({inner})" if inner else words
-
-
-def _plain(value: Any) -> str:
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
 def _unit(section: Any, key: str) -> str | None:
@@ -190,13 +229,9 @@ def _trust(result: Result, rows: Iterable[tuple[str, str]]) -> Iterator[str]:
     """What was checked, what came out as it is printed, and what that means; then all changes with the finer model."""
     method = str(result.summary.get("method") or getattr(result, "method", ""))
     meaning = next((text for start, text in METHODS.items() if method.startswith(start)), "")
-    shown = [["outcome", str(result.outcome.displayed(scale_for)) or "complete", "how the computation ended"]]
+    shown = [["outcome", _ended(result), "how the computation ended"]]
     shown += [["method", method.replace("_", " "), meaning]] if method else []
-    label = ""
-    for name, text in rows:
-        label = name or label
-        if label in CHECKS:
-            shown.append([name, text, CHECKS[label] if name else ""])
+    shown += [[name, text, CHECKS.get(name, "")] for name, text in _checked(rows)]
     shown += [["warnings", "\n".join(result.warnings), ""]] if result.warnings else []
     yield table(Cells(("what", "outcome", "meaning"), shown))
     doubtful = set(result.summary.get("doubtful") or ())

@@ -1,7 +1,7 @@
 """One page about one result: it holds everything that it shows and opens without a network.
 
-A page begins with the verdict, then the model, the numbers, the plots and the animation; why the numbers can be
-trusted and the scenario come last. The library that draws the plots is in the page once, compressed.
+A page begins with two that a customer reads: verdict, question, model and limits; summary, three pictures, and how sure
+that is. An appendix follows. The library that draws the plots is in the page once, compressed.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ class Page:
     sections: list[tuple[str, str]] = field(default_factory=list)  # heading and HTML
     plots: list[dict[str, Any]] = field(default_factory=list)
     animation: dict[str, Any] | None = None
+    appendix: str = ""  # heading of its first section
 
     def add(self, heading: str, *parts: str) -> None:
         """A section of parts in HTML; none where all are empty."""
@@ -92,7 +93,7 @@ class Page:
             f'<div class="verdict {self.verdict.kind}"><strong>{escape(self.verdict.text)}</strong>'
             f"{f'<ul>{reasons}</ul>' if reasons else ''}</div>",
             f"<nav>{marks}</nav>",
-            *(_section(k, name, html) for k, (name, html) in enumerate(self.sections)),
+            *(_section(k, name, html, name == self.appendix) for k, (name, html) in enumerate(self.sections)),
             "<noscript><p>The plots and the animation need JavaScript.</p></noscript>",
         ]
         data = {"plots": self.plots, "animation": self.animation}
@@ -105,8 +106,10 @@ class Page:
         return document(self.title, "<main>" + "\n".join(body) + "</main>", scripts)
 
 
-def _section(number: int, name: str, html: str) -> str:
-    return f'<section id="s{number}"><h2>{escape(name)}</h2>\n{html}</section>'
+def _section(number: int, name: str, html: str, first_of_appendix: bool) -> str:
+    title = '<h1 class="appendix">Appendix</h1>' if first_of_appendix else ""
+    style = name.lower().replace(" ", "-")
+    return f'{title}<section id="s{number}" class="{style}"><h2>{escape(name)}</h2>\n{html}</section>'
 
 
 def document(title: str, body: str, scripts: Iterable[str]) -> str:

@@ -100,12 +100,27 @@ def test_every_kind_of_result_has_a_report_in_one_file(name, tmp_path):
     assert not outside
     assert "@import" not in text.split("</style>")[0]
     assert "url(" not in text.split("</style>")[0]
-    headings = re.findall(r"<h2>(.*?)</h2>", text)
-    assert {"Model", "Results", "Plots", "Why these numbers can be trusted", "Scenario"} <= set(headings)
+    front, appendix = text.split('<h1 class="appendix">Appendix</h1>')
+    assert re.findall(r"<h2>(.*?)</h2>", front)[-2:] == ["Summary", "How sure"]
+    assert {"Question", "Model"} <= set(re.findall(r"<h2>(.*?)</h2>", front))
+    assert front.split("<h2>Summary</h2>")[1].count("<img") in (1, 2, 3)
+    headings = re.findall(r"<h2>(.*?)</h2>", appendix)
+    assert {"Model in numbers", "Results", "Plots", "Why these numbers can be trusted", "Scenario"} <= set(headings)
+    spoken = re.sub(r"<pre>.*?</pre>|<[^>]*>", "", text.split("</nav>")[1].split("<script")[0], flags=re.S)
+    assert not re.search(r"[{}]", spoken)  # no dictionary of Python
     data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.S)[1])
     assert data["plots"]
     assert all(plot["data"] for plot in data["plots"])
     assert ("Motion" in headings) == (data["animation"] is not None) == name.startswith(("run", "nnm"))
+
+
+@pytest.mark.parametrize(("name", "said"), [("sweep", "swept sine"), ("continuation", "steady sine")])
+def test_the_excitation_of_a_sweep_is_a_sweep(name, said, tmp_path):
+    text = reported(name, tmp_path).read_text(encoding="utf-8")
+    (excitation,) = re.findall(r'excitation</td><td class="text">(.*?)</td>', text)
+    assert excitation.startswith(said)
+    assert " to " in excitation
+    assert "harmonic" not in excitation
 
 
 def test_the_verdict_names_the_limit_that_is_exceeded(tmp_path):

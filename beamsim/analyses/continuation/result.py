@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
 import numpy as np
 
 from beamsim.analyses.branch import FoldBranch, ResponseBranch
@@ -23,6 +27,7 @@ from beamsim.fields import (
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Floats, Ints
 
+NARROW = 1e-3  # of the extent of all branches: narrower ranges are left out
 _POINT = (Counter("point", "number of the point"),)
 _ORDER = Counter("order", "order of the expansion", 0)
 
@@ -95,6 +100,38 @@ _SUMMARY = (
 )  # fmt: skip
 
 
+class Several(NamedTuple):
+    """Where several motions are stable."""
+
+    level: float
+    low: float
+    high: float
+    at: float  # between them
+    peaks: tuple[float, ...]  # m, of each motion there, the largest displacement of the first probe
+
+
+class _Piece(NamedTuple):
+    """Stable motions of a branch between folds, by increasing parameter."""
+
+    parameter: Floats
+    peak: Floats
+
+    def covers(self, parameter: float) -> bool:
+        return bool(self.parameter[0] < parameter < self.parameter[-1])
+
+
+def _pieces(branch: ResponseBranch) -> Iterator[_Piece]:
+    x, step = branch.parameter, np.sign(np.diff(branch.parameter))
+    step[~(branch.stable[:-1] & branch.stable[1:])] = 0.0
+    peak = next((probe.peak for probe in branch.probes if probe.quantity == "displacement"), np.full(x.size, np.nan))
+    edges = np.flatnonzero(np.diff(step, prepend=np.nan, append=np.nan) != 0.0)
+    for first, last in pairwise(edges.tolist()):
+        if step[first]:
+            piece = slice(first, last + 1)
+            order = np.argsort(x[piece])
+            yield _Piece(x[piece][order], peak[piece][order])
+
+
 @declared
 class ContinuationResult(Result):
     """Everything `beamsim sweep` of kind continuation computes."""
@@ -135,6 +172,25 @@ class ContinuationResult(Result):
         means = {name: float(np.abs(h[:, 0]).max()) for name, h in branch.harmonics.items()}
         name = max(means, key=lambda name: means[name])
         return name, means[name]
+
+    def coexisting(self) -> list[Several]:
+        """Where several motions of a level are stable, by level and increasing parameter."""
+        found: list[Several] = []
+        for level in {repr(branch.level): branch.level for branch in self.branches}.values():
+            pieces = [piece for b in self.branches if repr(b.level) == repr(level) for piece in _pieces(b)]
+            edges = np.unique([piece.parameter[end] for piece in pieces for end in (0, -1)])
+            for low, high in pairwise(edges.tolist()):
+                at = 0.5 * (low + high)
+                there = [piece for piece in pieces if piece.covers(at)]
+                if len(there) < 2 or high - low < NARROW * (edges[-1] - edges[0]):
+                    continue
+                peaks = tuple(sorted(float(np.interp(at, *piece)) for piece in there))
+                known = found[-1] if found and repr(found[-1].level) == repr(level) else None
+                if known is not None and known.high == low and len(known.peaks) == len(peaks):
+                    found[-1] = known._replace(high=high)
+                else:
+                    found.append(Several(level, low, high, at, peaks))
+        return found
 
     @property
     @stored(attribute("", "kind of sweep", name="kind"))
