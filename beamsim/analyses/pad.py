@@ -11,7 +11,8 @@ of up to about 10 % and compact blocks (circular or square). Lubricated faces: S
 
 A measured loop from zero to the deflection X and back is a cycle of the amplitude X/2 about its middle. With the work
 :math:`W_+` done and :math:`W_-` returned, the spring of the same energy has the stiffness
-:math:`k = (W_+ + W_-)/X^2`, and the loop the loss factor :math:`\eta = 4 (W_+ - W_-) / (\pi (W_+ + W_-))`.
+:math:`k = (W_+ + W_-)/X^2`, and the loop the loss factor :math:`\eta = 4 (W_+ - W_-) / (\pi (W_+ + W_-))`. Loops
+that were recorded over time give Maxwell branches beside a softer curve, both fitted together.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.contacts.pads import ForceCurve, fit_curve
+from beamsim.contacts.branches import driven_force, dynamic_stiffness, fit_loop, loop_frequency
+from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fit_curve, loop_width
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasurementError
-from beamsim.system.force_tables import read_forces
+from beamsim.system.force_tables import LOOP, read_forces
 from beamsim.typing import Floats
 
 
@@ -37,7 +40,9 @@ class PadNumbers:
     stiffness: float  # N/m; of a curve that of the same energy at its largest deflection
     dashpot: float  # N s/m; zero without a loss factor or its frequency
     points: tuple[tuple[float, float], ...] | None = None  # m, N of a curve of several segments
-    misfit: float | None = None  # N, of the curve
+    misfit: float | None = None  # N, of the curve; of branches that of the pad, driven as it was measured
+    maxwell: tuple[MaxwellBranch, ...] = ()
+    dynamic: tuple[tuple[float, float, float], ...] = ()  # Hz, N/m, loss factor: curve and branches, about the loop's
     loss_factor: float | None = None  # as given, or of the measured loop
 
 
@@ -76,7 +81,10 @@ def pad(
     _check(modulus, curve, known)
     points, misfit = None, None
     if curve is not None:
-        fitted, misfit, of_loop = _measured(curve, segments)
+        loop = loss_factor is None and frequency is None
+        fitted, misfit, of_loop, record = _measured(curve, segments)
+        if loop and record is not None:
+            return _of_record(fitted, record, of_loop)
         stiffness = 2.0 * _work(fitted.deflection, fitted.force) / float(fitted.deflection[-1]) ** 2
         if fitted.slopes.size > 1:
             points = tuple(zip(fitted.deflection.tolist(), fitted.force.tolist(), strict=True))
@@ -90,6 +98,26 @@ def pad(
     if loss_factor is not None and frequency is not None:
         dashpot = loss_factor * stiffness / (2.0 * math.pi * frequency)
     return PadNumbers(stiffness=stiffness, dashpot=dashpot, points=points, misfit=misfit, loss_factor=loss_factor)
+
+
+def _of_record(middle: ForceCurve, record: Record, loss_factor: float | None) -> PadNumbers:
+    """Curve and branches that fit a record of loops together; the curve bends where that through their middle does."""
+    fit = fit_loop(*record, middle.deflection[:-1])
+    force = np.concatenate([[0.0], np.cumsum(fit.springs * np.diff(middle.deflection))])
+    curve = ForceCurve(middle.deflection, force)
+    stiffness = 2.0 * _work(curve.deflection, curve.force) / float(curve.deflection[-1]) ** 2
+    missed = driven_force(curve, fit.branches, record.time, record.deflection) - record.force
+    at = loop_frequency(record.time, record.deflection) * np.array([0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
+    k = dynamic_stiffness(stiffness, fit.branches, 2 * np.pi * at)
+    return PadNumbers(
+        stiffness=stiffness,
+        dashpot=0.0,
+        points=tuple(zip(curve.deflection.tolist(), force.tolist(), strict=True)),
+        misfit=float(np.sqrt(np.mean(missed**2))),
+        loss_factor=loss_factor,
+        maxwell=fit.branches,
+        dynamic=tuple(zip(at.tolist(), k.real.tolist(), (k.imag / k.real).tolist(), strict=True)),
+    )
 
 
 def _check(modulus: float | None, curve: Path | None, others: Mapping[str, float | None]) -> None:
@@ -120,15 +148,24 @@ def option(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | None]:
-    """Fitted curve, misfit in N, and the loss factor of the loop where the pad is unloaded too.
+class Record(NamedTuple):
+    """Loops over time."""
+
+    time: Floats  # (t,) s, increasing
+    deflection: Floats  # m
+    force: Floats  # N
+
+
+def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | None, Record | None]:
+    """Fitted curve, misfit in N, the loss factor of the loop where the pad is unloaded too, and the record where loops
+    were measured over time.
 
     Raises
     ------
     ScenarioError
     """
     try:
-        deflection, force, _ = read_forces(file)
+        deflection, force, time = read_forces(file)
         curve, misfit = fit_curve(deflection, force, segments)
     except MeasurementError as fault:
         raise ScenarioError.at("--curve", f"= {file} {fault.message}", fault.remedy) from None
@@ -144,7 +181,9 @@ def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | Non
             loss_factor = 4.0 * (given - back) / (math.pi * (given + back))
     # 1e-12: misfit of a curve, over its largest force, that is round-off
     exact = misfit <= 1e-12 * float(np.abs(force).max())
-    return curve, 0.0 if exact else misfit, loss_factor
+    timed = time is not None and bool(np.all(np.diff(time) > 0.0)) and loop_width(deflection, force) > LOOP
+    record = Record(time, deflection, force) if timed and time is not None else None
+    return curve, 0.0 if exact else misfit, loss_factor, record
 
 
 def _work(deflection: Floats, force: Floats) -> float:

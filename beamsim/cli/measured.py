@@ -212,6 +212,7 @@ IDENTIFICATION_VIEWS: Views = {
     "reachable_hz": _reach,
     "table_slope_n_per_m": _table_slope,
     "pad_branch_stiffness_n_per_m": _pad_branches,
+    "pad_yaml": lambda _, keys: keys.splitlines(),
     "pad_misfit": lambda _, misfit: f"{percent(misfit)} of the measured stiffness, root mean square",
     "frequencies_with_hz": lambda result, _: _frequencies(result.with_snubber),
     "sensitivities": _sensitivities,

@@ -52,7 +52,9 @@ def pad(texts: Mapping[str, str | None], curve: Path | None, segments: int, *, a
     _check_found(found)
     lines = list(_snubber(found))
     if as_json:
-        print_json({**vars(found), "snubber": "\n".join(lines) + "\n"})
+        print_json(
+            {**vars(found), "maxwell": [vars(branch) for branch in found.maxwell], "snubber": "\n".join(lines) + "\n"}
+        )
         return
     print(*(f"# {line}" for line in _comments(found)), *lines, sep="\n")
 
@@ -112,6 +114,11 @@ def _snubber(found: PadNumbers) -> Iterator[str]:
     else:
         points = ", ".join(f"[{x:.12g}, {force:.12g}]" for x, force in found.points)
         yield f"    force_deflection: [{points}]  # m, N"
+    if found.maxwell:
+        branches = (
+            f"{{stiffness: {b.stiffness:.6g}, relaxation_time: {b.relaxation_time:.6g}}}" for b in found.maxwell
+        )
+        yield f"    maxwell: [{', '.join(branches)}]  # N/m, s"
     if found.dashpot > 0.0:
         yield f"    damping: {{kind: viscous, coefficient: {found.dashpot:.12g}}}  # N s/m"
 
@@ -122,5 +129,11 @@ def _comments(found: PadNumbers) -> Iterator[str]:
         value = getattr(found, name)
         if value is not None:
             yield f"{label}: {amount(value, unit)}"
-    if found.loss_factor and not found.dashpot:
+    if found.maxwell:
+        yield "the misfit is that of curve and branches under the measured deflection; at other frequencies they have"
+        for frequency, stiffness, loss in found.dynamic:
+            yield f"  {amount(frequency, 'Hz')}: stiffness {amount(stiffness, 'N/m')}, loss factor {loss:.2g}"
+        fast = found.stiffness + sum(branch.stiffness for branch in found.maxwell)
+        yield f"and in an impact {amount(fast, 'N/m')}; the loop tells no more than ten times its own frequency"
+    elif found.loss_factor and not found.dashpot:
         yield "no dashpot: give --frequency, at which it shall have this loss factor"

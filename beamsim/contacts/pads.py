@@ -443,9 +443,6 @@ def _row(own: Floats, constant: float = 0.0) -> LawRow:
     return LawRow(float(own[0]), float(own[1]), float(own[2] + constant), tuple(own[OWN:].tolist()))
 
 
-REACH = 30.0  # beyond the record's longest and shortest times, over which they spread
-
-
 def loop_width(deflection: Floats, force: Floats) -> float:
     """Mean difference between loading and unloading over the largest force; 0 where there is no unloading."""
     step = np.diff(deflection)
@@ -460,56 +457,25 @@ def loop_width(deflection: Floats, force: Floats) -> float:
     return float(np.mean(np.abs(up.at(common) - down.at(common))) / np.abs(force).max())
 
 
-def fit_branch(time: Floats, deflection: Floats, force: Floats, knots: Floats) -> tuple[MaxwellBranch, float]:
-    """The Maxwell branch that, beside a curve, fits a record best; it is relaxed at its beginning.
-
-    For a given relaxation time the record is linear in the slopes and the branch's stiffness.
-
-    Parameters
-    ----------
-    time, deflection, force : (t,) the record, s, m and N; times increase.
-    knots : of the curve, m, the first zero.
-
-    Returns
-    -------
-    MaxwellBranch, float
-        The branch, and the root mean square of what curve and branch together miss, N.
-    """
-    from scipy.optimize import minimize_scalar
-
-    table = hinges(deflection, knots)
-
-    def fitted(log_time: float) -> tuple[float, float]:
-        branch = deflection - relaxed_part(time, deflection, float(np.exp(log_time)))
-        numbers, square = fitted_numbers(np.column_stack([table, branch]), force)
-        return square, float(numbers[-1])
-
-    longest, shortest = time[-1] - time[0], float(np.median(np.diff(time)))
-    tried = np.linspace(np.log(shortest / REACH), np.log(longest * REACH), 60)
-    k = int(np.argmin([fitted(each)[0] for each in tried]))
-    bounds = (tried[max(k - 1, 0)], tried[min(k + 1, tried.size - 1)])
-    best = float(minimize_scalar(lambda each: fitted(each)[0], bounds=bounds, method="bounded").x)
-    square, stiffness = fitted(best)
-    return MaxwellBranch(stiffness, float(np.exp(best))), float(np.sqrt(square / time.size))
-
-
-def relaxed_part(time: Floats, deflection: Floats, relaxation_time: float) -> Floats:
+def relaxed_part(time: Floats, deflection: Floats, relaxation_time: float | Floats) -> Floats:
     """p of ``tau p' = delta - p`` with the deflection straight between its samples, p at rest at the first.
 
     Parameters
     ----------
     time, deflection : (t,) samples, s and m.
-    relaxation_time : tau, s.
+    relaxation_time : tau, s; or (n,) of them.
 
     Returns
     -------
-    (t,) m.
+    (t,) or (t, n) array
+        m.
     """
-    p = np.empty(time.size)
+    tau = np.asarray(relaxation_time)
+    p = np.empty((time.size, *tau.shape))
     p[0] = deflection[0]
-    h = np.diff(time) / relaxation_time
+    h = np.diff(time).reshape(-1, *(1,) * tau.ndim) / tau
     decay = np.exp(-h)
     ramp = -np.expm1(-h) / h  # mean of the decay over the step
-    for i in range(h.size):
+    for i in range(time.size - 1):
         p[i + 1] = decay[i] * p[i] + (ramp[i] - decay[i]) * deflection[i] + (1.0 - ramp[i]) * deflection[i + 1]
     return p

@@ -363,7 +363,10 @@ def check_points(points: ForcePoints, at: Path = ()) -> None:
             f"has {counted(len(points), 'point')}", "give zero and at least one more: [[0 mm, 0 N], [1 mm, 9 N]]", at
         )
     if points[0] != (0.0, 0.0):
-        raise Unfit(f"starts at {points[0][0]:g} m, {points[0][1]:g} N instead of zero", _START, (*at, 0))
+        near = abs(points[0][0]) <= 0.05 * points[-1][0] and abs(points[0][1]) <= 0.05 * points[-1][1]
+        falls = any(x >= after or force > rising for (x, force), (after, rising) in pairwise(points))
+        remedy = "where it is noise, add fit: {segments: 5}" if near or falls else _START
+        raise Unfit(f"starts at {points[0][0]:g} m, {points[0][1]:g} N instead of zero", remedy, (*at, 0))
     demand_rising(
         (x for x, _ in points), "m", lambda k: (*at, k, 0),
         "list the points by increasing deflection, each once; give measured loops with fit: {segments: 5}",

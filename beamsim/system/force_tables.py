@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from beamsim.contacts.pads import ForceCurve, fit_branch, fit_curve, loop_width
+from beamsim.contacts.pads import ForceCurve, fit_curve, loop_width
 from beamsim.errors import ScenarioError
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension, is_time
@@ -18,6 +19,7 @@ from beamsim.scenario.base import Unfit, counted, problem
 from beamsim.scenario.connections import MeasuredForces, check_points
 from beamsim.typing import Floats
 
+LOOP = 0.02  # width of a loop over the largest force, above which its work counts
 _DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "time": units.TIME}
 
 
@@ -113,7 +115,8 @@ def _table(table: MeasuredForces, file: Path | None, changed: int) -> TableOfSto
         check_points(tuple(zip(deflection.tolist(), force.tolist(), strict=True)))
         return TableOfStop(ForceCurve(deflection, force), 0.0)
     curve, misfit = fit_curve(deflection, force, table.fit.segments)
-    return TableOfStop(curve, misfit, _remark(deflection, force, time, curve))
+    remark = _remark(loop_width(deflection, force), file, time, table.fit.segments)
+    return TableOfStop(curve, misfit, remark)
 
 
 def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
@@ -145,16 +148,12 @@ def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
     return columns["length"], columns["force"], columns.get("time")
 
 
-def _remark(deflection: Floats, force: Floats, time: Floats | None, curve: ForceCurve) -> str:
-    """What to say about a loop: the curve goes through its middle."""
-    width = loop_width(deflection, force)
-    if width <= 0.02:
+def _remark(width: float, file: Path | None, time: Floats | None, segments: int) -> str:
+    """What to say about a loop of this width: the curve goes through its middle."""
+    if width <= LOOP:
         return ""
     remark = f"loading and unloading differ by {width:.2g} of the largest force, and the curve runs between them"
-    if time is None or np.any(np.diff(time) <= 0):
-        return f"{remark}; a Maxwell branch would lose that work: add a column of increasing times to have one fitted"
-    branch, misfit = fit_branch(time, deflection, force, curve.deflection[:-1])
-    return (
-        f"{remark}; beside a softer curve this branch fits the loop to {misfit:.2g} N: "
-        f"maxwell: [{{stiffness: {branch.stiffness:.4g} N/m, relaxation_time: {branch.relaxation_time:.4g} s}}]"
-    )
+    if file is None or time is None or np.any(np.diff(time) <= 0):
+        return f"{remark}; Maxwell branches would lose that work: give a file with increasing times to have them fitted"
+    command = f"beamsim pad --curve {shlex.quote(str(file))} --segments {segments}"
+    return f"{remark}; `{command}` prints the softer curve with the Maxwell branches that lose that work"

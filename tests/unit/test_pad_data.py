@@ -6,7 +6,7 @@ import yaml
 from scipy.integrate import solve_ivp
 
 import beamsim
-from beamsim.analyses.identify.pad_fit import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
+from beamsim.contacts.branches import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, recovering_law
 from beamsim.scenario import load_scenario
 
@@ -97,7 +97,7 @@ def test_a_dynamic_test_in_a_scenario():
     np.testing.assert_allclose(fit.relaxation_time, [b.relaxation_time for b in BRANCHES], rtol=1e-5)
     np.testing.assert_allclose(fit.fitted_loss_factor, loss, rtol=1e-5)
     assert result.estimate is None
-    stop = {**CASE["snubbers"][0], **yaml.safe_load("{" + result.summary["pad_yaml"] + "}")}
+    stop = {**CASE["snubbers"][0], **yaml.safe_load(result.summary["pad_yaml"])}
     built = load_scenario({**CASE, "snubbers": [stop]})  # what is printed is a snubber
     assert [b.stiffness for b in built.all_snubbers[0].maxwell] == pytest.approx([40e3, 25e3, 10e3], rel=1e-4)
 

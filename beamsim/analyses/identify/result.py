@@ -147,7 +147,7 @@ class PadFit:
             f"{{stiffness: {k:.5g} N/m, relaxation_time: {tau:.4g} s}}"
             for k, tau in zip(self.branch_stiffness, self.relaxation_time, strict=True)
         )
-        return f"stiffness: {self.stiffness:.5g} N/m, maxwell: [{branches}]"
+        return f"stiffness: {self.stiffness:.5g} N/m\nmaxwell: [{branches}]"
 
 
 @declared

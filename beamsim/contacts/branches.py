@@ -1,0 +1,249 @@
+"""Maxwell branches of a pad, fitted to dynamic tests, relaxation curves and loops; forces of a pad that is driven."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fitted_numbers, hinges, relaxed_part
+from beamsim.typing import Complexes, Floats
+
+REACH = 10.0  # beyond the measured range, over which times are sought
+
+
+@dataclass(frozen=True)
+class BranchFit:
+    """Springs and branches beside them, in the order of their times."""
+
+    springs: Floats  # N/m: one, or the slopes of a curve
+    branches: tuple[MaxwellBranch, ...]
+    misfit: float  # root mean square of the relative errors
+    least_misfit: float  # the same with as many branches as there could be
+    at_limit: tuple[float, ...]  # s, times that are not determined: at the limit of what was measured
+
+    @property
+    def stiffness(self) -> float:
+        """That of one spring, or of the first segment, N/m."""
+        return float(self.springs[0])
+
+
+def dynamic_stiffness(stiffness: float, branches: tuple[MaxwellBranch, ...], omega: Floats) -> Complexes:
+    """Complex stiffness of a spring with Maxwell branches beside it.
+
+    Parameters
+    ----------
+    stiffness : of the spring, N/m.
+    branches : beside it.
+    omega : (w,) angular frequencies, rad/s.
+
+    Returns
+    -------
+    (w,) array
+        N/m.
+    """
+    k = np.array([stiffness, *(b.stiffness for b in branches)])
+    return np.asarray(_dynamic(omega, np.array([b.relaxation_time for b in branches])) @ k)
+
+
+def relaxation(stiffness: float, branches: tuple[MaxwellBranch, ...], time: Floats, ramp: float = 0.0) -> Floats:
+    """Force of a spring with Maxwell branches beside it, under a unit deflection that is held.
+
+    Parameters
+    ----------
+    stiffness : of the spring, N/m.
+    branches : beside it.
+    time : (t,) since the deflection began, s.
+    ramp : time over which the deflection rises evenly, s; 0 where it is sudden.
+
+    Returns
+    -------
+    (t,) array
+        N/m.
+    """
+    k = np.array([stiffness, *(b.stiffness for b in branches)])
+    return np.asarray(_relaxing(time, np.array([b.relaxation_time for b in branches]), ramp) @ k)
+
+
+def fit_dynamic(omega: Floats, storage: Floats, loss_factor: Floats, branches: int | None = None) -> BranchFit:
+    """Maxwell branches from a dynamic test.
+
+    Errors are relative to the size of the complex stiffness.
+
+    Parameters
+    ----------
+    omega : (w,) angular frequencies, rad/s.
+    storage, loss_factor : (w,) storage stiffness, N/m, and loss factor there.
+    branches : how many; by default as few as fit nearly as well as any number.
+
+    Returns
+    -------
+    BranchFit
+    """
+    measured = storage * (1.0 + 1j * loss_factor)
+
+    def matrix(times: Floats) -> Floats:
+        columns = _dynamic(omega, times) / np.abs(measured)[:, None]
+        return np.vstack([columns.real, columns.imag])
+
+    target = measured / np.abs(measured)
+    span = 1.0 / (float(omega.max()) * REACH), REACH / float(omega.min())
+    return _fit(matrix, np.concatenate([target.real, target.imag]), omega.size, span, branches)
+
+
+def fit_relaxation(time: Floats, stiffness: Floats, branches: int | None = None, ramp: float = 0.0) -> BranchFit:
+    """Maxwell branches from a relaxation test.
+
+    The deflection is applied suddenly or evenly; forces measured while it rises count as well.
+
+    Parameters
+    ----------
+    time : (t,) since the deflection began, s.
+    stiffness : (t,) force over the deflection that is held, N/m.
+    branches : how many; by default as few as fit nearly as well as any number.
+    ramp : time over which the deflection rises, s.
+
+    Returns
+    -------
+    BranchFit
+    """
+
+    def matrix(times: Floats) -> Floats:
+        return _relaxing(time, times, ramp) / stiffness[:, None]
+
+    span = float(time[time > 0.0].min()) / REACH, float(time.max()) * REACH
+    return _fit(matrix, np.ones(time.size), time.size, span, branches)
+
+
+def fit_loop(time: Floats, deflection: Floats, force: Floats, knots: Floats) -> BranchFit:
+    """Slopes of a curve and Maxwell branches from a record of loading and unloading, relaxed at its beginning.
+
+    A loop tells the branches about as far as its tenth harmonic: shorter times would make the pad as stiff as one likes
+    in an impact. Errors are relative to the largest force; those without a force, where the face may be left, do not
+    count.
+
+    Parameters
+    ----------
+    time, deflection, force : (t,) the record, s, m and N; times increase.
+    knots : (s,) of the curve, m, the first zero.
+
+    Returns
+    -------
+    BranchFit
+        With a spring for each segment.
+    """
+    top, pressed = float(np.abs(force).max()), np.maximum(deflection, 0.0)
+    springs, held = hinges(pressed, knots), force > 0.01 * top
+
+    def matrix(times: Floats) -> Floats:
+        return np.hstack([springs, pressed[:, None] - relaxed_part(time, pressed, times)])[held] / top
+
+    span = 1.0 / (2 * np.pi * 10.0 * loop_frequency(time, deflection)), float(time[-1] - time[0])
+    return _fit(matrix, force[held] / top, int(held.sum()), span, None, knots.size)
+
+
+def loop_frequency(time: Floats, deflection: Floats) -> float:
+    """Loops in a record over its duration, Hz: how often half the largest deflection is passed upwards."""
+    above = deflection > 0.5 * float(deflection.max())
+    return max(int(np.sum(above[1:] & ~above[:-1])), 1) / float(time[-1] - time[0])
+
+
+def driven_force(curve: ForceCurve, branches: tuple[MaxwellBranch, ...], time: Floats, deflection: Floats) -> Floats:
+    """Force of a pad that never pulls under a given deflection, relaxed at its beginning; see `beamsim.contacts.pads`.
+
+    Parameters
+    ----------
+    curve, branches : of the pad.
+    time, deflection : (t,) increasing, s; straight between samples, m.
+
+    Returns
+    -------
+    (t,) array
+        N.
+    """
+    k, tau = np.array([b.stiffness for b in branches]), np.array([b.relaxation_time for b in branches])
+    far = 1e3 * curve.deflection[-1]  # beyond any face
+    knots = np.append(curve.deflection, far)
+    upwards = curve.at(knots) + k.sum() * knots  # force of the pad without what has relaxed
+    force, p, face = (
+        np.zeros(time.size),
+        np.full(k.size, max(float(deflection[0]), 0.0)),
+        max(float(deflection[0]), 0.0),
+    )
+    for i, h in enumerate(np.diff(time), start=1):
+        decay, mean = np.exp(-h / tau), -np.expm1(-h / tau) * tau / h
+        left = np.maximum(float(np.interp(k @ p, upwards, knots)), 0.0)
+        before, face = face, max(float(deflection[i]), left)
+        p = decay * p + (mean - decay) * before + (1.0 - mean) * face
+        if face == deflection[i]:
+            force[i] = max(float(np.interp(face, knots, upwards)) - float(k @ p), 0.0)
+    return force
+
+
+def _dynamic(omega: Floats, times: Floats) -> Complexes:
+    turning = 1j * np.multiply.outer(omega, times)
+    return np.column_stack([np.ones(omega.size), turning / (1.0 + turning)])
+
+
+def _relaxing(time: Floats, times: Floats, ramp: float) -> Floats:
+    if ramp == 0.0:
+        return np.column_stack([np.ones(time.size), np.exp(-time[:, None] / times)])
+    loaded = np.minimum(time, ramp)[:, None]  # how long the deflection has risen
+    held = np.exp(-(time[:, None] - loaded) / times)
+    return np.hstack([loaded / ramp, -times / ramp * np.expm1(-loaded / times) * held])
+
+
+def _fit(
+    matrix: Callable[[Floats], Floats], target: Floats, points: int, span: tuple[float, float], wanted: int | None,
+    springs: int = 1,
+) -> BranchFit:  # fmt: skip
+    low, high = np.log(span)
+    # 60: relaxation times of the fit that is as good as any number of branches can be
+    grid = np.linspace(low, high, 60)
+    dense, square = fitted_numbers(matrix(np.exp(grid)), target)
+    best = least = np.sqrt(square / points)
+    most = min(8, points) if wanted is None else wanted
+    found: tuple[Floats, Floats, float] | None = None
+    for count in range(0 if wanted is None else wanted, most + 1):
+        found = _of_count(matrix, target, count, grid, dense[springs:])
+        # so near the best misfit further branches are not worth it
+        if np.sqrt(found[2] / points) <= max(1.2 * best, best + 3e-3):
+            break
+    assert found is not None
+    times, k, square = found
+    order = np.argsort(times)
+    kept = [i for i in order if k[springs + i] > 0.0]
+    ends = np.exp([low, high])
+    return BranchFit(
+        k[:springs],
+        tuple(MaxwellBranch(float(k[springs + i]), float(times[i])) for i in kept),
+        float(np.sqrt(square / points)),
+        float(least),
+        tuple(float(times[i]) for i in kept if times[i] < 1.01 * ends[0] or times[i] > 0.99 * ends[1]),
+    )
+
+
+def _of_count(
+    matrix: Callable[[Floats], Floats], target: Floats, count: int, grid: Floats, spectrum: Floats
+) -> tuple[Floats, Floats, float]:
+    """Times, stiffnesses and squared misfit of the best fit with so many branches."""
+    from scipy.optimize import least_squares
+
+    if count == 0:
+        return np.zeros(0), *fitted_numbers(matrix(np.zeros(0)), target)
+
+    def residual(logarithms: Floats) -> Floats:
+        columns = matrix(np.exp(logarithms))
+        return np.asarray(columns @ fitted_numbers(columns, target)[0] - target)
+
+    low, high = grid[0], grid[-1]
+    shares = (np.arange(count) + 0.5) / count
+    starts = [low + (high - low) * shares]
+    if spectrum.sum() > 0.0:  # where the stiffness of the dense fit lies
+        summed = np.cumsum(spectrum + 1e-6 * spectrum.sum())
+        starts.append(np.interp(shares * summed[-1], summed, grid))
+    fits = [least_squares(residual, start, bounds=(low - 1e-9, high + 1e-9)) for start in starts]
+    best = min(fits, key=lambda fit: float(fit.cost))
+    times = np.exp(best.x)
+    return times, *fitted_numbers(matrix(times), target)
