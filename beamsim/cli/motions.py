@@ -39,6 +39,8 @@ def run_screen(result: RunResult) -> Screen:
     ]
     if outputs:
         lines.append(f"peaks of outputs: {first_of(outputs, SHOWN)}")
+    if "matched" in s:
+        lines.append(f"base motion: spectrum {_matched(result, s['matched'])}")
     if random := result.random:
         signals = sorted(random.signals, key=lambda signal: signal.quantity != "force")
         largest = [f"{of.name} {words(of.quantity)} {text}" for of in signals if (text := _expected_peak(of))]
@@ -52,6 +54,12 @@ def run_screen(result: RunResult) -> Screen:
         diverge = "" if until >= result.time[-1] else f" until {until:.4g} s, where the contact sequences diverge"
         lines.append(f"{compared['method']}: displacements differ by at most {apart}{diverge}")
     return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+
+
+def _matched(_: RunResult, of: Mapping[str, float]) -> str:
+    """How far the spectrum of a matched record is from its curve."""
+    band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"
+    return f"{of['lowest_db']:+.1f} to {of['highest_db']:+.1f} dB from the curve, {band}"
 
 
 def _expected_peak(signal: SignalStatistics) -> str:
@@ -255,6 +263,7 @@ RUN_VIEWS: Views = {
     "gap_m": together("gap_m", "static_force_n", "blocked_force_n", "stiffness_ratio"),
     "spectral_lines": _spectral_lines,
     "impacts": _impacts,
+    "matched": _matched,
     "random": _random,
     "random_linear": _linear,
 }

@@ -14,6 +14,7 @@ from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.measurements.read import HDF5, read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named, in_si
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import ProfilePoint, SampledInput
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue, meant
@@ -227,20 +228,38 @@ def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequ
     ScenarioError
         If it is a file that cannot be read, or no table of frequencies and limits.
     """
-    points = (getattr(scenario.limits, limit, None) or {}).get(place)
+    points, at = (getattr(scenario.limits, limit, None) or {}).get(place), ("limits", limit, place)
     if points is None:
         return None
-    if isinstance(points, str):
-        dimensions = LIMITED_DENSITIES if limit == "psd" else {ACCELERATION.name: ACCELERATION}
-        at = ("limits", limit, place)
-        along, level, said = _read_table(scenario.folder_of(*at) / points, points, path_text(at), dimensions)
-    else:
-        along, level = np.transpose(points)
-        said = meant(points[0][1]) or (ACCELERATION_PSD if limit == "psd" else ACCELERATION).name
-    if said != quantity:
+    dimensions = LIMITED_DENSITIES if limit == "psd" else {ACCELERATION.name: ACCELERATION}
+    along, level, said = read_curve(points, scenario.folder_of(*at), at, dimensions)
+    if (said or (ACCELERATION_PSD if limit == "psd" else ACCELERATION).name) != quantity:
         return None
     with np.errstate(divide="ignore"):
         return np.exp(np.interp(np.log(frequency), np.log(along), np.log(level), np.nan, np.nan))
+
+
+def read_curve(
+    given: tuple[tuple[float, float], ...] | str, folder: Path, at: Keys, dimensions: Mapping[str, Dimension]
+) -> tuple[Floats, Floats, str | None]:
+    """Frequencies, Hz, and values in SI units of a curve, and the quantity of the values, where it is said.
+
+    Parameters
+    ----------
+    given : points, or the name of a CSV file.
+    folder : where its path begins.
+    at : path of the key.
+    dimensions : what the values may be, by quantity.
+
+    Raises
+    ------
+    ScenarioError
+        If it is a file that cannot be read, or no table of frequencies and values.
+    """
+    if isinstance(given, str):
+        return _read_table(folder / given, given, path_text(at), dimensions)
+    frequency, value = np.transpose(given)
+    return frequency, value, meant(given[0][1])
 
 
 def _read_table(

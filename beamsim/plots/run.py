@@ -497,6 +497,14 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         panels["level_crossings"] = [crossings(random)]
     if srs is not None:
         panels["srs"] = [shock_response(srs, _doubts(result, "srs", "spectra"))]
+    if (matched := result.matched) is not None:
+        misfit, pale = matched.summary(), {"color": PALE, "linewidth": 4.0, "linestyle": "-", "zorder": 1}
+        curves = [Curve("record", matched.frequency_hz, matched.reached)]
+        curve = Curve("curve asked for", matched.frequency_hz, matched.target, pale)
+        title = f"Record {misfit['lowest_db']:+.1f} to {misfit['highest_db']:+.1f} dB from the curve"
+        up = (f"Peak acceleration, Q = {matched.quality:g}", "m/s^2")
+        across = ("Natural frequency of the oscillator", "Hz")
+        panels["matched_spectrum"] = [Chart(across, up, curves, log="xy", of="", marks=[curve], title=title)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items()}
     places = list(result.snubbers.values())[:MOST_CURVES] or list(result.probes.values())[:1]
     portraits = [

@@ -360,6 +360,10 @@ def _run(scenario: ScenarioParts) -> Problems:
     yield from _stepping(scenario, run)
     yield from _spectrum(scenario, run)
     yield from _impacts(scenario, run)
+    for _, item in scenario.excitation.items:
+        if item.kind == "matched" and run.duration < item.duration * (1 - 1e-9):
+            message = f"= {run.duration:g} s ends before the matched record, of {item.duration:g} s"
+            yield Problem("run.duration", message, "run longer: what follows the record counts, too")
     if run.test_duration is not None and not scenario.excitation.stationary:
         yield Problem("run.test_duration", "is that of a test with a random input, of which the run is a sample",
                       "leave it out, or simulate the whole test by run.duration")  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
@@ -11,6 +12,7 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
+from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
@@ -640,7 +642,60 @@ class RandomInput(Driven):
         return self.psd[-1].frequency
 
 
-One = Harmonic | MultiTone | Step | HalfSine | Trapezoid | Sawtooth | SweptSineInput | SampledInput | RandomInput
+PositiveAcceleration = Annotated[float, q.Quantity(replace(units.ACCELERATION, example="20 g"), above=0.0)]
+ShockCurve = Annotated[tuple[tuple[q.Frequency, PositiveAcceleration], ...] | q.FileName, BY_FORM]
+
+
+def check_curve(points: tuple[tuple[float, float], ...] | str, at: Path) -> None:
+    """Refuse points of a curve at a path that are fewer than two, or fall in frequency; a file is not read."""
+    if isinstance(points, str):
+        return
+    if len(points) < 2:
+        raise Unfit("has too few points", "give two or more: [[100 Hz, 20 g], [1 kHz, 90 g]]", at)
+    demand_rising((f for f, _ in points), "Hz", lambda k: (*at, k, 0))
+
+
+class MatchedInput(Driven):
+    """An acceleration of the base whose shock response spectrum is a given curve."""
+
+    kind: Literal["matched"] = "matched"
+    """A record made for a shock response spectrum."""
+    srs: ShockCurve
+    """Maximax absolute acceleration over natural frequency: pairs, [[100 Hz, 20 g], [2 kHz, 500 g]], or a CSV file with
+    two columns; log-log interpolation between them."""
+    quality: Annotated[float, q.Quantity(replace(units.NUMBER, example="10"), above=0.5)] = 10.0
+    """Quality factor Q = 1 / (2 damping ratio) of the oscillators of the curve, above that of critical damping."""
+    duration: q.Duration
+    """Duration of the record, at least 1.5 cycles of the lowest frequency; it begins and ends at rest."""
+    seed: q.NotNegativeWhole = 0
+    """Seed of the times and signs of its wavelets: the same seed gives the same record."""
+
+    @property
+    def shock(self) -> bool:
+        """It leaves a free motion."""
+        return True
+
+    def check(self) -> None:
+        """Refuse a curve that is none, and what is no acceleration of the base along a line."""
+        super().check()
+        check_curve(self.srs, ("srs",))
+        if not self.on_base or self.rotates or self.quantity != "acceleration":
+            raise Unfit("is an acceleration of the base along a direction",
+                        "write applied_to: base, without quantity or rotation", ("kind",))  # fmt: skip
+
+
+One = (
+    Harmonic
+    | MultiTone
+    | Step
+    | HalfSine
+    | Trapezoid
+    | Sawtooth
+    | SweptSineInput
+    | SampledInput
+    | RandomInput
+    | MatchedInput
+)
 
 
 class Forces(Input):
@@ -649,8 +704,9 @@ class Forces(Input):
     kind: Literal["forces"] = "forces"
     """Several forces and motions."""
     forces: Annotated[tuple[Annotated[One, BY_FORM], ...], Field(min_length=1)]
-    """Each a harmonic, multi_tone, step, half_sine, trapezoid, sawtooth, swept_sine, sampled or random excitation that
-    is applied to a point, a line of a beam, an area of a plate, a support that moves, or (one of them) the base."""
+    """Each a harmonic, multi_tone, step, half_sine, trapezoid, sawtooth, swept_sine, sampled, random or matched
+    excitation that is applied to a point, a line of a beam, an area of a plate, a support that moves, or (one of them)
+    the base."""
 
     def check(self) -> None:
         """Reject two motions of the base."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
 
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
+from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants
 from beamsim.scenario.body import Body, Sited
-from beamsim.scenario.excitation import About, point_of
+from beamsim.scenario.excitation import About, PositiveAcceleration, ShockCurve, check_curve, point_of
 from beamsim.scenario.quantities import (
     FileName,
     Frequency,
@@ -127,7 +126,6 @@ _STRESS = replace(units.PRESSURE, name="stress", example="80 MPa")
 _ACCELERATION = replace(units.ACCELERATION, example="20 g")
 
 Stress = Annotated[float, Quantity(_STRESS, above=0.0)]
-PositiveAcceleration = Annotated[float, Quantity(_ACCELERATION, above=0.0)]
 
 _MOMENT = replace(units.ENERGY, name="moment", unit="N m", example="12 N m")
 _MOMENT_PER_WIDTH = replace(units.FORCE, name="moment per width", unit="N m/m", example="12 N m/m")
@@ -163,13 +161,7 @@ LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.
 PositiveDensity = Annotated[
     float, LevelType(tuple(LIMITED_DENSITIES.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0)
 ]
-ShockCurve = Annotated[tuple[tuple[Frequency, PositiveAcceleration], ...] | FileName, BY_FORM]
 DensityCurve = Annotated[tuple[tuple[Frequency, PositiveDensity], ...] | FileName, BY_FORM]
-
-
-def _of_point(curve: Path, index: int) -> Path:
-    """Where the frequency of a point is."""
-    return (*curve, index, 0)
 
 
 class Limits(Schema):
@@ -211,11 +203,7 @@ class Limits(Schema):
         if not self.given:
             raise Unfit("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
         for name, place, points in self.given_curves():
-            if isinstance(points, str):
-                continue
-            if len(points) < 2:
-                raise Unfit("has too few points", "give two or more: [[100 Hz, 20 g], [1 kHz, 90 g]]", (name, place))
-            demand_rising((f for f, _ in points), "Hz", partial(_of_point, (name, place)))
+            check_curve(points, (name, place))
 
     def given_curves(self) -> Iterator[tuple[str, str, Any]]:
         """Name of the limit, place, and points or file of each curve."""

@@ -85,6 +85,7 @@ FACTORS = {
     "Run.rtol": "size of the state",
     "OrbitStart.factor": "state at the point of the file",
     "ShockSpectrumSettings.quality": "critical damping of the oscillators: 1 / (2 ratio)",
+    "MatchedInput.quality": "critical damping of the oscillators: 1 / (2 ratio)",
     "StressLife.cycles": "none: a number of cycles",
     "StressLife.exponent": "none: an exponent",
     "PlateBody.grading": "none: an exponent",

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter, lsim
 
 import beamsim
-from beamsim.analyses.run.filters import frequencies_of, shock_spectra
+from beamsim.analyses.run.filters import geomspaced, shock_spectra
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.run import ShockSpectrumSettings
@@ -37,6 +37,10 @@ def panel(**more):
     )  # fmt: skip
 
 
+def along(chosen):
+    return geomspaced(chosen.from_, chosen.to, chosen.per_octave)
+
+
 def half_sine(duration):
     def pulse(t):
         return np.where((t >= 0) & (t <= duration), np.sin(np.pi * t / duration), 0.0)[:, None]
@@ -48,8 +52,8 @@ def test_undamped_residual_of_a_half_sine_is_that_of_its_fourier_transform():
     """After a pulse an undamped oscillator swings with omega |integral of a exp(-i omega t)|."""
     duration = 0.011
     chosen = settings(quality=1e9, to=700.0, per_octave=5)
-    (peaks,) = shock_spectra(chosen, np.array([0.0, duration]), half_sine(duration), 0.0)
-    omega, b = 2 * np.pi * frequencies_of(chosen), np.pi / duration
+    (peaks,) = shock_spectra(along(chosen), chosen.quality, np.array([0.0, duration]), half_sine(duration), 0.0)
+    omega, b = 2 * np.pi * along(chosen), np.pi / duration
     expected = np.abs(omega * b * (1 + np.exp(-1j * omega * duration)) / (b**2 - omega**2))
     np.testing.assert_allclose(peaks[2], expected, rtol=1e-7, atol=1e-7)
     np.testing.assert_allclose(peaks[3], expected, rtol=1e-7, atol=1e-7)
@@ -58,8 +62,8 @@ def test_undamped_residual_of_a_half_sine_is_that_of_its_fourier_transform():
 def test_primary_and_residual_against_a_simulation():
     """Damped oscillators simulated by SciPy on fine samples, during the pulse and long after."""
     duration, chosen = 0.005, settings(quality=5.0, per_octave=1)
-    (peaks,) = shock_spectra(chosen, np.array([0.0, duration]), half_sine(duration), 0.0)
-    for i, hz in enumerate(frequencies_of(chosen)):
+    (peaks,) = shock_spectra(along(chosen), chosen.quality, np.array([0.0, duration]), half_sine(duration), 0.0)
+    for i, hz in enumerate(along(chosen)):
         t = np.linspace(0.0, duration + 1.1 / hz, 20_001)
         w, z = 2 * np.pi * hz, 0.1
         _, y, _ = lsim(([2 * z * w, w**2], [1, 2 * z * w, w**2]), half_sine(duration)(t)[:, 0], t)

@@ -11,7 +11,7 @@ import numpy as np
 
 from beamsim.analyses.doubts import compressed_beyond_tables, deflection_warnings, reduction_checked
 from beamsim.analyses.run.exact_motion import exact_motion_of
-from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, shock_response
+from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
 from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of, impacts_of
 from beamsim.analyses.run.motion import (
     RunMotion,
@@ -39,6 +39,7 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.run import ShockSpectrumSettings
+MISFIT_DB = 3.0  # of a matched record, that is within the tolerance of most specifications
 NOTED = 0.25  # of a peak acceleration: a larger jump may exceed it in a model of a few times the modes
 SETTLED = 0.8  # of the sum over all modes, that the lower half of them reaches where the sum converges
 
@@ -160,6 +161,12 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     if settings.srs is not None and goes_on("shock response spectra"):
         fields["srs"] = shock_response(scenario, system, motion.trajectory or histories)
         warnings += [] if motion.trajectory else _coarse_samples(histories.time, settings.srs)
+    fields["matched"] = matched_spectrum(scenario, system)
+    if (matched := fields["matched"]) is not None and (worst := float(np.abs(matched.misfit_db).max())) > MISFIT_DB:
+        warnings.append(
+            f"excitation.srs: the record is up to {worst:.1f} dB from the curve: give another seed, another duration, "
+            "or a curve without steep sides and with levels that its Q allows"
+        )
     if left_out and result.complete:
         fields["outcome"] = interruption(f"before {', '.join(left_out)}")
     result = replace(result, **fields, warnings=tuple(warnings))

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.analyses.run.motion import Histories, reached
-from beamsim.analyses.run.result import MAIN_QUANTITY, ShockResponse, ShockSpectrum
+from beamsim.analyses.run.result import MAIN_QUANTITY, MatchedSpectrum, ShockResponse, ShockSpectrum
 from beamsim.analyses.values import ACCELERATION, outer
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
@@ -34,10 +34,12 @@ from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.extrema import Search, Waves
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
+from beamsim.inputs.matched import target_curve
 from beamsim.inputs.measured import limit_curve
 from beamsim.inputs.signal import Signal as Pieces
 from beamsim.scenario import Scenario
-from beamsim.scenario.run import ShockSpectrumSettings
+from beamsim.scenario.excitation import MatchedInput
+from beamsim.system.parts import moving_base
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -501,13 +503,12 @@ def _peaks(ends: Floats, value: Floats, slopes: tuple[Floats, Floats], known: Ex
     return (-least, when, *_higher(ends, value, *slopes, high, high_time))
 
 
-def frequencies_of(settings: ShockSpectrumSettings) -> Floats:
+def geomspaced(first: float, last: float, per_octave: int) -> Floats:
     """(nf,) Hz, equally spaced in the logarithm from the lowest to the highest, which both belong to them."""
-    steps = max(round(settings.per_octave * np.log2(settings.to / settings.from_)), 1)
-    return np.geomspace(settings.from_, settings.to, steps + 1)
+    return np.geomspace(first, last, max(round(per_octave * np.log2(last / first)), 1) + 1)
 
 
-def shock_spectra(settings: ShockSpectrumSettings, times: Floats, signal: Signal, fastest: float) -> Floats:
+def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Signal, fastest: float) -> Floats:
     r"""Peaks of the absolute acceleration of oscillators on a base that moves as a signal does.
 
     An oscillator of natural frequency :math:`\omega` and damping ratio :math:`\zeta = 1 / (2 Q)` is the linear filter
@@ -516,7 +517,8 @@ def shock_spectra(settings: ShockSpectrumSettings, times: Floats, signal: Signal
 
     Parameters
     ----------
-    settings : natural frequencies and Q of the oscillators.
+    frequency : (nf,) Hz, increasing natural frequencies of the oscillators.
+    quality : Q of the oscillators.
     times : increasing, s, from the begin of the record to its end; the signal is smooth between two of them.
     signal : times (nt,) -> (nt, k); zero before the record and after it.
     fastest : rad/s, of the signal's motion.
@@ -531,10 +533,9 @@ def shock_spectra(settings: ShockSpectrumSettings, times: Floats, signal: Signal
     ScenarioError
         If there would be too many panels.
     """
-    frequency = frequencies_of(settings)
     longest = longest_panel(fastest, PANELS_OF_OSCILLATOR * frequency[-1])
     count = signal(times[:1]).shape[1]
-    oscillators = [LinearFilter(*_oscillator(hz, settings.quality), count) for hz in frequency]
+    oscillators = [LinearFilter(*_oscillator(hz, quality), count) for hz in frequency]
     for block in _panels(times, signal, longest):
         for oscillator in oscillators:
             oscillator.through(block)
@@ -570,6 +571,7 @@ def shock_response(scenario: Scenario, system: StructuralSystem, motion: Traject
     assert scenario.run is not None
     assert scenario.run.srs is not None
     settings = scenario.run.srs
+    along = geomspaced(settings.from_, settings.to, settings.per_octave)
     names, peaks = [(probe.name, MAIN_QUANTITY) for probe in system.probes], []
     if isinstance(motion, Trajectory):
         times, fastest = np.append(motion.time, motion.end), motion.flow.largest_exponent
@@ -583,13 +585,31 @@ def shock_response(scenario: Scenario, system: StructuralSystem, motion: Traject
         end = _end(base, float(times[-1]))
         until = np.append(times[times < end], end)
         names.insert(0, ("input", "acceleration"))
-        peaks.append(shock_spectra(settings, until, lambda at: base(at)[:, None], fastest))
-    peaks.append(shock_spectra(settings, times, responses, fastest))
-    along = frequencies_of(settings)
+        peaks.append(shock_spectra(along, settings.quality, until, lambda at: base(at)[:, None], fastest))
+    peaks.append(shock_spectra(along, settings.quality, times, responses, fastest))
     spectra = [_spectrum(*of, *signal) for of, signal in zip(names, np.concatenate(peaks), strict=True)]
     limits = [limit_curve(scenario, "srs", s.name, "acceleration", along) for s in spectra]
     signals = tuple(replace(s, limit=limit) for s, limit in zip(spectra, limits, strict=True))
     return ShockResponse(settings.quality, along, signals)
+
+
+def matched_spectrum(scenario: Scenario, system: StructuralSystem) -> MatchedSpectrum | None:
+    """The spectrum of a base motion that was made for one; None of others.
+
+    It is that of the motion in closed form, twelve points an octave and at the points of the curve.
+    """
+    moving = moving_base(scenario)
+    if moving is None or not isinstance(moving[1], MatchedInput):
+        return None
+    path, excitation = moving
+    assert isinstance(excitation, MatchedInput)
+    at, value = target_curve(excitation, scenario.folder_of(*path, "srs"))
+    frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
+    base = system.base_acceleration
+    assert base is not None
+    peaks = shock_spectra(frequency, excitation.quality, base.start, lambda times: base(times)[:, None], 0.0)
+    target = np.exp(np.interp(np.log(frequency), np.log(at), np.log(value)))
+    return MatchedSpectrum(excitation.quality, frequency, target, peaks[0].max(axis=0))
 
 
 def _spectrum(

@@ -577,6 +577,28 @@ class ShockResponse:
         }
 
 
+@declared(along=_FREQUENCY)
+class MatchedSpectrum:
+    """Shock response spectrum of a base motion that was made for it, during the record and after it."""
+
+    quality: float = attribute("1", "quality factor Q of the oscillators")
+    frequency_hz: Floats = axis("Hz", "natural frequency of the oscillator")
+    target: Floats = dataset("m/s^2", "curve that was asked for")
+    reached: Floats = dataset("m/s^2", "maximax spectrum of the record")
+
+    @property
+    @stored(dataset("dB", "20 log10(reached / target)"))
+    def misfit_db(self) -> Floats:
+        """(nf,) dB."""
+        return np.asarray(20.0 * np.log10(self.reached / self.target))
+
+    def summary(self) -> dict[str, float]:
+        """Where the record is farthest below and above the curve, and the band."""
+        low, high = float(self.misfit_db.min()), float(self.misfit_db.max())
+        first, last = float(self.frequency_hz[0]), float(self.frequency_hz[-1])
+        return {"lowest_db": low, "highest_db": high, "from_hz": first, "to_hz": last, "quality": self.quality}
+
+
 @declared
 class AgainstFigure:
     """One value of a run and of the reference integrator."""
@@ -653,6 +675,8 @@ _SUMMARY = (
              "structure with every snubber always open and always closed", "linear prediction"),
     Entry("srs", "", "of shock response spectra, by signal: highest point of the maximax spectrum, and where it is",
           "shock response"),
+    Entry("matched", "", "of a matched base motion: how far its shock response spectrum is below and above the curve "
+             "that was asked for, in which band and with which quality factor", "matched spectrum"),
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
     *MODES,
     *CONVERGENCE,
@@ -690,6 +714,7 @@ class RunResult(Result):
     work: Work = group("work", Work)
     random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
     srs: ShockResponse | None = group("srs", ShockResponse, default=None)  # where shock response spectra were asked for
+    matched: MatchedSpectrum | None = group("matched", MatchedSpectrum, default=None)  # of a matched base motion
     against: Against | None = group("against", Against, default=None)  # where the comparison was asked for
     contact: ContactInstant | None = group("contact", ContactInstant, default=None)  # of several bodies with contact
     springs: dict[str, SpringHistory] = named(

@@ -92,6 +92,7 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
         "random": None if random is None else random.summary(),
         "random_linear": None if random is None else random.prediction() or None,
         "srs": None if result.srs is None else result.srs.summary(),
+        "matched": None if result.matched is None else result.matched.summary(),
         "spectral_lines": spectral_lines(result.spectra),
         **_over_limits(result, summary),
     }

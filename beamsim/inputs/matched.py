@@ -1,0 +1,138 @@
+r"""A time history of the base whose shock response spectrum is a given curve.
+
+The record is a sum of wavelets (D. O. Smallwood, Shock and Vibration Bulletin 44, 1974), each a few half cycles of one
+frequency f under half a cycle of a sine,
+
+.. math:: w(t) = \sin(2 \pi f t / N)\, \sin(2 \pi f t), \qquad 0 \le t \le N / (2 f), \quad N \ge 3 \text{ odd},
+
+which leave neither velocity nor displacement. There is a frequency every sixth of an octave; times and signs are
+random numbers of a seed. The amplitudes are scaled by the ratio of the curve to the spectrum of the record, a mean
+over a sixth of an octave, until it is close enough; the best of a few arrangements is taken. Spectra are the peaks of
+absolute accelerations by the ramp-invariant filter of ISO 18431-4, during the record and after it.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from beamsim.errors import ScenarioError
+from beamsim.inputs.measured import interpolate, read_curve
+from beamsim.inputs.signal import Signal
+from beamsim.scenario.excitation import MatchedInput
+from beamsim.scenario.units import ACCELERATION
+from beamsim.typing import Floats
+
+PER_OCTAVE = 6  # wavelets; spectra are looked at between them, too
+FEWEST_HALF_CYCLES, MOST_HALF_CYCLES = 3, 15
+FILLED = 0.5  # of the record by the wavelets of each frequency
+SAMPLES_A_CYCLE = 20  # of the highest frequency
+MOST_SAMPLES = 500_000  # which take minutes
+ARRANGEMENTS, STEPS, GAIN = 4, 15, 0.8
+CLOSE_DB = 1.0  # of the curve: then no further arrangement is tried
+
+
+def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[Floats, Floats]:
+    """Frequencies, Hz, and accelerations, m/s^2, of the curve; a file is looked for in a folder, else the current one.
+
+    Raises
+    ------
+    ScenarioError
+        If it is a file that cannot be read, or the record is too short for its lowest frequency.
+    """
+    folder = folder or Path()
+    here = folder if not isinstance(excitation.srs, str) or (folder / excitation.srs).is_file() else Path()
+    frequency, level, _ = read_curve(excitation.srs, here, ("excitation", "srs"), {ACCELERATION.name: ACCELERATION})
+    lowest, highest, at = float(frequency[0]), float(frequency[-1]), "excitation.duration"
+    if excitation.duration * lowest < 0.5 * FEWEST_HALF_CYCLES:
+        message = f"is shorter than {0.5 * FEWEST_HALF_CYCLES:g} cycles of the curve's lowest frequency, {lowest:g} Hz"
+        longer = f"give {FEWEST_HALF_CYCLES / lowest:.3g} s, or a curve that begins at a higher frequency"
+        raise ScenarioError.at(at, f"= {excitation.duration:g} s {message}", longer)
+    if (samples := SAMPLES_A_CYCLE * highest * excitation.duration) > MOST_SAMPLES:
+        message = f"needs {samples:.3g} samples up to {highest:g} Hz (at most {MOST_SAMPLES:.0e})"
+        raise ScenarioError.at(at, f"= {excitation.duration:g} s {message}", "shorten it")
+    return frequency, level
+
+
+def matched_signal(excitation: MatchedInput, folder: Path | None = None) -> Signal:
+    """The acceleration of the base, m/s^2: a cubic spline of samples, zero after it.
+
+    Raises
+    ------
+    ScenarioError
+        As `target_curve`.
+    """
+    points = zip(*target_curve(excitation, folder), strict=True)
+    time, samples = _record(tuple(points), excitation.quality, excitation.duration, excitation.seed)
+    return interpolate(time, samples, "cubic")
+
+
+@lru_cache(maxsize=4)
+def _record(
+    points: tuple[tuple[float, float], ...], quality: float, duration: float, seed: int
+) -> tuple[Floats, Floats]:
+    """Times, s, and accelerations, m/s^2."""
+    at, value = np.transpose(points)
+    steps = 2 * max(int(np.ceil(PER_OCTAVE * np.log2(at[-1] / at[0]))), 1)
+    frequency = np.geomspace(at[0], at[-1], steps + 1)
+    target = np.exp(np.interp(np.log(frequency), np.log(at), np.log(value)))
+    time = np.linspace(0.0, duration, int(np.ceil(SAMPLES_A_CYCLE * frequency[-1] * duration)) + 1)
+    generator, best, record = np.random.default_rng(seed), np.inf, np.zeros_like(time)
+    for _ in range(ARRANGEMENTS):
+        wavelets = np.array([_wavelets(time, hz, generator) for hz in frequency[::2]])
+        amplitude = target[::2].copy()
+        for step in range(STEPS + 1):
+            samples = amplitude @ wavelets
+            over = np.log(_peaks(samples, time[1], frequency, quality) / target)
+            if step and (worst := float(np.abs(over).max())) < best:
+                best, record = worst, samples
+            beside = np.pad(over, 1, mode="edge")
+            amplitude *= np.exp(-(GAIN if step else 1.0) * (0.25 * (beside[:-2] + beside[2:]) + 0.5 * over)[::2])
+        if 20.0 * best / np.log(10.0) <= CLOSE_DB:
+            break
+    return time, _at_rest_after(time, record)
+
+
+def _wavelets(time: Floats, hz: float, generator: np.random.Generator) -> Floats:
+    """(nt,) wavelets of one frequency and of unit amplitude, one in each part of the record."""
+    end = float(time[-1])
+    half_cycles = min((int(2.0 * hz * end * (1.0 + 1e-9)) - 1) // 2 * 2 + 1, MOST_HALF_CYCLES)
+    length = half_cycles / (2.0 * hz)
+    count = max(round(FILLED * end / length), 1)
+    begins = (np.arange(count) + generator.uniform(size=count)) * max(end - length, 0.0) / count
+    out = np.zeros_like(time)
+    for begin, sign in zip(begins, generator.choice([-1.0, 1.0], count), strict=True):
+        first, last = np.searchsorted(time, [begin, begin + length])
+        turned = 2.0 * np.pi * hz * (time[first:last] - begin)
+        out[first:last] += sign * np.sin(turned / half_cycles) * np.sin(turned)
+    return out
+
+
+def _peaks(samples: Floats, step: float, frequency: Floats, quality: float) -> Floats:
+    """(nf,) maximax of the absolute acceleration of oscillators; free motion is followed for one of the slowest."""
+    from scipy.signal import lfilter
+
+    record = np.append(samples, np.zeros(int(np.ceil(1.0 / (frequency[0] * step)))))
+    peaks = []
+    for omega in 2.0 * np.pi * frequency:
+        damping = 0.5 / quality
+        turned = omega * np.sqrt(1.0 - damping**2) * step
+        fading = np.exp(-damping * omega * step)
+        c, s = fading * np.cos(turned), fading * np.sin(turned)
+        forward = [1.0 - s / turned, 2.0 * (s / turned - c), fading**2 - s / turned]
+        peaks.append(np.abs(lfilter(forward, [1.0, -2.0 * c, fading**2], record)).max())
+    return np.array(peaks)
+
+
+def _at_rest_after(time: Floats, samples: Floats) -> Floats:
+    """The samples without the velocity and displacement that the spline through them leaves, some 1e-5 of them."""
+    turned = np.pi * time / time[-1]
+    pulses = np.stack([np.sin(turned) ** 4, np.sin(turned) ** 4 * np.cos(turned), samples])
+    left = []
+    for pulse in pulses:
+        velocity = interpolate(time, pulse, "cubic").antiderivative()
+        left.append([velocity(time[-1:])[0], velocity.antiderivative()(time[-1:])[0]])
+    first, second, whole = np.array(left)
+    return np.asarray(samples - np.linalg.solve(np.transpose([first, second]), whole) @ pulses[:2])

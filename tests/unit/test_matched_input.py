@@ -1,0 +1,109 @@
+"""Records made for a shock response spectrum, against an independent recursive filter."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import beamsim
+from beamsim.cli.report import table_rows
+from beamsim.errors import ScenarioError
+from beamsim.inputs.excitation import base_motion
+from beamsim.scenario import load_scenario
+
+G = 9.80665
+SHOCK = {"srs": [[100, "20 g"], [2000, "500 g"]], "quality": 10, "duration": 0.05}
+FLOOR = {"srs": [[1, "0.5 g"], [3, "3 g"], [8, "3 g"], [16, "1 g"], [50, "1 g"]], "quality": 20, "duration": 20.0}
+
+
+def case(**excitation):
+    return {
+        "chain": {"masses": [1.0], "springs": [4e6], "dashpots": [100.0]},
+        "excitation": {"kind": "matched", "applied_to": "base", **excitation},
+        "probes": [{"name": "mass", "mass": 1}],
+        "run": {"duration": 1.5 * excitation["duration"], "sample_rate": 2000, "convergence": "off"},
+    }
+
+
+def smallwood(samples, step, hz, quality):
+    """Largest absolute acceleration by D. O. Smallwood's filter, Shock and Vibration Bulletin 51, 1981."""
+    damping, omega = 0.5 / quality, 2 * np.pi * hz
+    e = np.exp(-damping * omega * step)
+    k = omega * step * np.sqrt(1 - damping**2)
+    b = [1 - e * np.sin(k) / k, 2 * e * (np.sin(k) / k - np.cos(k)), e * (e - np.sin(k) / k)]
+    return np.abs(lfilter(b, [1, -2 * e * np.cos(k), e * e], samples)).max()
+
+
+@pytest.mark.parametrize("given", [SHOCK, FLOOR])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_spectrum_of_a_record_is_the_curve_and_it_ends_at_rest(given, seed):
+    """Within 1.6 dB everywhere and at the points, by samples ten times as fine as those that it is made of."""
+    motion = base_motion(load_scenario(case(**given, seed=seed)).excitation)
+    at = np.array([f for f, _ in given["srs"]], dtype=float)
+    level = np.array([float(a.split()[0]) for _, a in given["srs"]]) * G
+    end = given["duration"]
+    step = 1 / (100 * at[-1])
+    time = np.arange(0.0, end + 2 / at[0], step)
+    samples = motion.acceleration(time)
+    frequency = np.union1d(np.geomspace(at[0], at[-1], 40), at)
+    curve = np.exp(np.interp(np.log(frequency), np.log(at), np.log(level)))
+    found = np.array([smallwood(samples, step, hz, given["quality"]) for hz in frequency])
+    assert np.abs(20 * np.log10(found / curve)).max() < 1.6
+    velocity, displacement = motion.velocity(time), motion.displacement(time)
+    after = time >= end
+    assert np.abs(samples[time > end]).max() < 1e-30
+    assert np.abs(velocity[after]).max() < 1e-11 * np.abs(velocity).max()
+    assert np.abs(displacement[after]).max() < 1e-10 * np.abs(displacement).max()
+    another = base_motion(load_scenario(case(**given, seed=7)).excitation).acceleration(time)
+    assert np.abs(samples - another).max() > 0.1 * np.abs(samples).max()
+
+
+def test_the_misfit_of_a_run_is_that_of_its_record(tmp_path):
+    """The stated spectrum by the independent filter; a file says the same as points."""
+    (tmp_path / "curve.csv").write_text("frequency (Hz),acceleration (g)\n100,20\n2000,500\n", encoding="utf-8")
+    result, other = (
+        beamsim.run(load_scenario(case(**SHOCK | {"srs": srs}))) for srs in (SHOCK["srs"], str(tmp_path / "curve.csv"))
+    )
+    matched = result.matched
+    np.testing.assert_allclose(matched.reached, other.matched.reached, rtol=1e-12)
+    np.testing.assert_allclose(matched.target[[0, -1]], [20 * G, 500 * G])
+    step = 1 / 400_000
+    time = np.arange(0.0, 0.08, step)
+    samples = base_motion(result.scenario.excitation).acceleration(time)
+    found = [smallwood(samples, step, hz, 10) for hz in matched.frequency_hz]
+    np.testing.assert_allclose(matched.reached, found, rtol=2e-3)
+    misfit = 20 * np.log10(matched.reached / matched.target)
+    assert result.summary["matched"]["lowest_db"] == pytest.approx(misfit.min())
+    assert result.summary["matched"]["highest_db"] == pytest.approx(misfit.max())
+    assert any("dB from the curve" in text for _, text in table_rows("run", result))
+    (chart,) = result.plot()["matched_spectrum"].axes
+    assert "dB from the curve" in chart.get_title(loc="left")
+
+
+def test_a_linear_oscillator_under_the_record_has_the_level_of_the_curve():
+    """The mass of 318 Hz at Q = 20 is an oscillator of the spectrum itself."""
+    given = SHOCK | {"quality": 20.0}
+    result = beamsim.run(load_scenario(case(**given)))
+    hz = np.sqrt(4e6) / (2 * np.pi)
+    reached = np.exp(np.interp(np.log(hz), np.log(result.matched.frequency_hz), np.log(result.matched.reached)))
+    assert result.summary["peak_acceleration_g"]["mass"] * G == pytest.approx(reached, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"duration": 0.01}, "is shorter than 1.5 cycles"),
+        ({"srs": [[100, "20 g"]]}, "has too few points"),
+        ({"srs": [[100, "20 g"], [50, "20 g"]]}, "50 Hz"),
+        ({"applied_to": {"mass": 1}}, "acceleration of the base"),
+        ({"srs": "none.csv"}, "none.csv"),
+        ({"duration": 1e3}, "samples up to 2000 Hz"),
+    ],
+)
+def test_what_cannot_be_matched_is_refused(changed, text):
+    with pytest.raises(ScenarioError, match=text):
+        base_motion(load_scenario(case(**SHOCK | changed)).excitation)
+
+
+def test_a_run_does_not_end_before_its_record():
+    with pytest.raises(ScenarioError, match="ends before the matched record"):
+        load_scenario(case(**SHOCK) | {"run": {"duration": 0.04}})
