@@ -7,6 +7,8 @@ from typing import Any
 
 from beamsim.analyses.run.animation import BuiltModel, frames_of_orbit, frames_of_run, model_of
 from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.sweep.animation import frames_of_sweep
+from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.failures import say
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_files
@@ -98,9 +100,10 @@ def animate(given: Given) -> None:
     shown = not (given.json or given.quiet)
     result: Any = open_result(path)
     with shown_in(result.scenario.display_scales):
-        scene = scene_of(result, shown=shown)
+        scene = scene_of(result, shown=shown, sweeps=True)
         if scene is None:
-            raise ResultFileError(f"{path}: holds no motion; animate the result of `beamsim run` or `beamsim nnm`")
+            message = "holds no motion; animate the result of `beamsim run`, of a swept sine or of `beamsim nnm`"
+            raise ResultFileError(f"{path}: {message}")
         for target in targets:
             if target.suffix.lower() == ".gif":
                 with progress_of(f"drawing {target.name}", shown=shown) as progress:
@@ -143,14 +146,15 @@ def _model(result: Any) -> BuiltModel | None:
         return None
 
 
-def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool) -> Scene | None:
-    """The animation of a run or of a stored periodic motion.
+def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool, sweeps: bool = False) -> Scene | None:
+    """The animation of a run, of a stored periodic motion, or of the highest peak of a sweep.
 
     Parameters
     ----------
     result : of any kind.
     model : of its scenario, where it was built already.
     shown : whether to report the progress.
+    sweeps : whether to compute swept sines again, which takes as long as they did.
 
     Returns
     -------
@@ -164,6 +168,12 @@ def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool) -> Sc
     if isinstance(result, RunResult):
         with progress_of("computing the motion again", shown=shown) as progress:
             frames = frames_of_run(result, progress, model=model)
+    elif isinstance(result, SweepResult):
+        with progress_of("computing the sweep again", shown=shown) as progress:
+            of_sweep = frames_of_sweep(result, progress) if sweeps else None
+        if of_sweep is None:
+            return None
+        model, frames = model or model_of(result.scenario), of_sweep
     else:
         branches = getattr(result, "branches", ())
         motion = next((b.motion for b in branches if getattr(b, "motion", None) is not None), None)

@@ -32,6 +32,7 @@ from beamsim.typing import Bools, Floats
 
 PLATE_LINES, PLATE_POINTS = 5, 33
 FRAMES = 160
+CYCLES_SHOWN = 3.0
 SLOWER = 6.0  # around contact
 MARGIN = 0.03  # of a period, before and after contact, that is slow too
 
@@ -115,15 +116,47 @@ def frames_of_run(
     known = motion.sampled()
     times, slow = known.time, slow[: known.time.size]
     q = np.array([motion.state_at(float(t))[: system.dynamics.size] for t in times])
+    forces = known.of(FORCE) if system.snubbers else np.zeros((times.size, 0))
+    return frames_at(scenario, BuiltModel(system, shared), times, slow, q, forces)
+
+
+def frames_at(scenario: Scenario, model: BuiltModel, times: Floats, slow: Bools, q: Floats, forces: Floats) -> Frames:
+    """Frames of known coordinates.
+
+    Parameters
+    ----------
+    scenario, model : that moves.
+    times, slow : (nf,) s, and whether the instant is slow.
+    q : (nf, n) coordinates of the model.
+    forces : (nf, snubbers) N.
+
+    Returns
+    -------
+    Frames
+    """
+    system, shared = model
     lines = drawn_lines(system.stations, scenario)
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
     shape = _shape_of(scenario, system, lines, shared)
     at_stops = _rows(scenario, [end for site in sites.values() for end in ends_of(site)], shared)
-    force = {name: known.of(FORCE)[:, k] for k, name in enumerate(sites)}
+    force = {name: forces[:, k] for k, name in enumerate(sites)}
     bodies = {body.body: body.places for body in system.bodies}
     places = [place for line in lines for place in (line.places if line.continuous else bodies[line.body])]
     deflection = q @ shape.T + system.with_supports(places, times)
     return Frames(lines, times, slow, deflection, _of_stops(sites, q @ at_stops.T), force)
+
+
+def paced_by_contact(time: Floats, forces: Floats) -> tuple[Floats, Bools]:
+    """Instants between the first and the last time at which frames are shown, slow around contact, and which are slow.
+
+    Parameters
+    ----------
+    time : (nt,) s.
+    forces : (nt, snubbers) N there.
+    """
+    closed = np.any(forces > 0.0, axis=1)
+    intervals = list(_intervals(time, closed)) if closed.any() else []
+    return _paced(float(time[0]), float(time[-1]), intervals, MARGIN * float(time[-1] - time[0]))
 
 
 def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion) -> Frames:
@@ -140,10 +173,8 @@ def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion)
         On lines through the stations.
     """
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
-    start, end = float(motion.time[0]), float(motion.time[-1])
-    closed = np.any([force > 0.0 for force in motion.force.values()], axis=0) if motion.force else np.zeros(0, bool)
-    intervals = list(_intervals(motion.time, closed)) if closed.size else []
-    times, slow = _paced(start, end, intervals, MARGIN * (end - start))
+    forces = np.array([np.zeros(motion.time.size), *motion.force.values()]).T
+    times, slow = paced_by_contact(motion.time, forces)
 
     def at(values: Floats) -> Floats:
         return np.array([np.interp(times, motion.time, column) for column in values.T]).T
@@ -192,8 +223,7 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
     peaks = [(float(force.max(initial=0.0)), float(time[force.argmax()])) for force in _forces(result) if force.size]
     force, at = max(peaks, default=(0.0, end))
     centre = at if force > 0.0 else end
-    # 3.0: shown, of the excitation or of the first mode
-    length = min(3.0 * period, end - begin)
+    length = min(CYCLES_SHOWN * period, end - begin)  # of the excitation or of the first mode
     first = min(max(centre - length / 2, begin), end - length)
     log = result.events
     intervals = []

@@ -66,7 +66,7 @@ def sweep(
     ScenarioError
         If the scenario cannot be swept.
     """
-    settings, excitation = _settings(scenario), scenario.excitation
+    settings, excitation = sweep_settings(scenario), scenario.excitation
     assert isinstance(excitation, Harmonic | Forces)
     begin = clock.perf_counter()
     system = sweep_system(scenario)
@@ -173,14 +173,19 @@ def _result(
     )
 
 
-def sweep_system(scenario: Scenario) -> StructuralSystem:
-    """The system of a sweep: reduced for its highest frequency."""
+def swept_scenario(scenario: Scenario) -> Scenario:
+    """The scenario of whose system a sweep is: reduced for its highest frequency."""
     assert isinstance(scenario.sweep, (SweptSine, SteppedSine))
     assert isinstance(scenario.excitation, Harmonic | Forces)
     highest = max(scenario.sweep.from_, scenario.sweep.to)
     # the sample rate of a run and the frequency of the excitation do not influence the reduction of a sweep
     changed = {"run": None, "excitation": scenario.excitation.at(highest)}
-    return build_system(with_limited_outputs(scenario.model_copy(update=changed)))
+    return with_limited_outputs(scenario.model_copy(update=changed))
+
+
+def sweep_system(scenario: Scenario) -> StructuralSystem:
+    """The system of a sweep."""
+    return build_system(swept_scenario(scenario))
 
 
 def _linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> LinearCurve:
@@ -203,7 +208,7 @@ def _linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logar
     return LinearCurve(frequency, displacement, acceleration, closed, closed_at_rest=at_rest, contact=levels)
 
 
-def _settings(scenario: Scenario) -> SweptSine | SteppedSine:
+def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
     """The section of the sweep, with the table of the file that it names."""
     settings = scenario.sweep
     if settings is None:

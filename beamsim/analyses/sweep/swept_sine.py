@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork
 from beamsim.errors import ScenarioError
 from beamsim.flow.swept_motion import SweptLoads, SweptMotion
-from beamsim.inputs.drift import CorrectionSize, jumps
+from beamsim.inputs.drift import Correction, CorrectionSize, jumps
 from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
@@ -64,6 +65,56 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
     return loads
 
 
+def sweep_profile(one: SweepLevel) -> tuple[Profile, float]:
+    """The level over frequency, a table of which the level is a factor, and the phase of the sine at the start."""
+    settings = one.settings
+    assert isinstance(settings, SweptSine)
+    profile = make_profile(one.value, one.quantity, settings.profile, settings.between, settings.notches)
+    return profile, one.excitation.phase + phase_of_acceleration(one.quantity, one.value, settings.profile)
+
+
+class SweptMarch(NamedTuple):
+    """The motion of a level, to be marched, and what drives it."""
+
+    motion: SweptMotion
+    profile: Profile
+    corrections: tuple[Correction, ...] | None  # of a base's acceleration
+
+
+def swept_march(
+    one: SweepLevel, notching: Notching | None, progress: Progress = None, stop: Stop = never
+) -> SweptMarch:
+    """The motion of a level in all directions.
+
+    Parameters
+    ----------
+    one : the level, of a swept sine.
+    notching : its table, where it is lowered to limits.
+    progress, stop : as of `sweep_level`.
+
+    Returns
+    -------
+    SweptMarch
+
+    Raises
+    ------
+    ScenarioError
+        Where the rate makes the sweep too long, or shorter than two cycles.
+    """
+    system, settings = one.system, one.settings
+    assert isinstance(settings, SweptSine)
+    legs, (profile, phase) = legs_of(settings), sweep_profile(one)
+    if notching is not None:  # as the same table in a file would give it
+        table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
+        profile = Profile.interpolated([(f, level, notching.quantity) for f, level in table])
+    corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
+    windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
+    march = SweptMotion(
+        system.dynamics, swept_loads(system), windows, system.initial_state, stop=stop, progress=progress
+    )
+    return SweptMarch(march, profile, corrections)
+
+
 def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -> LevelRun:
     """Sweep at one level in all directions; each direction starts from the final motion of the previous one.
 
@@ -85,27 +136,19 @@ def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) 
     """
     system, settings = one.system, one.settings
     assert isinstance(settings, SweptSine)
-    legs = legs_of(settings)
-    # with a table the level is a factor
-    profile = make_profile(one.value, one.quantity, settings.profile, settings.between, settings.notches)
-    phase = one.excitation.phase + phase_of_acceleration(one.quantity, one.value, settings.profile)
     report, beginning = progress or (lambda _: None), 0.0 if settings.notch_to is None else CONTROL
     notching: Notching | None = None
     notch_limits: tuple[Limited, ...] = ()
     if settings.notch_to is not None:
         notch_limits = limited_of(settings.notch_to, one)
         notching = notched_level(
-            one, swept_loads(system), notch_limits, legs[0], profile, phase, lambda part: report(CONTROL * part), stop
-        )
-        # as the same table in a file would give it
-        table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
-        profile = Profile.interpolated([(f, level, notching.quantity) for f, level in table])
-    corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
-    windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
-    march = SweptMotion(
-        system.dynamics, swept_loads(system), windows, system.initial_state, stop=stop,
-        progress=lambda part: report(beginning + (1.0 - beginning) * part),
-    )  # fmt: skip
+            one, swept_loads(system), notch_limits, legs_of(settings)[0], *sweep_profile(one),
+            lambda part: report(CONTROL * part), stop,
+        )  # fmt: skip
+    march, profile, corrections = swept_march(
+        one, notching, lambda part: report(beginning + (1.0 - beginning) * part), stop
+    )
+    windows = march.windows
     orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
     times = np.arange(0 if rate is None else int(np.floor(windows.duration * rate * (1 + 1e-12))) + 1) / (rate or 1.0)
     parts: list[CycleRecord] = []

@@ -1,0 +1,54 @@
+"""The animation of a sweep is its motion at the highest peak, computed again."""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.sweep.animation import frames_of_sweep
+from beamsim.scenario import load_scenario
+from beamsim.store.results import open_result, write_result
+from tests.helpers.commands import invoke
+
+PRESSED = """\
+chain:
+  masses: [2 kg]
+  springs: [8 kN/m]
+  damping: {kind: modal, ratio: 5 %}
+  snubbers: [{name: stop, mass: 1, side: below, stiffness: 5 kN/m, gap: -1 mm}]
+probes: [{name: mass, mass: 1}]
+excitation: {kind: harmonic, applied_to: base, level: 5 m/s^2, frequency: 8 Hz}
+"""
+SWEEP = {"kind": "swept_sine", "from": "6 Hz", "to": "16 Hz", "rate": "40 oct/min", "convergence": "off"}
+
+
+@pytest.mark.parametrize("more", [{}, {"direction": "both"}, {"notch_to": {"snubbers.stop.force": "20 N"}}])
+def test_frames_are_those_of_the_cycles_about_the_highest_peak(more, tmp_path):
+    """Their extremes are those of these cycles in the result, to 2 % between two of 160 frames, as is the force."""
+    scenario = load_scenario(PRESSED, {"sweep": SWEEP | more})
+    write_result(beamsim.sweep(scenario), tmp_path / "swept.h5")
+    result = open_result(tmp_path / "swept.h5")
+    frames = frames_of_sweep(result)
+    curve = max(result.curves.values(), key=lambda each: each.displacement["mass"].response.max())
+    mass, force = curve.displacement["mass"], curve.force["stop"]
+    k = int(mass.response.argmax())
+    shown = slice(k - 1, k + 2)
+    assert frames.time[0] == pytest.approx(curve.time[k - 1])
+    assert frames.time[-1] - frames.time[0] == pytest.approx(3.0 / curve.frequency_hz[k])
+    reach = float(np.ptp([mass.maximum[shown].max(), mass.minimum[shown].min()]))
+    x = frames.deflection[:, 0]
+    assert x.max() == pytest.approx(mass.maximum[shown].max(), abs=0.02 * reach)
+    assert x.min() == pytest.approx(mass.minimum[shown].min(), abs=0.02 * reach)
+    np.testing.assert_allclose(frames.ends["stop"][:, 0], x, atol=1e-12)
+    assert frames.force["stop"].max() == pytest.approx(force.maximum[shown].max(), rel=1e-2)
+    # Pressed by 1 mm at rest: 5 kN/m of what is left of it, and nothing above that. Where contact begins the corner is
+    # cut by at most a quarter of 5 kN/m times 0.7 m/s times the 0.25 ms between two samples.
+    np.testing.assert_allclose(frames.force["stop"], np.maximum(5000.0 * (1e-3 - x), 0.0), atol=0.22)
+
+
+def test_the_command_writes_it_and_stepped_sweeps_have_none(tmp_path):
+    write_result(beamsim.sweep(load_scenario(PRESSED, {"sweep": SWEEP})), tmp_path / "swept.h5")
+    done = invoke("animate", str(tmp_path / "swept.h5"), "-o", str(tmp_path / "peak.html"))
+    assert done.exit_code == 0
+    assert "slow" in (tmp_path / "peak.html").read_text(encoding="utf-8")
+    stepped = {"kind": "stepped", "from": "6 Hz", "to": "7 Hz", "points": 2, "convergence": "off"}
+    assert frames_of_sweep(beamsim.sweep(load_scenario(PRESSED, {"sweep": stepped}))) is None
