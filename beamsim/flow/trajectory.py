@@ -86,14 +86,13 @@ class Trajectory:
         if finite[-1] and finite.all():
             return self
         end = float(self.time[kept])
-        part = self.only(slice(0, max(kept, 1)))._with_events_before(end)
+        part = self.only(slice(0, max(kept, 1)))._with_events(self.event_time < end)
         return replace(part, end=end, length=part.length * (kept > 0), final_y=self.y[kept], outcome=not_finite(end))
 
-    def _with_events_before(self, end: float) -> Trajectory:
-        early = self.event_time < end
+    def _with_events(self, which: Bools) -> Trajectory:
         return replace(
-            self, event_time=self.event_time[early], event_contact=self.event_contact[early],
-            event_phase=self.event_phase[early],
+            self, event_time=self.event_time[which], event_contact=self.event_contact[which],
+            event_phase=self.event_phase[which],
         )  # fmt: skip
 
     def sample(self, times: Floats, output_of: OutputOf) -> Floats:
@@ -171,7 +170,7 @@ class Trajectory:
 
     def until(self, end: float) -> Trajectory:
         """The motion up to a time."""
-        part = self.only(slice(0, max(1, int(np.searchsorted(self.time, end)))))._with_events_before(end)
+        part = self.only(slice(0, max(1, int(np.searchsorted(self.time, end)))))._with_events(self.event_time < end)
         return replace(
             part, end=min(end, self.end), length=np.clip(end - part.time, 0.0, part.length),
             final_y=self.states_at(np.array([min(end, self.end)]))[0],
@@ -187,8 +186,10 @@ class Trajectory:
         return replace(part, end=min(end, self.end), length=length)
 
     def between(self, begin: float, end: float) -> Trajectory:
-        """The same, whose first segment begins at ``begin``."""
-        part = self.within(begin, end)
+        """The same, whose first segment begins at ``begin``; of the events those after it."""
+        if begin <= self.time[0]:
+            return self.within(begin, end)
+        part = self.within(begin, end)._with_events(self.event_time > begin)
         late = max(begin - float(part.time[0]), 0.0)
         time, length, y = part.time.copy(), part.length.copy(), part.y.copy()
         time[0], length[0], y[0] = time[0] + late, max(length[0] - late, 0.0), self.states_at(np.array([begin]))[0]

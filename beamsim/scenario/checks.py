@@ -475,6 +475,13 @@ def _impacts(scenario: ScenarioParts, run: Run) -> Problems:
                 where, "needs the motion in closed form, which cubic springs do not have",
                 "leave it out, or replace the cubic springs by piecewise-linear ones",
             )  # fmt: skip
+    if run.from_ and (run.method == "reference" or cubic or (run.impacts is None and not scenario.friction)):
+        message = f"= {run.from_:g} s says from when on impacts and sliding count, and this run counts none"
+        yield Problem("run.from", message, "leave it out, or add impacts: {}")
+    elif run.from_ >= run.duration:
+        yield Problem(
+            "run.from", f"= {run.from_:g} s is not before the end, {run.duration:g} s", "give an earlier time"
+        )
     if run.impacts is not None and not scenario.all_snubbers:
         yield Problem("run.impacts", "needs a snubber, and there is none", "leave it out, or add a snubber")
     if run.fatigue is not None and not any(body.gives_stress for body in scenario.all_bodies.values()):

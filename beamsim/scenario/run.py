@@ -193,6 +193,8 @@ class Run(Schema):
     """Band of the accelerometers: peak accelerations are those behind a 4-pole Butterworth low-pass, -3 dB here."""
     impacts: ImpactSettings | None = None
     """Statistics of the impacts at each snubber; {} takes every contact as an impact. Not computed by default."""
+    from_: q.Time = Field(default=0.0, alias="from")
+    """Time from which on impacts, sliding and wear count; the start by default."""
     fatigue: StressLife | None = None
     """Rainflow count of the largest bending stress of each body, and its damage by this S-N line. Not computed by
     default."""

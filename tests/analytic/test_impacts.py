@@ -232,3 +232,37 @@ def test_intervals_of_a_random_input():
     assert [rate.low, rate.high] == pytest.approx([(20 * (counts.mean() + x)) / 2.7 for x in (-half, half)], rel=1e-9)
     assert all(row.low < row.value < row.high for row in rows.values())
     assert rows["rms_force_n"].value == pytest.approx(snubber.rms_force_n, rel=0.2)
+
+
+@pytest.mark.parametrize("inside", [0.0, 0.4])
+def test_impacts_from_a_time_on(inside):
+    """From between two impacts, or from within one, which is cut there: what begins later is as in closed form."""
+    dashpot, number = 4.0, 2
+    omega = np.sqrt((SPRING + STOP) / MASS)
+    zeta = dashpot / (2.0 * MASS * omega)
+    contact, rest = np.pi / (omega * np.sqrt(1.0 - zeta**2)), np.pi / np.sqrt(SPRING / MASS)
+    begin = number * (contact + rest) + (inside * contact if inside else -0.3 * rest)
+    result = beamsim.run(thrown(dashpot, **{"from": begin}))
+    impacts, of = result.impacts, result.impacts.snubbers["stop"]
+    n = np.arange(number, number + impacts.begin.size)
+    begins = n * (contact + rest)
+    begins[0] = max(begins[0], begin)
+    np.testing.assert_allclose(impacts.begin, begins, atol=1e-11)
+    assert of.rate_hz == pytest.approx(n.size / (12.0 - begin), rel=1e-12)
+    assert impacts.cut[0] == np.isnan(impacts.approach_speed[0]) == (inside > 0.0)
+    np.testing.assert_allclose(impacts.contact_time[0], (1.0 - inside) * contact, rtol=1e-9)
+    restitution = np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
+    whole = ~impacts.cut
+    np.testing.assert_allclose(impacts.approach_speed[whole], SPEED * restitution ** n[whole], rtol=1e-11)
+    assert of.contact_share * (12.0 - begin) == pytest.approx(impacts.contact_time.sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("begin", [3.0, 5.3])
+def test_sums_before_and_after_a_time_are_those_of_the_run(begin):
+    whole = beamsim.run(thrown(4.0)).impacts.snubbers["stop"]
+    before = beamsim.run(thrown(4.0, duration=begin)).impacts.snubbers["stop"]
+    after = beamsim.run(thrown(4.0, **{"from": begin})).impacts.snubbers["stop"]
+    for name in ("impulse_n_s", "energy_lost_j"):
+        assert getattr(before, name) + getattr(after, name) == pytest.approx(getattr(whole, name), rel=1e-10)
+    square = [of.rms_force_n**2 * time for of, time in ((before, begin), (after, 12.0 - begin), (whole, 12.0))]
+    assert square[0] + square[1] == pytest.approx(square[2], rel=1e-10)

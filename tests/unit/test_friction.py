@@ -1,5 +1,7 @@
 """Dry friction behind a tangential spring: closed forms and scenarios; random contacts are in the attack."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from balance import energy_history
@@ -119,3 +121,19 @@ def test_the_start_says_which_equilibrium(start, force):
     np.testing.assert_allclose(contact.displacement[:], (20.0 - force) / 1000.0, rtol=1e-9)
     np.testing.assert_allclose(contact.force[:], force, atol=1e-7)
     assert result.summary["friction"]["pad"]["start_force_n"] == force
+
+
+@pytest.mark.parametrize("begin", [0.6, 0.731])
+def test_sliding_and_wear_before_and_after_a_time_are_those_of_the_run(begin):
+    case = Path(__file__).parents[2] / "configs" / "rubbing_stop.yaml"
+    parts = {"whole": {}, "before": {"run.duration": begin}, "after": {"run.from": begin}}
+    of = {name: beamsim.run(beamsim.load_scenario(case, {"run.convergence": "off", **changes})).friction["latch"]
+          for name, changes in parts.items()}  # fmt: skip
+    for name in ("sliding_distance", "dissipated_energy", "worn_volume"):
+        whole, before, after = (getattr(of[part], name) for part in parts)
+        assert before > 0.0
+        assert after > 0.0
+        assert before + after == pytest.approx(whole, rel=1e-9)
+    share = of["before"].sliding_share * begin + of["after"].sliding_share * (1.5 - begin)
+    assert share == pytest.approx(of["whole"].sliding_share * 1.5, rel=1e-9)
+    assert of["after"].wear_power * (1.5 - begin) == pytest.approx(of["after"].worn_volume / 1e-15, rel=1e-9)

@@ -105,6 +105,16 @@ def test_a_motion_in_stretches_is_that_which_is_kept(both):
     np.testing.assert_allclose(parts.only_body.extreme_shapes, shapes, rtol=0, atol=1e-7 * np.abs(shapes).max())
 
 
+def test_impacts_from_a_time_on_are_the_same_in_stretches():
+    asked = {"impacts": {}, "from": 0.0517, "sample_rate": 20000.0}
+    whole, parts = (beamsim.run(scenario(memory=memory, **asked)).impacts for memory in (1e9, 64e6))
+    assert whole.begin.size > 10
+    assert whole.begin[0] >= 0.0517
+    np.testing.assert_allclose(parts.begin, whole.begin, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(parts.impulse, whole.impulse, rtol=1e-9)
+    assert parts.snubbers["tip"].rate_hz == pytest.approx(whole.begin.size / (0.14 - 0.0517), rel=1e-12)
+
+
 def test_an_interrupted_motion_keeps_what_it_reached(both):
     reached = []
     result = beamsim.run(scenario(**ASKED), progress=reached.append, stop=lambda: reached[-1:] > [0.4])

@@ -141,15 +141,18 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         *compressed_beyond_tables(scenario, compression),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
         *coverage_notes(system, spectra, closed_form=motion.trajectory is not None),
+        *([f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []),
     ]
     if scenario.excitation.stationary and goes_on("densities and statistics"):
         from beamsim.analyses.run.random_response import random_response
 
         fields["random"] = random_response(result, system)
     closed_form = motion.trajectory is not None
-    if settings.impacts is not None and closed_form and goes_on("statistics of impacts"):
-        stationary = scenario.excitation.stationary
-        fields["impacts"] = impacts_of(system, motion.parts(), settings.impacts, stationary=stationary)
+    reached = settings.from_ < motion.marched.end or not settings.from_
+    if settings.impacts is not None and closed_form and reached and goes_on("statistics of impacts"):
+        fields["impacts"] = impacts_of(
+            system, motion.parts(), settings.impacts, begin=settings.from_, stationary=scenario.excitation.stationary
+        )
     if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
         fields["fatigue"] = fatigue_of(
             system, motion.parts, motion.marched.end, largest(motion.extremes[STRESS]), settings.fatigue

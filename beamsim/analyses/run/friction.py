@@ -37,7 +37,7 @@ def sliding_figures(
     Parameters
     ----------
     system : of the contacts.
-    trajectory : the whole motion.
+    trajectory : the motion that counts.
     contacts : f, those of the scenario in its order.
     random : whether the input is random, so that the figures have intervals.
 
@@ -45,11 +45,11 @@ def sliding_figures(
     -------
     Of each contact the fields of `FrictionHistory` about sliding, energy and wear.
     """
-    times = np.array([trajectory.end])
+    begin, times = float(trajectory.time[0]), np.array([trajectory.end])
     if random:
-        times = np.linspace(SKIPPED * trajectory.end, trajectory.end, BLOCKS + 1)
+        times = np.linspace(max(SKIPPED * trajectory.end, begin), trajectory.end, BLOCKS + 1)
     sums = _sliding(system, trajectory, contacts, times)
-    duration = trajectory.end if trajectory.end > 0.0 else np.inf
+    duration = trajectory.end - begin if trajectory.end > begin else np.inf
     return [
         {
             "sliding_share": float(sums["time"][-1, k]) / duration,
@@ -132,7 +132,8 @@ def _sliding(
         speed = sliding_speeds(flow, which, state)
         return LinearOutput.stacked(speed, speed)
 
-    integrals = trajectory.product_integrals(times, forces, speeds, np.eye(2 * which.size))
+    begin = float(trajectory.time[0])
+    integrals = trajectory.product_integrals(times, forces, speeds, np.eye(2 * which.size), begin)
     distance, wear = integrals.reshape(times.size, 2, which.size).swapaxes(0, 1)
     slides = DIRECTION[phases] != 0.0
     begins = slides.copy()

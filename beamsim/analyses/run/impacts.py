@@ -39,31 +39,36 @@ LEAST_RANGE = 1e-11  # of the largest value, of a cycle
 
 
 def impacts_of(
-    system: StructuralSystem, parts: Iterable[Trajectory], settings: ImpactSettings, *, stationary: bool
+    system: StructuralSystem, parts: Iterable[Trajectory], settings: ImpactSettings, *, begin: float, stationary: bool
 ) -> Impacts:
-    """Impacts at all snubbers.
+    """Impacts at all snubbers from a time on.
 
     Parameters
     ----------
     system : whose snubbers are looked at.
     parts : the motion, part after part.
     settings : what counts as an impact.
+    begin : s, before the end of the motion; an impact that goes on then is cut.
     stationary : whether the input is random, so that figures have intervals.
 
     Returns
     -------
     Impacts
     """
-    end, of_parts = 0.0, []
+    end, of_parts = begin, []
     for part in parts:
-        of_parts.append([_contacts(part, j) for j in range(len(system.snubbers))])
-        end = part.end
+        if part.end > begin or not begin:
+            later = part.between(begin, part.end) if begin > part.time[0] else part
+            of_parts.append([_contacts(later, j) for j in range(len(system.snubbers))])
+            end = part.end
     each, statistics = [], {}
     for snubber, of_snubber in zip(system.snubbers, zip(*of_parts, strict=True), strict=True):
         contacts = _joined(of_snubber)
         every = _impacts(contacts, settings.minimum_rest)
         counted = every.taken(every.peak_force >= settings.force_threshold)
-        statistics[snubber.name] = _statistics(snubber.name, end, every, counted, contacts, stationary=stationary)
+        statistics[snubber.name] = _statistics(
+            snubber.name, (begin, end), every, counted, contacts, stationary=stationary
+        )
         each.append(counted)
     snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
     order = np.lexsort((snubber_of, np.concatenate([impacts.begin for impacts in each])))
@@ -249,8 +254,9 @@ def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> F
 
 
 def _statistics(
-    name: str, duration: float, every: _Impacts, counted: _Impacts, contacts: _Contacts, *, stationary: bool
+    name: str, span: tuple[float, float], every: _Impacts, counted: _Impacts, contacts: _Contacts, *, stationary: bool
 ) -> SnubberImpacts:
+    duration = span[1] - span[0]
     contact = float(every.contact_time.sum())
     impulse, square = float(every.impulse.sum()), float(every.square.sum())
     return SnubberImpacts(
@@ -276,7 +282,7 @@ def _statistics(
         mean_force_in_contact_n=impulse / contact if contact > 0 else np.nan,
         rms_force_in_contact_n=float(np.sqrt(square / contact)) if contact > 0 else np.nan,
         rainflow=Rainflow("N", *_cycles(_with_rests(contacts)).T),
-        intervals=_intervals(every, counted, duration) if stationary else (),
+        intervals=_intervals(every, counted, *span) if stationary else (),
     )
 
 
@@ -320,10 +326,10 @@ _FIGURES: dict[str, Callable[[Sums], Floats]] = {
 """Figures that have an interval, from sums over blocks of time; an impact belongs to the block in which it begins."""
 
 
-def _intervals(every: _Impacts, counted: _Impacts, duration: float) -> tuple[FigureInterval, ...]:
+def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> tuple[FigureInterval, ...]:
     """Intervals of a random run; none where the impacts are too few."""
-    begin = SKIPPED * duration
-    width = (duration - begin) / BLOCKS
+    begin = max(SKIPPED * end, begin)
+    width = (end - begin) / BLOCKS
 
     def sums(impacts: _Impacts, name: str) -> Floats:
         block = np.floor((impacts.begin - begin) / width).astype(np.int64)

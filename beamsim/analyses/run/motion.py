@@ -251,9 +251,11 @@ def _friction(
 ) -> dict[str, FrictionHistory]:
     contacts, number = scenario.friction, friction_contacts(system)
     figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
-    if contacts and motion.trajectory is not None:
+    begin = 0.0 if scenario.run is None else scenario.run.from_
+    if contacts and motion.trajectory is not None and begin <= motion.trajectory.end:
         random = scenario.excitation.stationary and motion.outcome.complete
-        figures = sliding_figures(system, motion.trajectory, contacts, random=random)
+        counted = motion.trajectory.between(begin, motion.trajectory.end) if begin else motion.trajectory
+        figures = sliding_figures(system, counted, contacts, random=random)
     return {
         c.name: FrictionHistory(
             name=c.name,
