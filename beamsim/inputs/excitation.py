@@ -23,7 +23,6 @@ import numpy as np
 
 from beamsim.errors import ScenarioError
 from beamsim.inputs.drift import Correction, jumps
-from beamsim.inputs.matched import matched_signal
 from beamsim.inputs.measured import sampled_signal
 from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_acceleration, power_of
 from beamsim.inputs.signal import MOST_PIECES, CubicRecord, Signal, StreamedSignal
@@ -228,6 +227,8 @@ def level_signal(excitation: One, duration: float | None = None, folder: Path | 
     if excitation.kind == "sampled":
         return sampled_signal(excitation, duration, folder)
     if excitation.kind == "matched":
+        from beamsim.inputs.matched import matched_signal
+
         return matched_signal(excitation, folder)
     if excitation.kind == "harmonic":
         return Signal.harmonic(excitation.level, 2 * np.pi * excitation.frequency, excitation.phase)

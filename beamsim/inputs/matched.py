@@ -18,42 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from beamsim.errors import ScenarioError
-from beamsim.inputs.measured import interpolate, read_curve
+from beamsim.inputs.measured import SAMPLES_A_CYCLE, interpolate, target_curve
 from beamsim.inputs.signal import Signal
 from beamsim.scenario.excitation import MatchedInput
-from beamsim.scenario.units import ACCELERATION
 from beamsim.typing import Floats
 
 PER_OCTAVE = 6  # wavelets; spectra are looked at between them, too
-FEWEST_HALF_CYCLES, MOST_HALF_CYCLES = 3, 15
+MOST_HALF_CYCLES = 15
 FILLED = 0.5  # of the record by the wavelets of each frequency
-SAMPLES_A_CYCLE = 20  # of the highest frequency
-MOST_SAMPLES = 500_000  # which take minutes
 ARRANGEMENTS, STEPS, GAIN = 4, 15, 0.8
 CLOSE_DB = 1.0  # of the curve: then no further arrangement is tried
-
-
-def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[Floats, Floats]:
-    """Frequencies, Hz, and accelerations, m/s^2, of the curve; a file is looked for in a folder, else the current one.
-
-    Raises
-    ------
-    ScenarioError
-        If it is a file that cannot be read, or the record is too short for its lowest frequency.
-    """
-    folder = folder or Path()
-    here = folder if not isinstance(excitation.srs, str) or (folder / excitation.srs).is_file() else Path()
-    frequency, level, _ = read_curve(excitation.srs, here, ("excitation", "srs"), {ACCELERATION.name: ACCELERATION})
-    lowest, highest, at = float(frequency[0]), float(frequency[-1]), "excitation.duration"
-    if excitation.duration * lowest < 0.5 * FEWEST_HALF_CYCLES:
-        message = f"is shorter than {0.5 * FEWEST_HALF_CYCLES:g} cycles of the curve's lowest frequency, {lowest:g} Hz"
-        longer = f"give {FEWEST_HALF_CYCLES / lowest:.3g} s, or a curve that begins at a higher frequency"
-        raise ScenarioError.at(at, f"= {excitation.duration:g} s {message}", longer)
-    if (samples := SAMPLES_A_CYCLE * highest * excitation.duration) > MOST_SAMPLES:
-        message = f"needs {samples:.3g} samples up to {highest:g} Hz (at most {MOST_SAMPLES:.0e})"
-        raise ScenarioError.at(at, f"= {excitation.duration:g} s {message}", "shorten it")
-    return frequency, level
 
 
 def matched_signal(excitation: MatchedInput, folder: Path | None = None) -> Signal:

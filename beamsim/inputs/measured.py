@@ -16,7 +16,7 @@ from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import path_text
-from beamsim.scenario.excitation import ProfilePoint, SampledInput
+from beamsim.scenario.excitation import MatchedInput, ProfilePoint, SampledInput
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue, meant
 from beamsim.scenario.reporting import LIMITED_DENSITIES
 from beamsim.scenario.units import (
@@ -29,6 +29,12 @@ from beamsim.scenario.units import (
     read_quantity,
 )  # fmt: skip
 from beamsim.typing import Floats
+
+FEWEST_HALF_CYCLES, SAMPLES_A_CYCLE = (
+    3,
+    20,
+)  # of the lowest and highest frequency of a spectrum, in a record made for it
+MOST_SAMPLES = 500_000  # of such a record, which take minutes
 
 
 def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:
@@ -260,6 +266,28 @@ def read_curve(
         return _read_table(folder / given, given, path_text(at), dimensions)
     frequency, value = np.transpose(given)
     return frequency, value, meant(given[0][1])
+
+
+def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[Floats, Floats]:
+    """Frequencies, Hz, and accelerations, m/s^2, of the curve; a file is looked for in a folder, else the current one.
+
+    Raises
+    ------
+    ScenarioError
+        If it is a file that cannot be read, or the record is too short for its lowest frequency.
+    """
+    folder = folder or Path()
+    here = folder if not isinstance(excitation.srs, str) or (folder / excitation.srs).is_file() else Path()
+    frequency, level, _ = read_curve(excitation.srs, here, ("excitation", "srs"), {ACCELERATION.name: ACCELERATION})
+    lowest, highest, at = float(frequency[0]), float(frequency[-1]), "excitation.duration"
+    if excitation.duration * lowest < 0.5 * FEWEST_HALF_CYCLES:
+        message = f"is shorter than {0.5 * FEWEST_HALF_CYCLES:g} cycles of the curve's lowest frequency, {lowest:g} Hz"
+        longer = f"give {FEWEST_HALF_CYCLES / lowest:.3g} s, or a curve that begins at a higher frequency"
+        raise ScenarioError.at(at, f"= {excitation.duration:g} s {message}", longer)
+    if (samples := SAMPLES_A_CYCLE * highest * excitation.duration) > MOST_SAMPLES:
+        message = f"needs {samples:.3g} samples up to {highest:g} Hz (at most {MOST_SAMPLES:.0e})"
+        raise ScenarioError.at(at, f"= {excitation.duration:g} s {message}", "shorten it")
+    return frequency, level
 
 
 def _read_table(

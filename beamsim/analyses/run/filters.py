@@ -34,8 +34,7 @@ from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.extrema import Search, Waves
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
-from beamsim.inputs.matched import target_curve
-from beamsim.inputs.measured import limit_curve
+from beamsim.inputs.measured import limit_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import MatchedInput
