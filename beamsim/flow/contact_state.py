@@ -339,7 +339,7 @@ def contact_modes(
     system: PiecewiseLinearSystem,
     forcing: Forcing,
     sources: Sources,
-    base_channel: int,
+    felt: Floats,
     phases: Ints,
     longest_window: float,
     known: ContactModes | None = None,
@@ -354,7 +354,7 @@ def contact_modes(
     ----------
     system, forcing : the structure and what its loads act on.
     sources : of the loads' signals; of them the number and the channels count.
-    base_channel : the channel of the base displacement (-1 without).
+    felt : (channels, m) displacement of each contact's place from its stand by a unit of each channel, m.
     phases : (m,) of the contacts.
     longest_window : upper limit on the length of a segment, s.
     known : a contact state of the same system.
@@ -367,7 +367,7 @@ def contact_modes(
     acting = _acting(system, phases)
     simple, blocks = _diagonalise(system, phases, acting, longest_window, known)
     radius = max((b.radius for b in blocks), default=0.0)
-    loads = _loads_of_sources(system, forcing, sources, base_channel, phases)
+    loads = _loads_of_sources(system, forcing, sources, felt, phases)
     load, slope = _free(system, phases, *loads.total())
     return ContactModes(
         phases.copy(), system.contacts.internal_states, simple, blocks,
@@ -669,7 +669,7 @@ def _free(system: PiecewiseLinearSystem, phases: Ints, load: Floats, slope: Floa
 
 
 def acting_loads(
-    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, base_channel: int, phases: Ints
+    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, felt: Floats, phases: Ints
 ) -> tuple[Floats, Floats]:
     """Generalised forces and rates of the internal states, with what the reactions of contacts that hold balance.
 
@@ -677,18 +677,18 @@ def acting_loads(
     ----------
     system, forcing : the structure and what its loads act on.
     sources : of the loads' signals.
-    base_channel : the channel of the base displacement (-1 without).
+    felt : (channels, m) displacement of each contact's place from its stand by a unit of each channel, m.
     phases : (m,) of the contacts.
 
     Returns
     -------
     load, slope : (F, n + r) per unit of each source, and of its time derivative.
     """
-    return _loads_of_sources(system, forcing, sources, base_channel, phases).total()
+    return _loads_of_sources(system, forcing, sources, felt, phases).total()
 
 
 def _loads_of_sources(
-    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, base_channel: int, phases: Ints
+    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, felt: Floats, phases: Ints
 ) -> SourceLoads:
     contacts, n = system.contacts, system.size
     row, internal = contacts.force_rows(phases)
@@ -703,10 +703,10 @@ def _loads_of_sources(
         channel = sources.channel[f]
         if channel < len(forcing.signal):
             load[f, :n] = forcing.load[channel]
-        elif channel == base_channel:
-            felt = -contacts.sign * contacts.felt  # penetration per unit of the base's displacement
-            force[f], force_slope[f] = row[:, 0] * felt, row[:, 1] * felt
-            load[f, n:], slope[f, n:] = drive[:, :, 0] @ felt, drive[:, :, 1] @ felt
+        if felt[channel].any():
+            moved = -contacts.sign * felt[channel]  # penetration per unit
+            force[f], force_slope[f] = row[:, 0] * moved, row[:, 1] * moved
+            load[f, n:], slope[f, n:] = drive[:, :, 0] @ moved, drive[:, :, 1] @ moved
     return SourceLoads(load, slope, force, force_slope, contacts.pushes(phases), row, internal)
 
 

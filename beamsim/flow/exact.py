@@ -81,6 +81,7 @@ class ExactFlow:
     pieces: tuple[int, int] | None = None
     sources: Sources = field(init=False)
     base_channel: int = field(init=False)
+    felt: Floats = field(init=False)  # (channels, m) displacement of each contact's place from its stand by a unit
 
     def __post_init__(self) -> None:
         self._most_known = min(MOST_MODES, self.most_states or MOST_MODES)
@@ -101,6 +102,11 @@ class ExactFlow:
         self.first_observer = len(channels)
         channels.extend(self.observers)
         self._channels = tuple(channels)
+        self.felt = np.zeros((len(channels), self.system.contacts.count))
+        if self.forcing.felt is not None:
+            self.felt[: len(self.forcing.signal)] = self.forcing.felt.T
+        if self.base_channel >= 0:
+            self.felt[self.base_channel] = self.system.contacts.felt
         record = self.record
         if record is None:
             self.sources = compile_sources(self._channels, self.duration)
@@ -218,7 +224,7 @@ class ExactFlow:
             watched = self.system.contacts.watched(phases)
             nearest = self._tables.nearest(phases) if self.system.acts(phases) else None
             modes = contact_modes(
-                self.system, self.forcing, self.sources, self.base_channel, phases, self.longest_window,
+                self.system, self.forcing, self.sources, self.felt, phases, self.longest_window,
                 None if nearest is None else nearest.modes,
             )  # fmt: skip
             functions, guards = self.watched(watched, phases), watched.guards
@@ -302,7 +308,7 @@ class ExactFlow:
     def _acting_forces(self, phases: Ints) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """As `equation_of_motion`, with what reactions balance."""
         n, contacts = self.system.size, self.system.contacts
-        load, slope = acting_loads(self.system, self.forcing, self.sources, self.base_channel, phases)
+        load, slope = acting_loads(self.system, self.forcing, self.sources, self.felt, phases)
         internal = contacts.pushes(phases).T @ contacts.force_rows(phases)[1]
         return *state_matrices(self.system, phases), internal, load[:, :n], slope[:, :n]
 
@@ -324,12 +330,22 @@ class ExactFlow:
         delta.row[:, :n] = -contacts.sign[:, None] * contacts.shape
         delta.direct[:, 0] = -contacts.gap
         rate.row[:, n : 2 * n] = delta.row[:, :n]
-        if self.base_channel >= 0:
-            base = np.flatnonzero(self.sources.channel == self.base_channel)
-            sign = -(contacts.felt * contacts.sign)[:, None]
-            delta.direct[:, base] = sign
-            rate.direct_slope[:, base] = sign
+        for channel in self.stands:
+            moving = self.sources.channel == channel
+            moved = -(self.felt[channel] * contacts.sign)[:, None]
+            delta.direct[:, moving] = moved
+            rate.direct_slope[:, moving] = moved
         return delta, rate
+
+    @property
+    def stands(self) -> Ints:
+        """Channels that contacts feel the displacement of."""
+        return np.flatnonzero(self.felt.any(axis=1))
+
+    def apart(self, times: Floats) -> Floats:
+        """(nt, m) displacement of each contact's place from its stand at times, that of the structure left out, m."""
+        moved = [np.multiply.outer(self._channels[c](times), self.felt[c]) for c in self.stands]
+        return np.asarray(sum(moved, np.zeros((times.size, self.system.contacts.count))))
 
     def contact_forces(self, phases: Ints) -> LinearOutput:
         """Force of every contact in given phases."""

@@ -103,6 +103,8 @@ def _faces(result: RunResult) -> Iterator[Guide]:
         stop = result.snubbers.get(located.item.name)
         if stop is None or snubber_site(located) not in places or located.item.mounted_on != "base":
             continue
+        if any(each.moves_stop(stop.name) for _, each in scenario.excitation.items):
+            continue
         side = "below" if stop.side == "below" else "above"
         if np.isfinite(stop.gap):
             face = (-1.0 if side == "below" else 1.0) * stop.gap

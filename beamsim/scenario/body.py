@@ -287,6 +287,29 @@ class MovedSupport(Schema):
         return ()
 
 
+class MovedStop(Schema):
+    """A stop that moves against what it is mounted on."""
+
+    known_by: ClassVar[tuple[str, ...]] = ("snubber",)
+
+    snubber: q.Name
+    """The snubber: both stops of a pair move together."""
+
+    rotates: ClassVar[bool] = False
+    takes: ClassVar[tuple[Translation, ...]] = TRANSLATION_TAKES
+    places: ClassVar[tuple[AtPlace, ...]] = ()
+
+
+class OnSupport(Schema):
+    """A support that carries a stop along, where the excitation moves it."""
+
+    support: q.Name
+    """The support: left or right end of a beam or wall of a chain; left, right, bottom, top or point 1 of a plate;
+    node 15 of imported matrices."""
+    body: q.Name | None = None
+    """The body that the support holds; may be left out where there is only one."""
+
+
 Ratios = Annotated[
     q.Ratio | Annotated[tuple[q.Ratio, ...], Field(min_length=1)],
     BY_FORM,

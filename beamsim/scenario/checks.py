@@ -9,7 +9,7 @@ from typing import Any
 from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Unfit, counted, path_parts, path_text, problem, unknown, walk
-from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedSupport, Sited
+from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedStop, MovedSupport, OnSupport, Sited
 from beamsim.scenario.connections import PiecewiseLinearSpring, SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
 from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, not_harmonic, sine_problems
@@ -66,8 +66,8 @@ def problems(scenario: ScenarioParts) -> list[Problem]:
     if unfit := list(_bodies(scenario)):  # from which rates and frequencies follow
         return [*unfit, *_places(scenario)]
     checks = (
-        _directions, _places, _joints, _names, _outputs, _run, _start, _sweeps, _levels, _identification, _modes,
-        _cases, _tolerances, _limits, _pressed_friction,
+        _directions, _places, _joints, _names, _outputs, _run, _start, _sweeps, _moving_stops, _levels, _identification,
+        _modes, _cases, _tolerances, _limits, _pressed_friction,
     )  # fmt: skip
     return [found for check in checks for found in check(scenario)]
 
@@ -124,6 +124,11 @@ def _places(scenario: ScenarioParts) -> Problems:
     for path, part in walk(scenario):
         if isinstance(part, MovedSupport):
             yield from _moved_support(scenario, path, part)
+        elif isinstance(part, OnSupport):
+            yield from _body_named(scenario, path, part.body, f"name one: {{body: BODY, support: {part.support}}}")
+        elif isinstance(part, MovedStop):
+            movable = [each.item.name for each in scenario.written_snubbers if hasattr(each.item, "mounted_on")]
+            yield from unknown((*path, "snubber"), part.snubber, "snubber", movable)
         elif isinstance(part, DistributedLoad):
             yield from _distributed(scenario, path, part)
         else:
@@ -764,6 +769,26 @@ def _swept_supports(excitation: Harmonic | Forces) -> Problems:
                 "use sweep.kind: stepped or continuation, move the base (applied_to: base), or model what moves the "
                 "support as a body",
             )  # fmt: skip
+
+
+def _moving_stops(scenario: ScenarioParts) -> Problems:
+    """Runs alone follow stops that move by themselves or with a support."""
+    sections: dict[str, Any] = {"sweep": scenario.sweep, "identify_stiffness": scenario.identify_stiffness}
+    if scenario.nnm is not None:
+        sections["nnm.phase_resonance"] = scenario.nnm.phase_resonance
+    used = [name for name, section in sections.items() if section is not None]
+    remedy = f"leave {' and '.join(used)} out, or mount it on the base"
+    driven = scenario.excitation.items if used else []
+    for path, each in driven:
+        if isinstance(each.applied_to, MovedStop):
+            yield problem(
+                ("excitation", *path, "applied_to"), f"is a stop that moves, which {used[0]} does not follow", remedy
+            )
+    if any(isinstance(each.applied_to, MovedSupport) for _, each in driven):
+        for at, _, snubber, _ in scenario.located_snubbers:
+            if isinstance(getattr(snubber, "mounted_on", None), OnSupport):
+                message = f"= {snubber.mounted_on.support} carries the stop along, which {used[0]} does not follow"
+                yield problem((*at, "mounted_on", "support"), message, remedy)
 
 
 def _continuation(scenario: ScenarioParts, sweep: Continuation) -> Problems:

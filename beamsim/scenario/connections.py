@@ -20,6 +20,7 @@ from beamsim.scenario.body import (
     BetweenPlaces,
     Body,
     Named,
+    OnSupport,
     Sited,
     TwoPlaces,
     refuse_unlike_directions,
@@ -507,8 +508,9 @@ class Snubber(Sited, SnubberBase):
 
     side: Literal["below", "above", "both"]
     """Below resists negative displacements, above positive ones; both is a pair of stops, NAME.above and NAME.below."""
-    mounted_on: Literal["base", "ground"] = "base"
-    """Base: moves with the base excitation; ground: fixed."""
+    mounted_on: Annotated[Literal["base", "ground"] | OnSupport, BY_FORM] = "base"
+    """Base: moves with the base excitation; ground: fixed; {support: left}: moves with this support of a body, in the
+    direction of the stop, where the excitation moves it."""
 
     @property
     def stops(self) -> tuple[Self, ...]:

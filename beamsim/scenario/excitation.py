@@ -14,7 +14,7 @@ from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
-from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedSupport, NodeDirection
+from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedStop, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
 from beamsim.scenario.units import STANDARD_GRAVITY, UnitError
 
@@ -34,11 +34,12 @@ def point_of(about: float | tuple[float, ...] | None) -> tuple[float, float, flo
 
 
 AppliedTo = Annotated[
-    LineLoad | AreaLoad | MovedSupport | BaseOrPlace,
+    LineLoad | AreaLoad | MovedSupport | MovedStop | BaseOrPlace,
     Variants(
         "names neither the base nor a point nor a part of a body",
         "write base, {position: 270 mm} for a force on the beam, {mass: 2} for a force on a chain, {line: whole} for a "
-        "force per length of a beam, {area: whole} for a pressure on a plate, or {support: left} for one that moves",
+        "force per length of a beam, {area: whole} for a pressure on a plate, or {support: left} or {snubber: stop} "
+        "for one that moves",
     ),
 ]
 
@@ -114,7 +115,8 @@ class Driven(Input):
     applied_to: AppliedTo
     """Base, or a place: {position: 270 mm} of a beam, {mass: 2} of a chain, with the body where there are several; or
     {line: whole} for a force per length of a beam, {area: whole} for a pressure on a plate, or a part of it; or
-    {support: left} or {joint: hinge} for a support that moves relative to the base."""
+    {support: left} or {joint: hinge} for a support that moves relative to the base; {snubber: stop} for a stop that
+    moves against what it is mounted on."""
     quantity_: Quantity | None = Field(default=None, alias="quantity")
     """Acceleration, velocity or displacement of the base, force at a point, force per length, or pressure; by default
     as the unit of the level."""
@@ -187,6 +189,11 @@ class Driven(Input):
     def on_base(self) -> bool:
         """Whether the base moves (otherwise a force acts)."""
         return self.applied_to == "base"
+
+    def moves_stop(self, name: str) -> bool:
+        """Whether it moves the stop with a name, or the pair to which that belongs."""
+        at = self.applied_to
+        return isinstance(at, MovedStop) and name in (at.snubber, f"{at.snubber}.above", f"{at.snubber}.below")
 
     @property
     def takes(self) -> tuple[Quantity, ...]:

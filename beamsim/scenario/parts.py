@@ -205,10 +205,10 @@ class ScenarioParts(Schema):
 
         Both stops of a pair have its path.
         """
-        return tuple(located._replace(item=stop) for located in self._written_snubbers for stop in located.item.stops)
+        return tuple(located._replace(item=stop) for located in self.written_snubbers for stop in located.item.stops)
 
     @property
-    def _written_snubbers(self) -> tuple[Located, ...]:
+    def written_snubbers(self) -> tuple[Located, ...]:
         """The same with a pair of stops as one."""
         return tuple(self._listed("snubbers"))
 
@@ -264,10 +264,10 @@ class ScenarioParts(Schema):
             return self.probes
         several = len(self.all_bodies) > 1
         probes: dict[str, AtPlace] = {}
-        for _, body, snubber, _ in self._written_snubbers:
+        for _, body, snubber, _ in self.written_snubbers:
             if len(snubber.places) == 1:
                 probes[snubber.name] = _on(body if several else None, snubber.places[0])
-        for _, body, snubber, _ in self._written_snubbers:
+        for _, body, snubber, _ in self.written_snubbers:
             for place in snubber.probed_places if len(snubber.places) > 1 else ():
                 probed = _on(body if several else None, place)
                 probes.setdefault(self._probe_name(probed), probed)

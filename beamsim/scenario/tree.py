@@ -327,7 +327,7 @@ ALTERNATIVES: tuple[tuple[frozenset[str], ...], ...] = tuple(
 )  # fmt: skip
 """Keys of one mapping that exclude each other: those given replace those inherited."""
 
-REPLACED_WHOLE = frozenset({"applied_to", "at", "start", "released_force", "reduction"})
+REPLACED_WHOLE = frozenset({"applied_to", "at", "mounted_on", "start", "released_force", "reduction"})
 """Mappings told apart by the keys they have; merging two of them would make neither."""
 
 

@@ -44,6 +44,7 @@ from beamsim.system.parts import (
     SharedBuilds,
     base_direction,
     check_places,
+    driven_stops,
     exciting_forces,
     force_sites,
     gravity_loads,
@@ -52,7 +53,7 @@ from beamsim.system.parts import (
     start_of,
 )
 from beamsim.system.structural import ProbeRow, SnubberInfo, StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 
 def constant_loads(parts: Parts) -> Floats:
@@ -79,7 +80,7 @@ def carried_start(parts: Parts, forcing: Forcing) -> Floats:
 def sine_loads(parts: Parts, forcing: Forcing) -> SineLoads | None:
     """How the loads follow the one frequency of a harmonic excitation; None where it is no such excitation."""
     excitation = parts.scenario.excitation
-    if excitation.kind == "none" or any(sine_problems(excitation, "sweep")):
+    if excitation.kind == "none" or any(sine_problems(excitation, "sweep")) or forcing.felt is not None:
         return None
     coefficient: list[complex] = []
     power: list[int] = []
@@ -101,10 +102,11 @@ def _phasor(sine: Any) -> complex:
     return complex(sine.level * np.exp(1j * sine.phase))
 
 
-def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, Forcing]:
-    """The base's motion (None at rest) and the time-dependent loads; ``felt``: a contact or spring is on the ground.
+def time_dependent_loads(parts: Parts, pushing: _Pushing) -> tuple[BaseMotion | None, Forcing]:
+    """The base's motion (None at rest) and the time-dependent loads.
 
-    They are those of the forces, three of each support that moves, then those of the base.
+    They are those of the forces, three of each support that moves, one of each stop that moves by itself, which loads
+    nothing, then those of the base.
     """
     scenario, structure = parts.scenario, parts.structure
     duration = None if scenario.run is None else scenario.run.duration
@@ -123,6 +125,8 @@ def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, F
         support = signal_of(moved.driven, moved.path, base_motion)
         signals = (support.acceleration, support.velocity, support.displacement)
         loads += zip(moved.loads(structure, parts.basis, parts.damping), signals, strict=True)
+    for path, driven in driven_stops(scenario):
+        loads.append((np.zeros(parts.basis.size), signal_of(driven, path, base_motion).displacement))
     moving, motion = moving_base(scenario), None
     if moving is not None:
         path, driven = moving
@@ -134,8 +138,13 @@ def time_dependent_loads(parts: Parts, felt: bool) -> tuple[BaseMotion | None, F
         if structure.base_load(direction)[1].any():  # springs to ground stretch by the base's displacement as well
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), parts.basis.size)
-    displacement = motion.displacement if motion is not None and felt else None
-    return motion, Forcing(load, tuple(signal for _, signal in loads), displacement)
+    on_ground = pushing.contacts.felt.any() or pushing.cubic.felt.any()
+    displacement = motion.displacement if motion is not None and on_ground else None
+    felt = parts.felt(len(loads))
+    of_contacts = np.vstack([felt, np.zeros((len(parts.spring_sites), len(loads)))])[pushing.owner]
+    return motion, Forcing(
+        load, tuple(signal for _, signal in loads), displacement, of_contacts if felt.any() else None
+    )
 
 
 def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, recovered: bool = True) -> StructuralSystem:
@@ -232,7 +241,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     contacts = resolve_preloads(pushing.contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
     equilibrium = _equilibrium(parts, contacts, resting, cubic)
     initial, warnings = initial_state(parts, contacts, resting, cubic, equilibrium)
-    motion, forcing = time_dependent_loads(parts, bool(contacts.felt.any() or cubic.felt.any()))
+    motion, forcing = time_dependent_loads(parts, pushing)
     initial += carried_start(parts, forcing)
 
     corrections = None if motion is None else motion.corrections
@@ -282,6 +291,7 @@ class _Pushing:
     springs: tuple[SpringInfo, ...]
     cubic: CubicSprings
     contacts: Contacts  # snubbers, then springs with laws
+    owner: Ints  # (m,) number of the snubber, or spring with a law, that each contact belongs to
     sites: list[Site]  # (m,) where the contacts act
 
 
@@ -298,11 +308,13 @@ def _pushing(parts: Parts) -> _Pushing:
     contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
     with_laws = [site for site, spring in zip(parts.spring_sites, springs, strict=True) if spring.law is not None]
     sites: list[Site] = [*parts.snubber_sites, *with_laws]
+    owner = np.arange(len(sites))
     if cubic.count:  # what integrates these in time knows one-sided springs alone
         _refuse_memory(snubbers, stops, nonlinear)
-        sites = [sites[j] for j in contacts.owners_of_parts[0]]
+        owner = contacts.owners_of_parts[0]
+        sites = [sites[j] for j in owner]
         contacts = contacts.split()
-    return _Pushing(tables, stops, springs, cubic, contacts, sites)
+    return _Pushing(tables, stops, springs, cubic, contacts, owner, sites)
 
 
 def _checked_for_mechanisms(parts: Parts, pushing: _Pushing) -> list[str]:
@@ -321,8 +333,12 @@ def _checked_for_mechanisms(parts: Parts, pushing: _Pushing) -> list[str]:
 
 def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
     """(r,) internal states of contacts after a long rest at the start."""
-    base = 0.0 if forcing.base_displacement is None else float(forcing.base_displacement(0.0))
-    return contacts.settled_states(-contacts.gap - contacts.sign * (contacts.shape @ q + contacts.felt * base))
+    apart = contacts.shape @ q
+    if forcing.base_displacement is not None:
+        apart += contacts.felt * float(forcing.base_displacement(0.0))
+    if forcing.felt is not None:
+        apart += forcing.felt @ [float(signal(0.0)) for signal in forcing.signal]
+    return contacts.settled_states(-contacts.gap - contacts.sign * apart)
 
 
 def _remarks(snubbers: Sequence[Located], tables: Sequence[TableOfStop | None]) -> list[str]:

@@ -23,6 +23,7 @@ from beamsim.system.parts import (
     Parts,
     base_direction,
     determined,
+    driven_stops,
     exciting_forces,
     gravity_loads,
     output_direction,
@@ -255,7 +256,7 @@ class _Asked:
         load[: len(self.force_sites)] = -shares(self.force_sites)
         for signals, moved in self.moved_signals:
             load[signals] = total(partial(Support.moved, other=moved.support))[[1, 2, 0]]
-        of_base = load[len(self.force_sites) + 3 * len(self.parts.moved) :]
+        of_base = load[len(self.force_sites) + 3 * len(self.parts.moved) + len(driven_stops(scenario)) :]
         of_base[1:] = displaced  # after the base's acceleration its displacement, which springs to the ground feel
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
         return self._channel(

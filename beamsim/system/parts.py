@@ -23,7 +23,7 @@ import numpy as np
 from beamsim.errors import MethodError, Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, suggestion
-from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, MovedSupport
+from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, MovedStop, MovedSupport, OnSupport
 from beamsim.scenario.excitation import One
 from beamsim.scenario.run import ModeStart, ReleasedForceStart, Start
 from beamsim.structures.assembly import assemble, load_site_in, site_in, snubber_site
@@ -130,6 +130,11 @@ def _excitations(scenario: Scenario) -> list[tuple[Path, One]]:
 def driven_supports(scenario: Scenario) -> Iterator[tuple[Path, One]]:
     """What of the excitation moves a support, with its path."""
     return ((path, each) for path, each in _excitations(scenario) if isinstance(each.applied_to, MovedSupport))
+
+
+def driven_stops(scenario: Scenario) -> list[tuple[Path, One]]:
+    """What of the excitation moves a stop, with its path."""
+    return [(path, each) for path, each in _excitations(scenario) if isinstance(each.applied_to, MovedStop)]
 
 
 def moved_supports(scenario: Scenario, structure: Structure) -> list[Moved]:
@@ -279,6 +284,32 @@ class Parts:
                 lever = self.structure.base_motion_at(site, motion)
                 levers[k] = 1.0 if abs(lever - 1.0) < 1e-9 else lever
         return levers
+
+    def felt(self, signals: int) -> Floats:
+        """(k, L) displacement of each snubber's place from its stand by a unit of each of so many signals of the loads.
+
+        They are -1 where a support or the snubber itself moves its stand.
+
+        Raises
+        ------
+        ScenarioError
+            Where a snubber is mounted on a support that there is not.
+        """
+        scenario, first = self.scenario, len(exciting_forces(self.scenario))
+        felt, stops = np.zeros((len(self.snubber_sites), signals)), driven_stops(scenario)
+        for row, site, (path, _, snubber, _) in zip(felt, self.snubber_sites, scenario.located_snubbers, strict=True):
+            on = getattr(snubber, "mounted_on", None)
+            if isinstance(on, OnSupport):
+                at, body = (*path, "mounted_on", "support"), on.body or scenario.default_body
+                assert isinstance(site, Place)
+                supports_named(supports_of(self.structure), body, on.support, at)
+                for k, moved in enumerate(self.moved):
+                    by = moved.support
+                    if by.at is None and (by.body, by.name, by.direction) == (body, on.support, site.direction):
+                        row[first + 3 * k + 2] = -1.0
+            for k, (_, driven) in enumerate(stops, start=first + 3 * len(self.moved)):
+                row[k] = -float(driven.moves_stop(snubber.name))
+        return felt
 
     @cached_property
     def snubber_sites(self) -> list[Site]:

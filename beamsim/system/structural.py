@@ -183,13 +183,14 @@ def _of_probes(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
 
 
 def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
-    contacts, channels = system.dynamics.contacts, []
+    contacts, felt, channels = system.dynamics.contacts, system.forcing.felt, []
     unit = np.eye(contacts.count)
     for j, snubber in enumerate(system.snubbers):
         sign, shape = contacts.sign[j], contacts.shape[j]
         penetration = Rows.of(
-            1, sizes, displacement=-sign * shape, constant=-contacts.gap[j], base_displacement=-sign * contacts.felt[j]
-        )
+            1, sizes, displacement=-sign * shape, constant=-contacts.gap[j], base_displacement=-sign * contacts.felt[j],
+            load=0.0 if felt is None else -sign * felt[j],
+        )  # fmt: skip
         channels += [
             Channel("snubbers", snubber.name, "force", "N", Rows.of(1, sizes, contact=unit[j])),
             Channel("snubbers", snubber.name, "penetration", "m", penetration),

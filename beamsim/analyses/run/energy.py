@@ -158,9 +158,7 @@ def stored_at_ends(trajectory: Trajectory) -> Floats:
     """(S + 1,) stored energy where the segments begin, and at the end, J."""
     flow, times = trajectory.flow, np.append(trajectory.time, trajectory.end)
     y = np.vstack([trajectory.y, trajectory.final_y])
-    base = None if flow.base_channel < 0 else flow.forcing.base_displacement
-    moved = None if base is None else (base(times), np.zeros(times.size))
-    penetration, _ = flow.system.contacts.penetrations(y, moved)
+    penetration = flow.system.contacts.penetrations(y, None)[0] - flow.system.contacts.sign * flow.apart(times)
     phases = trajectory.phases_of(np.append(trajectory.state, trajectory.state[-1:]))
     return stored_energy(flow.system, y, penetration, phases)
 
@@ -209,23 +207,24 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
     for index in range(loads.shape[0]):
         signals.direct[index + 1, sources.channel == index] = 1.0
     loaded = _velocities(flow, np.vstack([system.constant_load, loads]))
-    base_rate = flow.empty_output(1 if flow.base_channel >= 0 else 0)  # of the contacts on the ground
-    base_rate.direct_slope[:, sources.channel == flow.base_channel] = 1.0
-    push = -(contacts.felt * contacts.sign)[None]
+    stands = flow.stands
+    rates = flow.empty_output(stands.size)  # of what contacts stand on
+    rates.direct_slope[:] = stands[:, None] == sources.channel
+    push = -flow.felt[stands] * contacts.sign
 
     @lru_cache(maxsize=1)  # both factors of one state are asked for in turn
     def losses(phases: bytes) -> tuple[LinearOutput, LinearOutput]:
         return contact_losses(flow, np.frombuffer(phases, dtype=np.int64))
 
     def left(phases: Ints) -> LinearOutput:
-        forces = (flow.contact_forces(phases).combined(push),) if base_rate.row.size else ()
+        forces = (flow.contact_forces(phases).combined(push),) if stands.size else ()
         return LinearOutput.stacked(moving, losses(phases.tobytes())[0], signals, *forces)
 
     def right(phases: Ints) -> LinearOutput:
-        return LinearOutput.stacked(moving, losses(phases.tobytes())[1], loaded, base_rate)
+        return LinearOutput.stacked(moving, losses(phases.tobytes())[1], loaded, rates)
 
     inside = m + contacts.internal_states
-    weight = np.zeros((used.size + inside + loads.shape[0] + 1 + base_rate.row.shape[0], 2))
+    weight = np.zeros((used.size + inside + loads.shape[0] + 1 + stands.size, 2))
     weight[: used.size + inside, 0] = np.concatenate([rate_of_damping[used], np.ones(inside)])
     weight[used.size + inside :, 1] = 1.0
     return left, right, weight

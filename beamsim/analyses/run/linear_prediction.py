@@ -70,7 +70,8 @@ def linear_input(scenario: Scenario, system: StructuralSystem) -> LinearInput | 
     excitation = scenario.excitation
     alone = system.base_acceleration is not None or system.forcing.load.shape[0] == 1
     linear = not system.cubic.count and not system.springs and not system.dynamics.contacts.ever_hold
-    if not isinstance(excitation, RandomInput) or not alone or not linear or not system.snubbers:
+    resting = system.forcing.felt is None  # stops move with the base alone
+    if not isinstance(excitation, RandomInput) or not alone or not linear or not resting or not system.snubbers:
         return None
     at = np.array([point.frequency for point in excitation.psd])
     value = np.array([point.density for point in excitation.psd])
