@@ -100,7 +100,8 @@ def sweep_screen(result: SweepResult) -> Screen:
     rows = []
     for name, curve in result.curves.items():
         level = scale_for(curve.level_unit, curve.level)
-        row = {"": f"{curve.direction}, {curve.level * level.factor:.4g} {level.unit}".rstrip()}
+        said = f"{curve.direction}, {curve.level * level.factor:.4g} {level.unit}".rstrip()
+        row = {"": said if level.unit in ("", "g") else f"{said}{in_gravities(curve)}"}
         for entry, field, unit, heading in of:
             values = s.get(entry, {}).get(name, {})
             place = max(values, key=lambda at: values[at], default="")
@@ -115,6 +116,15 @@ def sweep_screen(result: SweepResult) -> Screen:
         *limit_lines(s.get("margins", {})), *numbers.legend(),
     ]  # fmt: skip
     return Screen(sureness(result, numbers.largest_change), rows, lines)
+
+
+def in_gravities(curve: SweepCurve) -> str:
+    """The acceleration of the base along a curve, in g, for the text behind its level; empty of a force."""
+    if curve.excitation_unit != "m/s^2":
+        return ""
+    sizes = np.abs(curve.excitation_amplitude) / STANDARD_GRAVITY
+    low, high = float(sizes.min()), float(sizes.max())
+    return f" ({high:.3g} g)" if high - low <= 1e-3 * high else f" ({low:.3g} to {high:.3g} g)"
 
 
 def _method(result: RunResult, method: str) -> str:

@@ -1,12 +1,13 @@
 """Sweeps whose level is lowered to limits: the limits are met, the level can be run again, what fails is said."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
 from beamsim.analyses.sweep.analysis import sweep
-from beamsim.cli.motions import notch_texts
+from beamsim.cli.motions import in_gravities, notch_texts
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 from tests.helpers.commands import invoke
@@ -169,6 +170,10 @@ def test_the_level_of_a_notch_is_given_in_the_unit_of_the_input_and_in_g():
     lowered = curve.notching.ranges[0]
     text = notch_texts(result)["up_0 range 1"]
     in_g = lowered.level * (2.0 * np.pi * lowered.at_hz) ** 2 / G
+    first, last = (6e-3 * (2.0 * np.pi * f) ** 2 / G for f in (14.0, 18.0))
+    free = sweep(load_scenario({**given, "sweep": {**given["sweep"], "notch_to": None}}))
+    low, high = (float(x) for x in re.fullmatch(r" \((.*) to (.*) g\)", in_gravities(free.curves["up_0"])).groups())
+    assert (low, high) == pytest.approx((first, last), rel=0.03)  # the last whole cycle is 1.5 cycles before the end
     assert f"lowest level {1e3 * lowered.level:.4g} mm or {in_g:.4g} g (" in text
 
 
