@@ -46,7 +46,9 @@ def run_screen(result: RunResult) -> Screen:
         largest = [f"{of.name} {words(of.quantity)} {text}" for of in signals if (text := _expected_peak(of))]
         if largest:
             lines.append(f"largest in {amount(random.test_duration_s, 's')} of test: {first_of(largest, SHOWN)}")
-    lines += [f"damage of {name} {body['damage']:.2g}" for name, body in s.get("fatigue", {}).items()]
+    for name, body in s.get("fatigue", {}).items():
+        interval = f" ({body['damage_low']:.2g} to {body['damage_high']:.2g}, 95 %)" if "damage_low" in body else ""
+        lines.append(f"damage of {name} {body['damage']:.2g}{interval}")
     shown = {row[""] for row in rows}
     lines += limit_lines({name: item for name, item in s.get("margins", {}).items() if item["at"] not in shown})
     if compared := s.get("against"):

@@ -155,8 +155,9 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         )
     if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
         fields["fatigue"] = fatigue_of(
-            system, motion.parts, motion.marched.end, largest(motion.extremes[STRESS]), settings.fatigue
-        )
+            system, motion.parts, motion.marched.end, largest(motion.extremes[STRESS]), settings.fatigue,
+            stationary=scenario.excitation.stationary,
+        )  # fmt: skip
         warnings += fatigue_doubts(fields["fatigue"], settings.fatigue)
     summary = summary_of_run(scenario, system, motion, spectra, stop)
     warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])

@@ -353,6 +353,8 @@ def fatigue_of(
     end: float,
     largest: Floats,
     settings: StressLife,
+    *,
+    stationary: bool,
 ) -> dict[str, Fatigue]:
     """Fatigue of each body where its stress is largest.
 
@@ -363,6 +365,7 @@ def fatigue_of(
     end : of the motion, s.
     largest : (nx,) largest magnitude of the stress at every station, Pa.
     settings : the life that is counted in.
+    stationary : whether the input is random, so that damage has an interval.
 
     Returns
     -------
@@ -387,8 +390,33 @@ def fatigue_of(
             damage=done,
             life_s=end / done if done > 0.0 else float("inf"),
             rainflow=Rainflow("Pa", *cycles.T),
+            **(damage_interval(turns, done, settings) if stationary else {}),
         )
     return fatigue
+
+
+def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[str, float]:
+    """Interval, 95 %, of the mean damage of stationary motions as long as this one, from that of its parts.
+
+    Parameters
+    ----------
+    turns : (n,) Pa, between which the stress rises and falls.
+    done : damage of all of them.
+    settings : the life that is counted in.
+
+    Returns
+    -------
+    Fields of `Fatigue`, a ratio to either side of the damage; none of a record with few cycles.
+    """
+    parts, limit = np.array_split(turns, BLOCKS), settings.endurance_limit or 0.0
+    each = np.array([
+        damage(_cycles(part), settings.stress_range, settings.cycles, settings.exponent, limit) for part in parts
+    ])  # fmt: skip
+    if turns.size < BLOCKS * LEAST or np.count_nonzero(each) < 2:
+        return {}
+    (found,) = jackknife({"damage": each}, {"damage": lambda sums: np.log(sums["damage"])})
+    low, high = (done * float(np.exp(end - found.value)) for end in (found.low, found.high))
+    return {"damage_low": low, "damage_high": high}
 
 
 def fatigue_doubts(bodies: Mapping[str, Fatigue], settings: StressLife) -> Iterator[str]:

@@ -170,6 +170,11 @@ class Fatigue:
     life_s: float = attribute("s", "time to damage 1 if the run is repeated; infinite without damage")
     rainflow: Rainflow = group("rainflow", Rainflow)
     across: float | None = attribute("m", "on a plate its y", default=None)
+    # None of an input that is not random, or of few cycles
+    damage_low: float | None = attribute(
+        "1", "lower end of the interval of the damage, 95 %, of the mean of runs with other seeds", default=None
+    )
+    damage_high: float | None = attribute("1", "upper end of that interval", default=None)
 
     def summary(self) -> Mapping[str, Any]:
         """The numbers by name."""
