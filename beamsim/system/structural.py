@@ -18,6 +18,7 @@ from beamsim.structures.places import Place
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
 from beamsim.system.equations import Channel, ChannelSet, Forcing, PiecewiseLinearSystem, Rows, SineLoads, Sizes
 from beamsim.system.modes import Assessment, ModeTable
+from beamsim.system.parts import exciting_forces
 from beamsim.typing import Floats
 
 
@@ -132,9 +133,9 @@ class StructuralSystem:
 
     def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
         """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""
-        moved, signals = self.assessment.parts.moved, self.forcing.signal
+        moved, first = self.assessment.parts.moved, len(exciting_forces(self.assessment.parts.scenario))
         motion = np.zeros((times.size, len(places)))
-        for each, displacement in zip(moved, signals[len(signals) - 3 * len(moved) :][2::3], strict=True):
+        for each, displacement in zip(moved, self.forcing.signal[first + 2 :: 3], strict=False):
             motion += np.outer(displacement(times), [each.support.direct(place) for place in places])
         return motion
 

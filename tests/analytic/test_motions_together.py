@@ -5,6 +5,8 @@ import pytest
 
 import beamsim
 from beamsim.scenario import load_scenario
+from beamsim.structures.places import Place
+from beamsim.system.build import build_system
 
 BEAM = {
     "length": 0.9, "width": 0.03, "thickness": 0.004, "youngs_modulus": 70e9, "density": 2700.0, "elements": 9,
@@ -76,6 +78,21 @@ def test_a_base_alone_in_a_list_is_a_base(tmp_path):
     for name, values in histories(plain).items():
         np.testing.assert_array_equal(histories(listed)[name], values)
     assert listed.summary["peak_force_n"] == plain.summary["peak_force_n"]
+
+
+def test_ends_that_move_beside_a_base_are_drawn_where_they_are(tmp_path):
+    moved, base = entries(tmp_path)[:2]
+    excitation = {"kind": "forces", "forces": [moved, base]}
+    times = np.linspace(0.0, 0.7, 8)
+    case = {
+        "beam": BEAM,
+        "excitation": excitation,
+        "run": {"duration": 0.7},
+        "probes": [{"name": "p", "position": 0.6}],
+    }
+    ends = build_system(load_scenario(case)).with_supports([Place("beam", 0.0), Place("beam", 0.9)], times)
+    expected = 1e-3 * np.sin(9.0 * times) ** 3 * np.exp(-2.0 * times)
+    np.testing.assert_allclose(ends, np.transpose([0.0 * times, expected]), rtol=0, atol=1e-9)
 
 
 def test_noise_in_a_list_has_statistics_where_nothing_else_comes_and_goes(tmp_path):
