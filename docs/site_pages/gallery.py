@@ -1,11 +1,20 @@
-"""The gallery: one picture of each of some shipped configs, made by running them."""
+"""The gallery: one picture of each of some shipped configs, made by running them.
+
+``python -m docs.site_pages.gallery FOLDER`` draws all pictures of these configs and of some more, with the sketches of
+their models, and puts them on one sheet: every kind of picture at a glance, and beside it at its own size.
+"""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from PIL import Image
+
 import beamsim
+from beamsim.cli.html_report import draw_model
 from beamsim.kinds import KINDS, named
 from beamsim.plots.drawing import save_figures
 
@@ -39,6 +48,43 @@ ENTRIES = [
 ]  # fmt: skip
 
 
+MORE = [
+    Entry("run", "moved_supports", "", "supports that move"),
+    Entry("run", "imported_panel", "", "imported matrices"),
+    Entry("run", "dry_friction", "", "friction"),
+    Entry("run", "hinged_yoke", "", "a hinge with a rotational spring"),
+    Entry("sweep", "sweep_test", "", "a swept sine"),
+    Entry("identify-stiffness", "identify_pad", "", "a pad"),
+]
+"""Whose pictures are on the sheet alone."""
+WIDTH, COLUMNS = 600, 4  # of the sheet, pixels of a picture
+
+
+def sheet(folder: Path) -> Path:
+    """Draw all pictures of all configs in ``folder``, and the sheet, whose path is returned."""
+    folder.mkdir(parents=True, exist_ok=True)
+    of_configs = {entry.config: entry for entry in (*ENTRIES, *MORE)}
+    drawn = [path for entry in of_configs.values() for path in (*_sketch(entry, folder), *_pictures(entry, folder))]
+    rows = [_resized(drawn[first : first + COLUMNS]) for first in range(0, len(drawn), COLUMNS)]
+    heights = [max(image.height for image in row) for row in rows]
+    whole = Image.new("RGB", (COLUMNS * WIDTH, sum(heights)), "white")
+    for number, row in enumerate(rows):
+        for column, image in enumerate(row):
+            whole.paste(image, (column * WIDTH, sum(heights[:number])))
+    path = folder / "sheet.png"
+    whole.save(path)
+    return path
+
+
+def _resized(paths: Sequence[Path]) -> list[Image.Image]:
+    images = [Image.open(path).convert("RGB") for path in paths]
+    return [image.resize((WIDTH, image.height * WIDTH // image.width)) for image in images]
+
+
+def _sketch(entry: Entry, folder: Path) -> list[Path]:
+    return draw_model(beamsim.load_scenario(CONFIGS / f"{entry.config}.yaml"), None, folder, entry.config)
+
+
 def page(folder: Path) -> str:
     """Run the configs, save their pictures in ``folder`` and return the page as MyST Markdown."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -60,8 +106,13 @@ def _pictures(entry: Entry, folder: Path) -> list[Path]:
     kind = entry.kind
     if kind == "sweep":
         kind = "designs" if scenario.vary is not None else getattr(scenario.sweep, "kind", "sweep")
+        kind = kind if kind in KINDS else "sweep"
     if kind == "designs":
         result = beamsim.design_study(beamsim.plan_designs(scenario))
     else:
         result = named(KINDS[kind].analysis)(scenario)
     return save_figures(named(KINDS[kind].figures)(result), folder, entry.config)
+
+
+if __name__ == "__main__":
+    print(sheet(Path(sys.argv[1])))
