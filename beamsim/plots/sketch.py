@@ -35,17 +35,19 @@ _SHEAR, _RISE = 0.25, 0.3  # of a plate: to the right by its y, up over the dist
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a body: a beam, a row of masses or nodes, or the lower or upper edge of a plate."""
+    """One line of a body: a beam, a row of masses, the lower or upper edge of a plate, or nodes in space."""
 
     x: Floats  # (k,) m in the sketch
     row: float  # at rest, counted upwards
     coordinate: Floats  # (k,) of the body
     stations: Ints  # (k,) their numbers
     continuous: bool
+    up: Floats | float = 0.0  # (k,) rows above ``row`` at rest, of nodes in space
+    pairs: Ints | None = None  # (m, 2) of its points that are joined; all in their order where None
 
     def at(self, coordinate: float, heights: Floats) -> Floats:
         """(2,) where a point is drawn; ``heights`` (nx,) are those of the stations."""
-        x, height = (np.interp(coordinate, self.coordinate, y) for y in (self.x, heights[self.stations]))
+        x, height = (np.interp(coordinate, self.coordinate, y) for y in (self.x, self.up + heights[self.stations]))
         return np.array([x, self.row + height])
 
 
@@ -62,7 +64,7 @@ class Sketch:
         self.scenario, self.stations, self.stops = scenario, stations, stops
         at = placed(scenario.joints, scenario.all_bodies, scenario.default_body)
         rows = list(dict.fromkeys(at.group.get(part.body, part.body) for part in stations))
-        lengths = [float(np.ptp(stations.position[p.stations])) for p in stations if p.axis.continuous]
+        lengths = [float(np.ptp(self._across(part))) for part in stations if self._in_metres(part)]
         self.span = max(lengths, default=1.0) or 1.0
         self.count = len(rows)
         self.rest = np.zeros(stations.position.size)
@@ -74,8 +76,32 @@ class Sketch:
         }
         self.sites: dict[str, Site] = {each.item.name: snubber_site(each) for each in scenario.located_snubbers}
 
+    def _in_metres(self, part: StationPart) -> bool:
+        points = self.stations.points
+        return part.axis.continuous or (points is not None and bool(np.all(np.isfinite(points[part.stations]))))
+
+    def _across(self, part: StationPart) -> Floats:
+        """(k,) m to the right; nodes in space are seen obliquely."""
+        if part.axis.continuous or self.stations.points is None:
+            return self.stations.position[part.stations]
+        x, y, _ = self.stations.points[part.stations].T
+        return np.asarray(x + _SHEAR * y)
+
+    def _in_space(self, part: StationPart, row: int, origin: float, numbers: Ints) -> Line:
+        """Nodes in space; rows are a quarter of the span apart, and a high structure is pressed between them."""
+        assert self.stations.points is not None
+        _, y, z = self.stations.points[part.stations].T
+        up = z - z.min() + _RISE * (y - y.min())
+        pairs = np.zeros((0, 2), dtype=np.int64) if self.stations.lines is None else self.stations.lines
+        pairs = pairs[(pairs[:, 0] >= part.stations.start) & (pairs[:, 0] < part.stations.stop)] - part.stations.start
+        scale = min(4.0 / self.span, 0.5 / (float(up.max()) or 1.0))
+        x = origin + self._across(part)
+        return Line(x, row, self.stations.position[part.stations], numbers, False, scale * up, pairs)
+
     def _lines_of(self, part: StationPart, row: int, origin: float) -> list[Line]:
         position, numbers = self.stations.position[part.stations], np.arange(part.stations.start, part.stations.stop)
+        if not part.axis.continuous and self._in_metres(part):
+            return [self._in_space(part, row, origin, numbers)]
         x = origin + position
         if not part.axis.continuous:
             x = origin + (position - position.min()) * self.span / (float(np.ptp(position)) or 1.0)
@@ -120,10 +146,15 @@ class Sketch:
         """
         for name, lines in self.lines.items():
             for line in lines:
-                ax.plot(line.x[[0, -1]], [line.row, line.row], color=REST, linewidth=0.8, zorder=1)
                 size = 0.0 if line.continuous else 6.0 if line.x.size <= MANY_NODES else 2.0
-                ax.plot(line.x, line.row + heights[line.stations], color=BODY, marker="s", markersize=size,
-                        linewidth=0.7 if size else 1.6, zorder=3)  # fmt: skip
+                style: dict[str, Any] = {"color": BODY, "linewidth": 0.7 if size else 1.6, "zorder": 3}
+                y = line.row + line.up + heights[line.stations]
+                if line.pairs is None:
+                    ax.plot(line.x[[0, -1]], [line.row, line.row], color=REST, linewidth=0.8, zorder=1)
+                else:
+                    ax.plot(line.x[line.pairs].T, y[line.pairs].T, **style)
+                joined = "-" if line.pairs is None else "none"
+                ax.plot(line.x, y, marker="s", markersize=size, linestyle=joined, **style)
             if len(lines) > 1:
                 for end in (0, -1):
                     corners = [(line.x[end], line.row + heights[line.stations[end]]) for line in lines]
@@ -138,7 +169,7 @@ class Sketch:
         ax.set_ylim(-0.62, self.count - 0.38)
         ax.set_yticks([])
         ax.spines[["top", "right", "left"]].set_visible(False)
-        if any(line.continuous for lines in self.lines.values() for line in lines):
+        if any(line.continuous or line.pairs is not None for lines in self.lines.values() for line in lines):
             finish_positions(ax)
         else:
             ax.set_xticks([])

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError
-from scipy.sparse import csc_array, csr_array, identity
+from scipy.sparse import coo_array, csc_array, csr_array, identity
 
 from beamsim.errors import MethodError, ScenarioError
 from beamsim.matrix_files import MODAL
@@ -45,6 +45,7 @@ from beamsim.typing import Floats, Ints
 _RIGID, _GAP = 1e-9, 1e-5
 NOT_HELD = "the base does not hold it"
 """How the remark about motions that have no stiffness although the base is held begins."""
+DENSE = 0.8  # of all pairs of nodes: a matrix that couples more is no longer one of elements
 _ASIDE = (1e-7, 1e-5, 1e-3)  # of a frequency below which modes are counted, where the count is hidden at it
 _SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
 
@@ -256,7 +257,30 @@ class MatricesStructure(BodyStructure):
         shapes = self.expansion[rows] @ member.field(basis.vectors) / np.sqrt(member.whole.mass_scale)
         points = None if self.table.coordinates is None else self.table.coordinates[rows]
         nodes = self.table.nodes[rows].astype(float)
-        return Recovery(self.name, NODES, nodes, np.asarray(shapes), points=points, direction=direction)
+        lines = None if points is None or not np.all(np.isfinite(points)) else self._lines(nodes, points)
+        return Recovery(self.name, NODES, nodes, np.asarray(shapes), points=points, lines=lines, direction=direction)
+
+    def _lines(self, nodes: Floats, points: Floats) -> Ints | None:
+        """(k, 2) pairs of nodes that the stiffness couples, as an element does: its edges, no diagonals.
+
+        Of a matrix that couples most of all nodes, as a condensed one does, None.
+        """
+        stiffness, of_rows = coo_array(self.given.stiffness), self.given.table.nodes
+        at = np.minimum(np.searchsorted(nodes, of_rows), nodes.size - 1)
+        shown = nodes[at] == of_rows
+        i, j = (at[ends][shown[stiffness.row] & shown[stiffness.col]] for ends in (stiffness.row, stiffness.col))
+        near = np.zeros((nodes.size, nodes.size), dtype=bool)
+        near[i, j] = near[j, i] = i != j
+        if nodes.size > 2 and near.sum() > DENSE * nodes.size * (nodes.size - 1):
+            return None
+        apart = np.linalg.norm(points[:, None] - points, axis=2)
+        pairs = np.argwhere(np.triu(near))
+        edges = [
+            (a, b)
+            for a, b in pairs
+            if not np.any(near[a] & near[b] & (np.maximum(apart[a], apart[b]) < (1.0 - 1e-6) * apart[a, b]))
+        ]
+        return np.array(edges, dtype=np.int64).reshape(-1, 2) if edges else None
 
     def deflections(self, vectors: Floats) -> Floats:
         """Displacements of nodes, else all that there is."""

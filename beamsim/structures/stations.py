@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from beamsim.fields import attribute, axis, dataset, declared
+from beamsim.fields import Counter, attribute, axis, dataset, declared
 from beamsim.structures.places import DEFLECTION, Place
 from beamsim.typing import Floats, Ints
 
@@ -59,6 +59,12 @@ class Stations:
         "m", "x, y and z of the nodes of imported bodies, NaN where they have none; NaN on other bodies", default=None
     )
 
+    # where also the stiffness of an imported body tells what is joined
+    lines: Ints | None = dataset(
+        "1", "stations, from 0, between which lines are drawn: their nodes belong to one element",
+        along=(Counter("line", "number of the line"), Counter("end", "end of the line")), default=None,
+    )  # fmt: skip
+
     @classmethod
     def of_recoveries(cls, bodies: Sequence[Recovery]) -> Stations:
         """Those of each body; of none none."""
@@ -68,13 +74,16 @@ class Stations:
         across = _together([each.across for each in bodies], bodies, ())
         points = _together([each.points for each in bodies], bodies, (3,))
         axes = tuple(each.axis for each in bodies)
+        first = np.cumsum([0, *(each.position.size for each in bodies)])
+        known = [start + each.lines for start, each in zip(first, bodies, strict=False) if each.lines is not None]
+        lines = np.concatenate(known) if known else None
         if len(bodies) == 1:
-            return cls(position, axes[0].unit, axes[0].long_name, across=across, points=points)
+            return cls(position, axes[0].unit, axes[0].long_name, across=across, points=points, lines=lines)
         same = len(set(axes)) == 1
         unit, meaning = (axes[0].unit, axes[0].long_name) if same else ("1", "position on the axis of each body")
         body = np.repeat(np.arange(len(bodies)), [each.position.size for each in bodies])
         names = tuple(each.body for each in bodies)
-        return cls(position, unit, meaning, body, names, tuple(axis.long_name for axis in axes), across, points)
+        return cls(position, unit, meaning, body, names, tuple(axis.long_name for axis in axes), across, points, lines)
 
     @cached_property
     def parts(self) -> tuple[StationPart, ...]:
@@ -141,6 +150,7 @@ class Recovery:
     base_moment: Floats | None = None
     across: Floats | None = None  # (nx,) m, y on a plate
     points: Floats | None = None  # (nx, 3) m, of nodes whose table has coordinates; NaN where it has none
+    lines: Ints | None = None  # (k, 2) stations whose nodes belong to one element
     moments: int = 1  # at a station
     direction: str = DEFLECTION
 

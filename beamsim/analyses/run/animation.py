@@ -28,7 +28,7 @@ from beamsim.structures.stations import IN_PLANE, StationPart, Stations
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds, reduced_parts
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Bools, Floats, Ints
 
 PLATE_LINES, PLATE_POINTS = 5, 33
 FRAMES = 160
@@ -45,6 +45,7 @@ class DrawnLine:
     x: Floats  # (k,) in the body's coordinate
     across: Floats | None  # (k,) m, y on a plate
     continuous: bool
+    stations: Ints | None = None  # (k,) where it is not finer than these
 
     @property
     def places(self) -> list[Place]:
@@ -140,8 +141,12 @@ def frames_at(scenario: Scenario, model: BuiltModel, times: Floats, slow: Bools,
     shape = _shape_of(scenario, system, lines, shared)
     at_stops = _rows(scenario, [end for site in sites.values() for end in ends_of(site)], shared)
     force = {name: forces[:, k] for k, name in enumerate(sites)}
-    bodies = {body.body: body.places for body in system.bodies}
-    places = [place for line in lines for place in (line.places if line.continuous else bodies[line.body])]
+    stations = [place for body in system.bodies for place in body.places]
+    places = [
+        place
+        for line in lines
+        for place in (line.places if line.stations is None else [stations[number] for number in line.stations])
+    ]
     deflection = q @ shape.T + system.with_supports(places, times)
     return Frames(lines, times, slow, deflection, _of_stops(sites, q @ at_stops.T), force)
 
@@ -183,13 +188,11 @@ def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion)
     for part in stations:
         numbers = np.arange(part.stations.start, part.stations.stop)
         across = None if part.axis is not IN_PLANE or stations.across is None else stations.across[part.stations]
-        rows = [slice(None)] if across is None else [across == y for y in np.unique(across)]
-        for row in rows:
-            lines.append(
-                DrawnLine(part.body, stations.position[part.stations][row], None if across is None else across[row],
-                          part.axis.continuous)
-            )  # fmt: skip
-            columns.append(numbers[row])
+        rows = [numbers[across == y] for y in np.unique(across)] if across is not None else [numbers]
+        for row in rows if part.axis.continuous else _of_nodes(stations, part):
+            y = None if across is None or stations.across is None else stations.across[row]
+            lines.append(DrawnLine(part.body, stations.position[row], y, part.axis.continuous, row))
+            columns.append(row)
     places = [end for site in sites.values() for end in ends_of(site)]
     nearest = [_nearest(stations, place) for place in places]
     of_ends = at(motion.stations[:, nearest]) if nearest else np.zeros((times.size, 0))
@@ -294,18 +297,26 @@ def _lines_of(stations: Stations, part: StationPart, scenario: Scenario) -> list
     if part.axis.continuous:
         # 81: along a beam; its elements are cubic
         return [DrawnLine(name, np.linspace(x.min(), x.max(), 81), None, True)]
-    return [DrawnLine(name, x, None, False)]
+    return [DrawnLine(name, stations.position[numbers], None, False, numbers) for numbers in _of_nodes(stations, part)]
+
+
+def _of_nodes(stations: Stations, part: StationPart) -> list[Ints]:
+    """Stations by line: all in their order; of nodes in space those of each edge of an element, and nodes alone."""
+    numbers = np.arange(part.stations.start, part.stations.stop)
+    if stations.points is None or not np.all(np.isfinite(stations.points[part.stations])):
+        return [numbers]
+    edges = [] if stations.lines is None else list(stations.lines[np.isin(stations.lines[:, 0], numbers)])
+    return [*edges, *np.setdiff1d(numbers, np.concatenate(edges) if edges else [])[:, None]]
 
 
 def _shape_of(scenario: Scenario, system: StructuralSystem, lines: Sequence[DrawnLine], shared: SharedBuilds) -> Floats:
     """(points, n) deflection for a unit of each coordinate: of the elements' shape functions, or at the stations."""
-    parts, stations = [], system.stations
+    parts = []
     for line in lines:
-        if line.continuous:
+        if line.stations is None:
             parts.append(_rows(scenario, line.places, shared))
         else:
-            part = next((p for p in stations if p.body == line.body), stations.parts[0])
-            parts.append(system.deflection[part.stations])
+            parts.append(system.deflection[line.stations])
     return np.vstack(parts)
 
 
