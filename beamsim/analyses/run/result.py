@@ -512,10 +512,13 @@ class RandomResponse:
         return "1" if self.input.unit == "m/s^2" else "m/N"
 
     def summary(self) -> dict[str, Any]:
-        """The numbers, by name and quantity."""
+        """The numbers, by name and quantity; the expected peak where a duration of the test is given."""
         keys = (*STATISTICS, "standard_deviation", "highest", "lowest", "rms_low", "rms_high", "degrees_of_freedom",
                 "expected_peak", "expected_peak_low", "expected_peak_high")  # fmt: skip
-        return {f"{s.name} {s.quantity}": {key: getattr(s, key) for key in keys} for s in self.recorded}
+        return {
+            f"{s.name} {s.quantity}": {key: value for key in keys if (value := getattr(s, key)) is not None}
+            for s in self.recorded
+        }
 
     def over_limit(self) -> dict[str, tuple[float, float]]:
         """By name the largest ratio of a density to its limit curve, and the frequency there, Hz."""
