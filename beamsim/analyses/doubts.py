@@ -78,8 +78,8 @@ def forces_beyond_tables(scenario: Scenario, forces: Iterable[Mapping[str, Float
         for name, values in curve.items():
             largest[name] = max(largest.get(name, 0.0), float(np.nanmax(values, initial=0.0)))
     return [
-        f"{scenario.located_snubber(name).label}: its force reaches {largest[name]:.4g} N, its table ends at "
-        f"{_end(curve)}{_REST}"
+        f"{scenario.located_snubber(name).label}: its force reaches {largest[name]:.4g} "
+        f"{scenario.located_snubber(name).item.units[1]}, its table ends at {_end(scenario, name, curve)}{_REST}"
         for name, curve in _tables(scenario).items()
         if largest.get(name, 0.0) > curve.force[-1]
     ]
@@ -93,15 +93,20 @@ def compressed_beyond_tables(scenario: Scenario, compression: Mapping[str, float
     compression : m, the largest of each snubber.
     """
     return [
-        f"{scenario.located_snubber(name).label}: it is compressed by up to {1e3 * compression[name]:.4g} mm, its "
-        f"table ends at {_end(curve)}{_REST}"
+        f"{scenario.located_snubber(name).label}: it is compressed by up to {_way(scenario, name, compression[name])}, "
+        f"its table ends at {_end(scenario, name, curve)}{_REST}"
         for name, curve in _tables(scenario).items()
         if compression[name] > curve.deflection[-1]
     ]
 
 
-def _end(curve: ForceCurve) -> str:
-    return f"{1e3 * curve.deflection[-1]:.4g} mm, {curve.force[-1]:.4g} N"
+def _way(scenario: Scenario, name: str, penetration: float) -> str:
+    return f"{1e3 * penetration:.4g} m{scenario.located_snubber(name).item.units[0]}"
+
+
+def _end(scenario: Scenario, name: str, curve: ForceCurve) -> str:
+    unit = scenario.located_snubber(name).item.units[1]
+    return f"{_way(scenario, name, curve.deflection[-1])}, {curve.force[-1]:.4g} {unit}"
 
 
 def _tables(scenario: Scenario) -> dict[str, ForceCurve]:

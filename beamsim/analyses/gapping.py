@@ -15,13 +15,15 @@ Closing one more contact, with :math:`\kappa = k + i \omega c`, divides the open
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.values import of_angles
 from beamsim.fields import dataset, declared
-from beamsim.system.structural import StructuralSystem
+from beamsim.system.structural import ContactUnits, StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _FREQUENCY = ("frequency_hz",)
@@ -30,7 +32,7 @@ _LEVELS = ("level", "share_of_level", "frequency_hz", "time_s", "sigmas")
 
 
 @declared(along=_FREQUENCY)
-class ContactLevels:
+class ContactLevels(ContactUnits):
     """Levels at which the linear steady motion makes or loses one contact, at each frequency.
 
     A snubber that is open at equilibrium first touches at ``onset``; one that is closed first lifts off at ``loss``.
@@ -41,7 +43,9 @@ class ContactLevels:
     # nan where the snubber is open at equilibrium
     loss: Floats = dataset("1", "level of the excitation, SI, at which the linear motion first loses contact")
     # all snubbers closed
-    preload_needed: Floats = dataset("1", "N per unit of level: contact force at equilibrium that just keeps contact")
+    preload_needed: Floats = dataset(
+        "1", "{force_unit} per unit of level: contact force at equilibrium that just keeps contact"
+    )
     # None in files of earlier versions
     preload_alone: Floats | None = dataset(
         "1", "the same with the other snubbers as they are at equilibrium", default=None
@@ -130,7 +134,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
             alone = at_rest[:, j] if closed[j] else at_rest[:, j] / (1.0 + impedance[:, j] * receptance[:, j])
         levels[snubber.name] = ContactLevels(
             onset, loss, losing * np.abs(shut[:, j]), losing * np.abs(alone),
-            np.fmin.reduce(np.delete(first, j, axis=0), axis=0, initial=np.inf),
+            np.fmin.reduce(np.delete(first, j, axis=0), axis=0, initial=np.inf), turns=snubber.turns,
         )  # fmt: skip
     return levels
 
@@ -204,6 +208,12 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
     quiet = not np.isfinite(loud).any()
     before = [(of.before if quiet else of.before / loud) for of in levels.values() if of.before is not None]
     return in_order(tightest, "level" if quiet else "share_of_level", float(np.nanmin(before, initial=np.inf)))
+
+
+def in_their_units(snubbers: dict[str, dict[str, Any]], units: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """The entries of a summary's ``gapping`` with those of hinges under the names of angles and moments."""
+    turned = {name: {of_angles(key): x for key, x in of.items()} for name, of in snubbers.items()}
+    return {name: turned[name] if units[name] == "rad" else of for name, of in snubbers.items()}
 
 
 def in_order(snubbers: dict[str, dict[str, Any]], measure: str, before: float) -> dict[str, dict[str, Any]]:

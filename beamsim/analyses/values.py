@@ -18,7 +18,7 @@ from beamsim.outcomes import COMPLETE, OnLimit, Outcome, on_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.system.equations import ChannelSet, Key
+from beamsim.system.equations import Channel, ChannelSet, Key
 from beamsim.typing import Floats
 
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
@@ -32,6 +32,28 @@ Extremes = Mapping[Key, Extreme]  # by section and quantity of the channels
 Margins = dict[str, dict[str, Any]]
 """By limit (SI) ``limit``, ``value``, ``lowest`` and ``highest`` (the range of its change), ``margin``, ``at``,
 ``verdict``, ``exceeded``."""
+
+
+def of_angles(entry: str) -> str:
+    """The entry of a hinge that stands for one of a snubber or friction contact: moments for forces, rad for m.
+
+    >>> of_angles("peak_force_n"), of_angles("gap_m"), of_angles("impulse_n_s"), of_angles("approach_speed_m_s")
+    ('peak_moment_n_m', 'gap_rad', 'impulse_n_m_s', 'approach_speed_rad_s')
+    """
+    name = entry.replace("force", "moment")
+    for end, turned in (("_n_s", "_n_m_s"), ("_m_s", "_rad_s"), ("_n", "_n_m"), ("_m", "_rad")):
+        if name.endswith(end):
+            return name.removesuffix(end) + turned
+    return name
+
+
+def by_units(entry: str, contacts: Iterable[Any], value: Callable[[Any], float]) -> dict[str, dict[str, float]]:
+    """A value by name of contacts, those of hinges under the entry of angles, which is there only with them."""
+    found: dict[str, dict[str, float]] = {entry: {}}
+    for contact in contacts:
+        name = of_angles(entry) if contact.gap_unit == "rad" else entry
+        found.setdefault(name, {})[contact.name] = value(contact)
+    return found
 
 
 def largest(extreme: Extreme) -> Floats:
@@ -83,9 +105,16 @@ class Value(NamedTuple):
     scale: float = 1.0  # SI over the unit of the entry
     decibels: float = 0.0  # of a decade of the ratio to a curve: 20 of an amplitude, 10 of a power; 0 of other values
 
-    def takes(self, key: Key) -> bool:
-        """Whether it is an extreme of channels of a section and quantity."""
-        return self.of is not None and key[0] == self.section and self.quantity in ("", key[1])
+    def takes(self, channel: Channel) -> bool:
+        """Whether it is an extreme of a channel: of its section, quantity and unit."""
+        if self.of is None or channel.section != self.section or self.quantity not in ("", channel.quantity):
+            return False
+        return self.unit in ("", channel.unit)
+
+    @property
+    def rare(self) -> bool:
+        """Whether it is one of hinges, which is there only where a hinge has it."""
+        return self.unit in ("N m", "rad")
 
     @property
     def key(self) -> Key:
@@ -111,10 +140,16 @@ class Value(NamedTuple):
 VALUES = (
     Value("peak_force", "peak_force_n", *FORCE, itemgetter(2), "N", "largest contact force of a snubber",
           "peak contact force", "peak_force"),
+    Value("peak_moment", "peak_moment_n_m", *FORCE, itemgetter(2), "N m", "largest contact moment of a stop of a hinge",
+          "peak contact moment", "peak_moment"),
     Value("largest_pull", "largest_pull_n", *FORCE, largest_pulls, "N",
           "largest tensile force of a snubber, 0 where it never pulls"),
+    Value("largest_pulling_moment", "largest_pulling_moment_n_m", *FORCE, largest_pulls, "N m",
+          "largest moment with which a stop of a hinge pulls, 0 where it never does"),
     Value("largest_gap", "largest_gap_m", *PENETRATION, openings, "m", "largest opening of a contact",
           limit="gap"),
+    Value("largest_gap_angle", "largest_gap_rad", *PENETRATION, openings, "rad",
+          "largest opening of a stop of a hinge"),
     Value("peak_displacement", "peak_displacement_m", *DISPLACEMENT, largest, "m",
           "largest magnitude of a probe's displacement relative to the base", "peak displacement",
           "peak_displacement"),
@@ -131,6 +166,8 @@ VALUES = (
           "largest magnitude of a spring's stretch"),
     Value("peak_friction_force", "peak_friction_force_n", "friction", "force", largest, "N",
           "largest magnitude of a friction contact's force", "peak friction force"),
+    Value("peak_friction_moment", "peak_friction_moment_n_m", "friction", "force", largest, "N m",
+          "largest magnitude of the friction moment of a hinge", "peak friction moment"),
     Value("peak_output", "peak_output", "outputs", "", largest, "",
           "largest magnitude of an output, in its output_unit", "outputs", "outputs"),
     Value("min_output", "min_output", "outputs", "", itemgetter(0), "", "smallest value of an output"),
@@ -143,6 +180,8 @@ VALUES = (
           "closings of a snubber; a contact that begins at t = 0 counts, that of one pressed there does not"),
     Value("static_force", "static_force_n", "snubbers", "", None, "N",
           "contact force of a snubber at static equilibrium"),
+    Value("static_moment", "static_moment_n_m", "snubbers", "", None, "N m",
+          "contact moment of a stop of a hinge at static equilibrium"),
     Value("rms_absolute_acceleration", "rms_absolute_acceleration", *ACCELERATION, None, "m/s^2",
           "root mean square of the absolute acceleration", limit="rms_acceleration"),
     Value("rms_displacement", "rms_displacement", *DISPLACEMENT, None, "m",
@@ -202,7 +241,8 @@ class AlongCurve:
     def peaks(self) -> Iterator[tuple[Value, Mapping[str, Floats]]]:
         """The values that have limits, and outputs, each with the largest (C,) of every cycle by name."""
         for value in LIMITED.values():
-            of: Mapping[str, Floats] = {name: each.peak for name, each in self.envelopes(value.quantity).items()}
+            followed = self.envelopes(value.quantity).items()
+            of: Mapping[str, Floats] = {name: each.peak for name, each in followed if each.unit == value.unit}
             if value is OUTPUT:
                 of = {name: output.peak for name, output in self.outputs.items()}
             elif value.key == PENETRATION:
@@ -216,7 +256,7 @@ class AlongCurve:
 def searched(channels: ChannelSet, values: Iterable[Value] = VALUES) -> ChannelSet:
     """The channels of whose extremes values are made."""
     wanted = tuple(values)
-    return channels.only(lambda channel: any(value.takes(channel.key) for value in wanted))
+    return channels.only(lambda channel: any(value.takes(channel) for value in wanted))
 
 
 def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
@@ -228,13 +268,15 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
     for value in VALUES:
         if value.of is None:
             continue
-        some = [c for c in channels.channels if value.takes(c.key) and c.key in extremes]
-        numbers = {key: iter((value.of(extremes[key]) / value.scale).tolist()) for key in {c.key for c in some}}
+        some = [c for c in channels.channels if value.takes(c) and c.key in extremes]
+        numbers = {key: (value.of(extremes[key]) / value.scale).tolist() for key in {c.key for c in some}}
         if value.single:
             of_all = [number for key in numbers for number in numbers[key]]
             found |= {value.entry: max(of_all)} if of_all else {}
-        elif some or value.section in ALWAYS_THERE:
-            found[value.entry] = {channel.name: next(numbers[channel.key]) for channel in some}
+        elif some or (value.section in ALWAYS_THERE and not value.rare):
+            alike = {key: channels.of_keys(key).channels for key in numbers}
+            named = {(c.key, c.name): x for k in numbers for c, x in zip(alike[k], numbers[k], strict=True)}
+            found[value.entry] = {channel.name: named[channel.key, channel.name] for channel in some}
     return found
 
 

@@ -30,10 +30,11 @@ def continuation_screen(result: ContinuationResult) -> Screen:
     levels = list(dict.fromkeys((branch.level, branch.period_multiple) for branch in result.branches))
     rows = [_followed(result, numbers, *key) for key in levels[: 2 * SHOWN]]
     lines = [f"{len(levels) - 2 * SHOWN} more levels and periods in the file"] if len(levels) > 2 * SHOWN else []
-    hardest = sorted(s.get("peak_force_n", {}).items(), key=lambda item: -item[1])[:SHOWN]
-    forces = [f"{numbers.text(force, 'N', 'peak_force_n', name)} at {name}" for name, force in hardest if force > 0]
-    if forces:
-        lines.append(f"peak force of stable motions {', '.join(forces)}")
+    for entry, unit, what in (("peak_force_n", "N", "force"), ("peak_moment_n_m", "N m", "moment")):
+        hardest = sorted(s.get(entry, {}).items(), key=lambda item: -item[1])[:SHOWN]
+        forces = [f"{numbers.text(force, unit, entry, name)} at {name}" for name, force in hardest if force > 0]
+        if forces:
+            lines.append(f"peak {what} of stable motions {', '.join(forces)}")
     lines += [*_special_lines(result), *_several(result), *modes(result)]
     outputs = {name: of for name, of in _outputs(result, s.get("peak_output", {})).items() if of}
     lines += [f"peak of {name} {of['peak']} at {of['at']}" for name, of in list(outputs.items())[:SHOWN]]

@@ -78,8 +78,10 @@ def _expected_peak(signal: SignalStatistics) -> str:
 def _place(s: Mapping[str, Any], numbers: Numbers, name: str, limits: Mapping[str, list[str]]) -> dict[str, str]:
     """The row of a probe, of a snubber, or of both."""
     row = dict.fromkeys(("", "peak force", "in contact, times", "displacement", "acceleration"), "") | {"": name}
-    if name in s["peak_force_n"]:
-        row["peak force"] = numbers.text(s["peak_force_n"][name], "N", "peak_force_n", name)
+    for entry, unit in (("peak_force_n", "N"), ("peak_moment_n_m", "N m")):
+        if name in s.get(entry, ()):
+            row["peak force"] = numbers.text(s[entry][name], unit, entry, name)
+    if row["peak force"]:
         row["in contact, times"] = f"{percent(s['contact_share'][name])}, {s['contacts'][name]}"
     if name in s["max_displacement_m"]:
         low, high = (
@@ -273,6 +275,8 @@ RUN_VIEWS: Views = {
     "peak_spring_force_n": together("peak_spring_force_n", "peak_stretch_m"),
     "peak_output": _outputs,
     "gap_m": together("gap_m", "static_force_n", "blocked_force_n", "stiffness_ratio"),
+    "peak_moment_n_m": together("peak_moment_n_m"),
+    "gap_rad": together("gap_rad", "static_moment_n_m", "blocked_moment_n_m"),
     "spectral_lines": _spectral_lines,
     "impacts": _impacts,
     "matched": _matched,

@@ -14,7 +14,7 @@ from typing import Any
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
-from beamsim.analyses.values import limit_label, limit_unit
+from beamsim.analyses.values import limit_label, limit_unit, of_angles
 from beamsim.cli.printing import aligned, lines, percent, table_text, told, words
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import OnLimit, Outcome
@@ -219,11 +219,13 @@ def _gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> list[
         reached |= change and "not_predicted" in of
         rows += [(name, text), *(("", happened) for happened in _happened(of, past))]
         if of["closed_at_rest"] and reached:
-            kept = [amount(of["preload_n"], "N")]
+            unit_of = "N" if "preload_n" in of else "N m"
+            together, alone = (of.get(key, of.get(of_angles(key))) for key in ("preload_n", "preload_alone_n"))
+            kept = [amount(together, unit_of)]
             if len(snubbers) > 1:
                 kept[0] += " with all closed"
                 if "not_predicted" not in of:
-                    kept.append(f"{amount(of['preload_alone_n'], 'N')} with the others as at rest")
+                    kept.append(f"{amount(alone, unit_of)} with the others as at rest")
             sigmas = " to 3 sigma" if "sigmas" in of else ""
             rows.append(("", f"preload that keeps contact{sigmas}: {', '.join(kept)}"))
     return aligned(rows, gap=2)
@@ -267,8 +269,9 @@ def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:
     if "first_change_s" in of:
         time = of["first_change_s"]
         yield f"this motion {past} first at {amount(time, 's')}" if is_known(time) else f"this motion never {past}"
-    if of["closed_at_rest"] and of.get("largest_gap_m"):
-        yield f"largest opening {amount(of['largest_gap_m'], 'm')}"
+    for entry, unit in (("largest_gap_m", "m"), ("largest_gap_rad", "rad")):
+        if of["closed_at_rest"] and of.get(entry):
+            yield f"largest opening {amount(of[entry], unit)}"
 
 
 def _convergence(result: Result, changes: Mapping[str, Any]) -> Iterator[str]:

@@ -24,6 +24,7 @@ afterwards is lost at the event. A law of another kind is another list of phases
   force;
 * friction under the *force of another contact*: its guards, what is lost and the stretch of its spring are proportional
   to that force, and the phases say which one follows where the other contact begins or ceases to touch;
+* a *latch*: a phase without guards, which nothing ends;
 * *kinematic hardening* (the same module): the two together, an elastic phase and one for yielding in
   either direction, whose resets set the slider where yielding ends.
 """
@@ -267,6 +268,11 @@ class ContactLaw:
         return any(phase.lost.constant != 0.0 or phase.holds for phase in self.phases) or self.needs_pressing
 
     @property
+    def latches(self) -> bool:
+        """Whether it has a phase that nothing ends."""
+        return len(self.phases) > 1 and any(not p.guards and p.otherwise is None for p in self.phases)
+
+    @property
     def needs_pressing(self) -> bool:
         """Whether its force depends on that of another contact, which presses it."""
         return any(phase.otherwise is not None for phase in self.phases)
@@ -479,6 +485,24 @@ def kelvin_voigt(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
         stiffness=stiffness,
         dashpot=dashpot,
         family=kelvin_voigt,
+    )
+
+
+@lru_cache(maxsize=1024)
+def latch(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
+    """A stop that holds in both directions, for good, once it was met: ``N = k delta + c delta'``.
+
+    Examples
+    --------
+    >>> [(phase.name, len(phase.guards)) for phase in latch(1e5).phases]
+    [('open', 1), ('latched', 0)]
+    """
+    open_, closed = kelvin_voigt(stiffness, dashpot).phases
+    return ContactLaw(
+        (open_, replace(closed, name="latched", guards=())),
+        static=(OneSidedSpring(1.0, stiffness, dashpot, 0.0),),
+        stiffness=stiffness,
+        dashpot=dashpot,
     )
 
 

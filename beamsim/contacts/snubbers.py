@@ -22,12 +22,13 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, Springs, find_equilibrium
-from beamsim.contacts.laws import ContactLaw, kelvin_voigt, piecewise_linear
+from beamsim.contacts.laws import ContactLaw, kelvin_voigt, latch, piecewise_linear
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law, relaxing_law, table_law
 from beamsim.contacts.sliders import friction_law, hardening_law, pressed_friction_law, rigid_friction_law
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Located
 from beamsim.scenario.base import path_text
+from beamsim.scenario.connections import OfHinge
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.places import ends_of, site_of
 from beamsim.typing import Floats, Ints
@@ -50,6 +51,7 @@ class SpringInfo:
     linear: float  # N/m, the slope about zero
     law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the stretch
     normal_force: float | None = None  # N, of friction where it is constant
+    gap_unit: str = "m"  # of the stretch; rad in a hinge, whose forces are moments
 
     @property
     def felt(self) -> float:
@@ -110,14 +112,22 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             numbers = (0.0, float(spring.linear_stiffness), relaxing_law(law, branches) if branches else law)
         on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
+        on_ground = on_ground and not isinstance(spring, OfHinge)
         cubic, linear, own = numbers
         infos.append(
             SpringInfo(
                 spring.name, spring.kind, places, masses, row, on_ground, float(lever), cubic, linear, own,
-                spring.constant_force if spring.kind == FRICTION and spring.pressed_by is None else None,
+                _normal_force(spring), gap_unit="rad" if isinstance(spring, OfHinge) else "m",
             )
         )  # fmt: skip
     return tuple(infos)
+
+
+def _normal_force(spring: Any) -> float | None:
+    """That of friction where it is constant, N; 0 of a hinge, where none is known."""
+    if spring.kind != FRICTION or spring.pressed_by is not None:
+        return None
+    return 0.0 if isinstance(spring, OfHinge) else float(spring.constant_force)
 
 
 def _law_of_friction(contact: Any) -> ContactLaw:
@@ -241,6 +251,8 @@ def _dashpot(located: Located, stiffness: float, omega: Floats, shape: Floats, r
 
 
 def _law(snubber: Any, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
+    if snubber.latch:
+        return latch(stiffness, dashpot)
     if snubber.hardening is not None:
         return hardening_law(stiffness, snubber.hardening.yield_force, snubber.hardening.stiffness, dashpot)
     branches = tuple(MaxwellBranch(b.stiffness, b.relaxation_time) for b in snubber.maxwell if b.stiffness > 0.0)

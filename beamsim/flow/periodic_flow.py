@@ -18,6 +18,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.errors import MethodError
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
@@ -344,6 +345,9 @@ class PeriodicFlow(ABC):
     _carried: list[int] = field(init=False, repr=False)  # shared by all flows that come from this one
 
     def __post_init__(self) -> None:
+        if any(law.latches for law in self.system.contacts.laws):
+            message = "have a latch, which holds for good: no periodic motion meets it"
+            raise MethodError("snubbers", message, "leave latch out, or use `beamsim run`")
         self.loads = PeriodicForcing.none(self.system.size) if self.forcing is None else self.forcing
         self._carried = [0]
         self._prepare()

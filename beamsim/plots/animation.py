@@ -71,7 +71,8 @@ class Scene:
 def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
     """The frames in the sketch of the model, deflections and gaps to one scale."""
     stops = sketch.stops
-    gaps = {name: float(stop.gap) if np.isfinite(stop.gap) else 0.0 for name, stop in stops.items()}
+    in_sketch = {name: stop for name, stop in stops.items() if stop.gap_unit == "m"}  # others act within a hinge
+    gaps = {name: float(stop.gap) if np.isfinite(stop.gap) else 0.0 for name, stop in in_sketch.items()}
     sizes = [float(np.abs(frames.deflection).max(initial=0.0)), *(0.5 * abs(gap) for gap in gaps.values())]
     largest = max(sizes) or 1.0
     factor, bar = _HEIGHT / largest, round_length(largest)
@@ -79,7 +80,8 @@ def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
     points = [np.array([sketch.point(place) for place in line.places]) for line in frames.lines]
     lines = [PictureLine(at[:, 0], at[:, 1], not of.continuous) for at, of in zip(points, frames.lines, strict=True)]
     drawn: list[PictureStop] = []
-    for name, site in sketch.sites.items():
+    for name in in_sketch:
+        site = sketch.sites[name]
         x, y = zip(*(sketch.point(place) for place in ends_of(site)), strict=True)
         height, ends = 0.22 + 0.1 * len(drawn), frames.ends[name] * factor
         drawn.append(PictureStop(name, stops[name].side, x, y, gaps[name] * factor, height, ends, frames.force[name]))

@@ -25,7 +25,7 @@ _HEIGHT = 0.36  # of the largest deflection or gap, over the distance of rows
 def deflected_shapes(result: RunResult, name: str) -> Chart:
     """Static shape of a beam, its shapes at the extremes of the first probe, the snubbers."""
     beam = result.bodies[name]
-    snubbers = list(result.snubbers.values())
+    snubbers = [s for s in result.snubbers.values() if s.gap_unit == "m"]
     if len(result.modes.stations.parts) > 1:  # those that stand on the base or the ground, at this body
         sites = {located.item.name: snubber_site(located) for located in result.scenario.located_snubbers}
         snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == name]
@@ -147,7 +147,7 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
     if contact is None:
         raise ValueError("no snubber was in contact")
     shape = contact.deflection(result.modes)
-    gaps = [abs(snubber.gap) for snubber in result.snubbers.values() if math.isfinite(snubber.gap)]
+    gaps = [abs(s.gap) for s in result.snubbers.values() if math.isfinite(s.gap) and s.gap_unit == "m"]
     largest = max(float(np.abs(shape).max()), *gaps, 0.0) or 1.0
     factor, bar = _HEIGHT / largest, round_length(largest)
     _sketch(result).draw(ax, shape * factor, factor)

@@ -30,7 +30,8 @@ Named = tuple[str, tuple[float, float]]  # what is drawn, and where
 def plot_model(sketch: Sketch, ax: Axes) -> None:
     """Draw the model at rest: lengths to scale, gaps and depths to a scale of their own."""
     stops = sketch.stops
-    largest = max((stop.gap for stop in stops.values() if np.isfinite(stop.gap)), default=0.0)
+    gaps = [stop.gap for stop in stops.values() if np.isfinite(stop.gap) and stop.gap_unit == "m"]
+    largest = max(gaps, default=0.0)
     factor = 0.16 / largest if largest > 0.0 else 1.0
     places = sketch.draw(ax, sketch.rest, factor, 0.5 * DEEPEST)
     _depths(sketch, ax)
@@ -174,10 +175,11 @@ def _springs(sketch: Sketch, ax: Axes) -> Iterator[Named]:
 
 def stop_text(name: str, stop: SnubberNumbers) -> str:
     """Name, stiffness, and gap or force at rest of a stop."""
-    rest = f"gap {amount(stop.gap, 'm')}" if stop.gap > 0.0 else "just touching"
+    way, push = stop.gap_unit, stop.force_unit
+    rest = f"gap {amount(stop.gap, way)}" if stop.gap > 0.0 else "just touching"
     if stop.gap < 0.0:
-        rest = f"preload {amount(stop.preload, 'N')}" if stop.preload > 0.0 else f"prestress {amount(-stop.gap, 'm')}"
-    return f"{name}: {amount(stop.stiffness, 'N/m')}, {rest}"
+        rest = f"preload {amount(stop.preload, push)}" if stop.preload > 0.0 else f"prestress {amount(-stop.gap, way)}"
+    return f"{name}: {amount(stop.stiffness, f'{push}/{way}')}, {rest}"
 
 
 def _forces(sketch: Sketch, ax: Axes) -> Iterator[Named]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -59,6 +60,13 @@ DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
 POWER_TOLD = 0.01  # of the power of a response, outside the band of the input
 POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off
 _FREQUENCY = ("Frequency", "Hz")
+_MOMENT = "Contact moment"
+_CONTACT = (  # picture, label, unit, limit and entry of the peaks
+    ("contact_force", "Contact force", "N", "peak_force", "peak_force_n"),
+    ("contact_moment", _MOMENT, "N m", "peak_moment", "peak_moment_n_m"),
+)
+_FRICTION = (("m", "Displacement along the face", "Friction force"), ("rad", "Angle", "Friction moment"))
+_PEAKS = {"m": ("Peak force of an impact", "N"), "rad": ("Peak moment of an impact", "N m")}  # of snubbers and hinges
 _MARKS = ("o", "^", "s", "D", "v", "x")  # of snubbers
 _LINE_MARKS = {"fundamental": "o", "superharmonic": "o", "subharmonic": "^", "other": "x", "chosen": "D"}
 _FREE, _CLOSED = "0.62", "#a3263d"  # apart in grey print, too
@@ -112,13 +120,15 @@ def _faces(result: RunResult) -> Iterator[Guide]:
             yield Guide(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": dashes})
 
 
-def _touched(result: RunResult) -> bool:
-    return any(np.any(snubber.force) for snubber in result.snubbers.values())
+def _touched(result: RunResult) -> list[str]:
+    """Units of the forces of contacts that are made: N, N m of stops of hinges."""
+    return list(dict.fromkeys(s.force_unit for s in result.snubbers.values() if np.any(s.force)))
 
 
-def _contact_forces(result: RunResult) -> dict[str, Floats]:
-    """Contact forces by snubber; of many those with the largest peaks come first."""
-    peaks = {name: float(np.max(snubber.force, initial=0.0)) for name, snubber in result.snubbers.items()}
+def _contact_forces(result: RunResult, unit: str) -> dict[str, Floats]:
+    """Contact forces by snubber, or moments by stop of a hinge; of many those with the largest peaks come first."""
+    measured = {name: snubber for name, snubber in result.snubbers.items() if snubber.force_unit == unit}
+    peaks = {name: float(np.max(snubber.force, initial=0.0)) for name, snubber in measured.items()}
     strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
     return {name: result.snubbers[name].force for name in sorted(peaks, key=lambda name: name not in strongest)}
 
@@ -211,8 +221,11 @@ def phase_portrait(result: RunResult, place: SnubberHistory | ProbeHistory) -> C
         for kept, label, style in parts
         if kept.any()
     ]
-    across = f"At {place.name}\nDisplacement"
-    return Chart((across, scale_for("m", w)), ("Velocity", scale_for("m/s", v)), curves)
+    way, what = "m", ("Displacement", "Velocity")
+    if isinstance(place, SnubberHistory) and place.gap_unit == "rad":
+        way, what = "rad", ("Angle", "Angular velocity")
+    across = f"At {place.name}\n{what[0]}"
+    return Chart((across, scale_for(way, w)), (what[1], scale_for(f"{way}/s", v)), curves)
 
 
 def phase_density(result: RunResult, place: SnubberHistory | ProbeHistory, start_s: float) -> HeatMap:
@@ -250,17 +263,20 @@ def _end_of_run(result: RunResult) -> slice:
     return slice(max(result.time.size - MOST_STATES, 0), None)
 
 
-def force_deflection(result: RunResult) -> Chart:
+def force_deflection(result: RunResult, unit: str = "N") -> Chart:
     """Contact force over penetration of the snubbers: loops enclose the work that they lose.
 
-    Only samples in contact are joined, so that stops without losses follow one line.
+    Only samples in contact are joined, so that stops without losses follow one line. With the unit N m it is the moment
+    of the stops of hinges.
     """
     shown = _end_of_run(result)
     loops = [
         Curve(name, s.penetration[shown], np.where(s.closed[shown], s.force[shown], np.nan), {"linewidth": 0.8})
         for name, s in result.snubbers.items()
+        if s.force_unit == unit
     ]
-    return Chart(("Penetration", "m"), ("Contact force", "N"), loops, of="snubbers")
+    across, up = (("Penetration", "m"), "Contact force") if unit == "N" else (("Angle beyond the stop", "rad"), _MOMENT)
+    return Chart(across, (up, unit), loops, of="snubbers")
 
 
 def shock_response(response: ShockResponse, note: str) -> Chart:
@@ -303,9 +319,12 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     if result.scenario.excitation.shock and result.base_unit == "m" and np.any(result.base_acceleration):
         up = ("Acceleration of the base", "m/s^2")
         panels["acceleration"] += histories(result, up, {"": result.base_acceleration})
-    if _touched(result):
-        up, levels, note = ("Contact force", "N"), limit_levels(limits, "peak_force"), _doubts(result, "peak_force_n")
-        panels["contact_force"] = histories(result, up, _contact_forces(result), levels, note, of="snubbers")
+    for picture, label, unit, limit, entry in _CONTACT:
+        if unit in _touched(result):
+            levels, note = limit_levels(limits, limit), _doubts(result, entry)
+            panels[picture] = histories(
+                result, (label, unit), _contact_forces(result, unit), levels, note, of="snubbers"
+            )
     for name, output in list(result.outputs.items())[:MOST_CURVES]:
         levels = limit_levels(limits, OUTPUT.limit, name, both_signs=True)
         whole, *_ = histories(result, (name, output.unit), {"": output.value}, levels)
@@ -397,9 +416,9 @@ def crossings(response: RandomResponse) -> Chart:
     return Chart(across, up, curves, log="y", of="signals", marks=[gaussian], y_ends=(0.5 * least, 3.0))
 
 
-def _strongest(impacts: Impacts) -> list[str]:
-    """The snubbers that are drawn, in their order: those with the largest peak forces."""
-    hit = [name for name, snubber in impacts.snubbers.items() if snubber.number]
+def _strongest(impacts: Impacts, unit: str) -> list[str]:
+    """The snubbers (m), or stops of hinges (rad), that are drawn, in their order: those with the largest peaks."""
+    hit = [name for name, snubber in impacts.snubbers.items() if snubber.number and snubber.gap_unit == unit]
     kept = sorted(hit, key=lambda name: -impacts.snubbers[name].peak_force_n)[:MOST_CURVES]
     return [name for name in hit if name in kept]
 
@@ -408,33 +427,37 @@ def _of_snubber(impacts: Impacts, name: str) -> Ints:
     return np.flatnonzero(impacts.snubber == list(impacts.snubbers).index(name))
 
 
-def impact_map(impacts: Impacts, end: float) -> Chart:
+def impact_map(impacts: Impacts, end: float, unit: str = "m") -> Chart:
     """Peak force of every impact over its time, each snubber with its mark; small marks where impacts are many.
 
-    The axis ends with the run (s): a few impacts are seen where they are in it.
+    Parameters
+    ----------
+    impacts : of the run.
+    end : of the run, s, with which the axis ends: a few impacts are seen where they are in it.
+    unit : m of snubbers, rad of stops of hinges.
     """
     many = impacts.begin.size
     size = float(np.clip(120.0 / np.sqrt(max(many, 1)), 1.5, 5.0))
     marks = {"linestyle": "none", "markersize": size, "markerfacecolor": "none", "rasterized": many > 20_000}
     curves = [
         Curve(name, impacts.peak_time[which], impacts.peak_force[which], {**marks, "marker": _MARKS[k]})
-        for k, name in enumerate(_strongest(impacts))
+        for k, name in enumerate(_strongest(impacts, unit))
         for which in [_of_snubber(impacts, name)]
     ]
-    across, up = ("Time", plain_scale("s")), ("Peak force of an impact", "N")
-    return Chart(across, up, curves, x_ends=(-0.02 * end, 1.02 * end), y_ends=(0.0, None))
+    return Chart(("Time", plain_scale("s")), _PEAKS[unit], curves, x_ends=(-0.02 * end, 1.02 * end), y_ends=(0.0, None))
 
 
-def plot_peak_forces(impacts: Impacts, ax: Axes) -> None:
-    """Histogram of the impacts' peak forces."""
-    names = _strongest(impacts)
-    newton = scale_for("N", impacts.peak_force)
-    forces = [impacts.peak_force[_of_snubber(impacts, name)] * newton.factor for name in names]
+def plot_peak_forces(impacts: Impacts, ax: Axes, unit: str = "m") -> None:
+    """Histogram of the impacts' peak forces; with the unit rad of the moments of stops of hinges."""
+    names, (label, force_unit) = _strongest(impacts, unit), _PEAKS[unit]
+    peaks = [impacts.peak_force[_of_snubber(impacts, name)] for name in names]
+    newton = scale_for(force_unit, *peaks)
+    forces = [peak * newton.factor for peak in peaks]
     top = max((float(x.max()) for x in forces), default=1.0)
-    edges = np.linspace(0.0, top, 1 + int(np.clip(np.sqrt(impacts.begin.size), 5, 30)))
+    edges = np.linspace(0.0, top, 1 + int(np.clip(np.sqrt(sum(x.size for x in forces)), 5, 30)))
     for k, (name, x) in enumerate(zip(names, forces, strict=True)):
         ax.hist(x, edges.tolist(), label=name, histtype="stepfilled" if len(names) == 1 else "step", **curve_style(k))
-    finish(ax, with_unit("Peak force of an impact", newton), "Impacts")
+    finish(ax, with_unit(label, newton), "Impacts")
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlim(left=0.0)
     legend(ax)
@@ -468,10 +491,16 @@ def impact_figures(result: RunResult) -> dict[str, Picture]:
     """Those of impacts, and of the stress ranges of each body where its stress is largest, if they were asked for."""
     figures, impacts, fatigue = {}, result.impacts, result.fatigue
     if impacts is not None and impacts.begin.size:
-        counted = {name: impacts.snubbers[name].rainflow for name in _strongest(impacts)}
-        figures["impact_map"] = Picture(result.title, [impact_map(impacts, float(result.time[-1]))])
-        ranges = cycles(counted, "Force range", "snubbers")
-        figures["impact_histogram"] = Picture(result.title, [partial(plot_peak_forces, impacts), ranges])
+        maps: list[Chart] = []
+        histograms: list[Any] = []
+        for unit in ("m", "rad"):
+            if names := _strongest(impacts, unit):
+                counted = {name: impacts.snubbers[name].rainflow for name in names}
+                maps.append(impact_map(impacts, float(result.time[-1]), unit))
+                ranges = cycles(counted, "Force range" if unit == "m" else "Moment range", "snubbers")
+                histograms += [partial(plot_peak_forces, impacts, unit=unit), ranges]
+        figures["impact_map"] = Picture(result.title, maps)
+        figures["impact_histogram"] = Picture(result.title, histograms)
     if fatigue:
         damage = [f"{name}: damage {of.damage:.2g} at x = {amount(of.position, 'm')}" for name, of in fatigue.items()]
         counted, title = {name: body.rainflow for name, body in fatigue.items()}, "\n".join(damage[:MOST_CURVES])
@@ -483,13 +512,14 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
     random, srs, shown = result.random, result.srs, _end_of_run(result)
     panels = _histories_of_all(result)
-    if _touched(result):
-        panels["force_deflection"] = [force_deflection(result)]
-    if result.friction:  # loops enclose the work that is lost
-        thin = {"linewidth": 0.8}
-        loops = [Curve(name, of.displacement[shown], of.force[shown], thin) for name, of in result.friction.items()]
-        across, up = ("Displacement along the face", "m"), ("Friction force", "N")
-        panels["friction"] = [Chart(across, up, loops, of="friction contacts")]
+    if units := _touched(result):
+        panels["force_deflection"] = [force_deflection(result, unit) for unit in units]
+    for unit, motion, label in _FRICTION:
+        rubbing = [of for of in result.friction.values() if of.gap_unit == unit]
+        loops = [Curve(of.name, of.displacement[shown], of.force[shown], {"linewidth": 0.8}) for of in rubbing]
+        if loops:  # which enclose the work that is lost
+            chart = Chart((motion, unit), (label, rubbing[0].force_unit), loops, of="friction contacts")
+            panels.setdefault("friction", []).append(chart)
     if result.springs:  # those that relax draw loops
         curves = [Curve(name, spring.stretch[shown], spring.force[shown]) for name, spring in result.springs.items()]
         panels["spring_force"] = [Chart(("Stretch", "m"), ("Spring force", "N"), curves, of="springs")]

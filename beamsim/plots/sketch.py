@@ -223,6 +223,9 @@ class Sketch:
             site, side = self.sites[name], -1.0 if stop.side == "below" else 1.0
             (x, row), *rest = (self.point(place) for place in ends_of(site))
             (_, y), *other = (self.point(place, heights) for place in ends_of(site))
+            if stop.gap_unit == "rad":  # it acts within its hinge
+                places[name] = (x, row)
+                continue
             gap = stop.gap * gaps if math.isfinite(stop.gap) else 0.0
             if isinstance(site, Link):
                 (over, high), approach = other[0], stop.side == "approach"

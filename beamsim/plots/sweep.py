@@ -143,6 +143,7 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
         _swept(f"{name}, {curve.direction}", curve, envelope.peak)
         for curve in curves
         for name, envelope in curve.envelopes(value.quantity).items()
+        if envelope.unit == value.unit
     ]
     up = (f"{value.label.capitalize()}{_level(result, curves[0])}".replace(", ", "\nat "), value.unit)
     levels = limit_levels(result.scenario.limits, value.limit)
@@ -307,15 +308,16 @@ def contact_levels(result: SweepResult) -> Chart:
     return _chart(result, ("Level", scale), drawn, of="snubbers", marks=swept)
 
 
-def preload_needed(result: SweepResult) -> Chart:
-    """Preload needed to keep contact at the highest excitation of the sweep, over frequency."""
+def preload_needed(result: SweepResult, unit: str = "N") -> Chart:
+    """Preload (N, or N m) needed to keep contact at the highest excitation of the sweep, over frequency."""
     curve = max(result.curves.values(), key=lambda c: float(c.excitation_amplitude.max(initial=0.0)))
     amplitude = curve.amplitude_at(result.linear.frequency_hz)
     drawn = [
         Curve(name, result.linear.frequency_hz, levels.preload_needed * amplitude)
         for name, levels in result.linear.contact.items()
+        if levels.force_unit == unit
     ]
-    return _chart(result, ("Preload needed to keep contact", "N"), drawn, of="snubbers")
+    return _chart(result, ("Preload needed to keep contact", unit), drawn, of="snubbers")
 
 
 def steady_states(result: SweepResult, curve: SweepCurve) -> Chart:
@@ -401,7 +403,7 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
     touched = any(np.any(force.peak) for curve in result.curves.values() for force in curve.force.values())
     left_out = (DISPLACEMENT,) if touched else (DISPLACEMENT, FORCE)
     for value in [value for value, _ in last.peaks() if value.followed and value.key not in left_out]:
-        panels[names.get(value.key, value.name)] = [peaks(result, value, index)]
+        panels.setdefault(names.get(value.key, value.name), []).append(peaks(result, value, index))
     if last.has_transmissibility:
         panels["acceleration"].append(transmissibility(result, index))
     for k in result.histories:
@@ -413,7 +415,8 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
     if last.outputs:
         panels["outputs"] = [output_peaks(result, name) for name in list(last.outputs)[:MOST_CURVES]]
     if result.linear.contact:
-        panels["contact_levels"] = [contact_levels(result), preload_needed(result)]
+        units = dict.fromkeys(levels.force_unit for levels in result.linear.contact.values())
+        panels["contact_levels"] = [contact_levels(result), *(preload_needed(result, unit) for unit in units)]
     if len(levels) > 1:
         panels["levels"] = [level_family(result, probe, direction)]
         same = _in_direction(result, direction)[:MOST_LEVELS]

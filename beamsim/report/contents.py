@@ -180,8 +180,10 @@ def _model(sketch: Sketch) -> Iterator[str]:
 
 def _stop(stop: SnubberNumbers) -> list[str]:
     ratio = f"{stop.stiffness_ratio:.4g}" if math.isfinite(stop.stiffness_ratio) else ""
-    preload = amount(stop.preload, "N") if math.isfinite(stop.preload) else "not unique"
-    return [amount(stop.stiffness, "N/m"), amount(stop.dashpot, "N s/m"), amount(stop.gap, "m"), preload, ratio]
+    way, push = stop.gap_unit, stop.force_unit
+    preload = amount(stop.preload, push) if math.isfinite(stop.preload) else "not unique"
+    stiffness, dashpot = amount(stop.stiffness, f"{push}/{way}"), amount(stop.dashpot, f"{push} s/{way}")
+    return [stiffness, dashpot, amount(stop.gap, way), preload, ratio]
 
 
 def _bodies(scenario: Scenario) -> Iterator[tuple[str, str]]:

@@ -161,6 +161,11 @@ class Schema(BaseModel):
             raise Unfit(f"and {given[0]} exclude each other", remedy, (key,))
 
     @classmethod
+    def key_of(cls, name: str) -> str:
+        """The key of the field with a name, as it is written in YAML."""
+        return cls.model_fields[name].alias or name
+
+    @classmethod
     @cache
     def keys(cls) -> dict[str, str]:
         """Map the key as it is written in YAML to the name of its field."""

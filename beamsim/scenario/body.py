@@ -201,6 +201,7 @@ DEFAULT_NAMES = {
     "springs_between": "link_spring",
     "joints": "joint",
     "friction": "friction",
+    "stops": "stop",
 }
 """Lists whose items have a name by default: this and their number."""
 

@@ -10,7 +10,7 @@ from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Unfit, counted, path_parts, path_text, problem, unknown, walk
 from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedStop, MovedSupport, OnSupport, Sited
-from beamsim.scenario.connections import PiecewiseLinearSpring, SpringToGround, placed
+from beamsim.scenario.connections import HingeStop, PiecewiseLinearSpring, SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
 from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, not_harmonic, sine_problems
 from beamsim.scenario.parameters import (
@@ -275,6 +275,8 @@ def _names(scenario: ScenarioParts) -> Problems:
     named = [(("probes",), scenario.probes), (("outputs",), scenario.outputs), (("run", "outputs"), of_run)]
     yield from _unique(named)
     yield from _unique([(("joints",), scenario.joints)])
+    for index, joint in enumerate(scenario.joints):
+        yield from _unique([(("joints", index, "stops"), getattr(joint, "stops", ()))])
 
 
 def _unique(lists: Iterable[tuple[Path, Sequence[Any]]]) -> Problems:
@@ -545,7 +547,7 @@ def _units_of_shape(body: Body, path: Path, numbers: Sequence[float]) -> Problem
 def _pressed_friction(scenario: ScenarioParts) -> Problems:
     """Friction under the force of a snubber: of one that does not pull."""
     snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
-    rigid = [contact.name for contact in scenario.friction if contact.stiffness is None]
+    rigid = [contact.name for _, _, contact, _ in scenario.located_friction if contact.stiffness is None]
     for index, contact in enumerate(scenario.friction):
         if contact.pressed_by is None:
             continue
@@ -593,13 +595,16 @@ def _limits(scenario: ScenarioParts) -> Problems:
         yield Problem("limits.rms_force", message, "limit peak_force")
     yield from _limit_curves(scenario, limits)
     for name in type(limits).model_fields:
-        snubbers, of_place = name.endswith(("force", "gap")), getattr(limits, name)
-        if snubbers and of_place is not None and not scenario.all_snubbers:
-            yield Problem(f"limits.{name}", "limits the snubbers, and there are none", "add a snubber, or leave it out")
+        moment, of_place = name.endswith("moment"), getattr(limits, name)
+        snubbers = moment or name.endswith(("force", "gap"))
+        stops = [stop for stop in scenario.all_snubbers if isinstance(stop, HingeStop) == moment]
+        if snubbers and of_place is not None and not stops:
+            what, remedy = ("stops of hinges", "stops to a hinge") if moment else ("snubbers", "a snubber")
+            message = f"limits the {what}, and there are none"
+            yield Problem(f"limits.{name}", message, f"add {remedy}, or leave it out")
         elif isinstance(of_place, dict) and name not in ("outputs", *limits.curves):
-            places = scenario.all_snubbers if snubbers else scenario.effective_probes
+            known = [each.name for each in (stops if snubbers else scenario.effective_probes)]
             for place in of_place:
-                known = [each.name for each in places]
                 yield from unknown(("limits", name, place), place, "snubber" if snubbers else "probe", known)
     outputs = {output.name: output for _, output in scenario.requested_outputs}
     for name, limit in (limits.outputs or {}).items():
@@ -695,7 +700,7 @@ def _sweeps(scenario: ScenarioParts) -> Problems:
             )
     if sweep.kind == "continuation":
         yield from _continuation(scenario, sweep)
-    elif sweep.impacts and not scenario.all_snubbers and not scenario.friction:
+    elif sweep.impacts and not scenario.all_snubbers and not scenario.located_friction:
         message = "needs a snubber or friction, and there is none"
         yield problem(("sweep", "impacts"), message, "leave it out, or add a snubber")
     if sweep.kind == "swept_sine" and sweep.notch_to is not None:
@@ -707,6 +712,7 @@ def _sweeps(scenario: ScenarioParts) -> Problems:
 def _notch_problems(scenario: ScenarioParts, limits: Mapping[str, float]) -> Problems:
     """Limits on what this structure does not have, and limits in a unit of something else."""
     outputs = {output.name: output for output in scenario.outputs}  # sweeps have none of the run alone
+    hinged = _hinged(scenario)
     names = {
         "probes": [probe.name for probe in scenario.effective_probes],
         "snubbers": [snubber.name for snubber in scenario.all_snubbers],
@@ -732,6 +738,8 @@ def _notch_problems(scenario: ScenarioParts, limits: Mapping[str, float]) -> Pro
                     yield problem(path, "is an energy, which sweeps do not follow", "limit another quantity")
                     continue
                 dimension = output_dimension(outputs[of.item], scenario.all_bodies, scenario.default_body)
+            elif of.item in hinged:
+                dimension = units.MOMENT
             else:
                 dimension = QUANTITIES_OF[of.section][of.quantity]
         elif BASE_FORCE.name in outputs and scenario.base_force is None:
@@ -865,6 +873,15 @@ def snubber_index(scenario: ScenarioParts, path: SnubberPath) -> int | None:
     return names.index(path.snubber) if path.snubber in names else None
 
 
+def _hinged(scenario: ScenarioParts) -> set[str]:
+    """Names of the stops of hinges."""
+    return {stop.name for stop in scenario.all_snubbers if isinstance(stop, HingeStop)}
+
+
+def _no_stop_of_hinge(at: str, name: str) -> Problem:
+    return Problem(at, f"= {name} is a stop of a hinge", "vary joints[0].stops[0].stiffness or angle in a study")
+
+
 def _snubber_problems(scenario: ScenarioParts, at: str, path: Any) -> Problems:
     names = [snubber.name for snubber in scenario.all_snubbers]
     if not names:
@@ -876,6 +893,9 @@ def _snubber_problems(scenario: ScenarioParts, at: str, path: Any) -> Problems:
             yield Problem(f"{at}.snubber", "is missing", f"there are several: choose one of {', '.join(names)}")
             return
         yield from unknown((*path_parts(at), "snubber"), path.snubber, "snubber", names)
+        return
+    if names[index] in _hinged(scenario):
+        yield _no_stop_of_hinge(f"{at}.snubber", names[index])
         return
     preloaded = [snubber.name for snubber in scenario.all_snubbers if snubber.preload is not None]
     if preloaded:
@@ -916,6 +936,8 @@ def _identification(scenario: ScenarioParts) -> Problems:
         return
     snubbers = (snubber.name for snubber in scenario.all_snubbers)
     yield from unknown((_TOP, "snubber"), section.snubber, "snubber", snubbers, "give the snubber in snubbers")
+    if section.snubber in _hinged(scenario):
+        yield _no_stop_of_hinge(f"{_TOP}.snubber", section.snubber)
     if section.shapes_without is not None:
         yield from _shapes(scenario, section, section.shapes_without)
     for index, known in enumerate(section.parameter_uncertainty):

@@ -23,6 +23,7 @@ from beamsim.scenario.body import (
     OnSupport,
     Sited,
     TwoPlaces,
+    numbered,
     refuse_unlike_directions,
 )
 
@@ -163,161 +164,6 @@ GroundSpring = Annotated[LinearGroundSpring | CubicGroundSpring | PiecewiseLinea
 LinkSpring = Annotated[LinearLinkSpring | CubicLinkSpring | PiecewiseLinearLinkSpring, BY_FORM]
 
 
-JointEnd = Annotated[
-    BaseOrPlace,
-    Variants(
-        "names neither a point of a body nor the base",
-        "write {body: panel, position: 0 mm}, {body: chain, mass: 2} or base",
-    ),
-]
-
-
-class Joint(Named):
-    """Common part of all joints."""
-
-    between: Annotated[tuple[JointEnd, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
-    """Two points of bodies, or a point and base."""
-
-    def check(self) -> None:
-        """Demand two different ends, at least one of them on a body."""
-        if len(self.between) != 2:
-            remedy = "name the two that it joins: [{body: yoke, position: 300 mm}, {body: panel, position: 0 mm}]"
-            raise Unfit(f"names {counted(len(self.between), 'end')}", remedy, ("between",))
-        if self.between[0] == self.between[1]:
-            raise Unfit("joins a point to itself", "name two different points", ("between",))
-        refuse_unlike_directions(self.places)
-
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """The points of bodies, one or two."""
-        return tuple(end for end in self.between if isinstance(end, AtPlace))
-
-    @property
-    def turns_against(self) -> bool:
-        """Whether a rotation of one end acts on the other."""
-        return False
-
-
-class RigidJoint(Joint):
-    """Deflection and slope are the same on both sides."""
-
-    kind: Literal["rigid"] = "rigid"
-    """Holds deflection and slope."""
-
-    @property
-    def turns_against(self) -> bool:
-        """Always."""
-        return True
-
-
-class _Turning(Joint):
-    rotational_stiffness: q.RotationalStiffness = 0.0
-    """Moment per difference of the slopes; none by default."""
-    rotational_dashpot: q.RotationalDashpot = 0.0
-    """Moment per difference of their rates; none by default."""
-
-    @property
-    def turns_against(self) -> bool:
-        """Where it has a rotational spring or dashpot."""
-        return self.rotational_stiffness > 0.0 or self.rotational_dashpot > 0.0
-
-
-class HingeJoint(_Turning):
-    """The deflection is the same on both sides; the slopes differ."""
-
-    kind: Literal["hinge"] = "hinge"
-    """Holds the deflection."""
-
-
-class SpringJoint(_Turning):
-    """Springs and dashpots between deflections and between slopes."""
-
-    kind: Literal["spring"] = "spring"
-    """Holds nothing; springs act."""
-    stiffness: q.NonNegativeStiffness = 0.0
-    """Force per difference of the deflections; none by default."""
-    dashpot: q.Dashpot = 0.0
-    """Force per difference of the velocities; none by default."""
-    maxwell: tuple[Maxwell, ...] = ()
-    """Maxwell branches between the deflections, any number of them."""
-
-    def check(self) -> None:
-        """Demand something that acts."""
-        super().check()
-        if not (self.stiffness or self.dashpot or self.turns_against or self.maxwell):
-            raise Unfit("has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out")
-
-
-AnyJoint = Annotated[RigidJoint | HingeJoint | SpringJoint, BY_FORM]
-
-
-@dataclass(frozen=True)
-class Apart:
-    """A joint whose points do not lie together, as the joints before it place the bodies."""
-
-    index: int  # of the joint
-    distance: float  # m along the bodies' common axis
-    through: str  # body of the second point
-
-
-@dataclass(frozen=True)
-class Placed:
-    """Where joints put the bodies along one axis: these have no place of their own, a joint puts its points together.
-
-    The first joint between two bodies tells; one that closes a loop may not fit.
-    """
-
-    origin: dict[str, float]  # by body where it begins, m
-    group: dict[str, str]  # by body the first one of those that joints connect to it
-    apart: tuple[Apart, ...]
-
-    @property
-    def of_first_group(self) -> dict[str, float]:
-        """Where the bodies begin, m, that joints link to the first one of them; that one begins at 0."""
-        leading = next(iter(self.origin), "")
-        together = (name for name in self.origin if self.group[name] == self.group[leading])
-        return {name: self.origin[name] - self.origin[leading] for name in together}
-
-
-def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> Placed:
-    """Where joints put bodies.
-
-    Parameters
-    ----------
-    joints : in order.
-    bodies : by name.
-    default_body : name of the body of places that name none.
-
-    Returns
-    -------
-    Placed
-    """
-    origin: dict[str, float] = {}
-    group: dict[str, str] = {}
-    apart: list[Apart] = []
-    for index, joint in enumerate(joints):
-        named = [(place.body or default_body, place.position) for place in joint.places]
-        ends = [
-            (name, bodies[name].metres(position))
-            for name, position in named
-            if name in bodies and position is not None and not isinstance(position, tuple)
-        ]
-        if len(ends) != 2:
-            continue
-        (first, x), (second, y) = ends
-        for name in (first, second):
-            origin.setdefault(name, 0.0)
-            group.setdefault(name, name)
-        gap, merged = origin[first] + x - origin[second] - y, group[second]
-        if group[first] != merged:
-            for name in [name for name, label in group.items() if label == merged]:
-                origin[name] += gap
-                group[name] = group[first]
-        elif first != second and abs(gap) > 1e-6 * max(x, y):
-            apart.append(Apart(index, abs(gap), second))
-    return Placed(origin, group, tuple(apart))
-
-
 ForcePoint = tuple[q.Gap, q.Force]
 """Deflection and force."""
 ForcePoints = tuple[ForcePoint, ...]
@@ -357,8 +203,16 @@ class MeasuredForces(Schema):
             raise Unfit("has too few points to fit", "measure more points", ("points",))
 
 
-def check_points(points: ForcePoints, at: Path = ()) -> None:
-    """Reject points that are no rising curve from zero."""
+def check_points(points: ForcePoints, at: Path = (), units: tuple[str, str] = ("m", "N")) -> None:
+    """Reject points that are no rising curve from zero.
+
+    Parameters
+    ----------
+    points : (k,) deflections and forces.
+    at : path of the points.
+    units : of both, for messages.
+    """
+    way, push = units
     if len(points) < 2:
         raise Unfit(
             f"has {counted(len(points), 'point')}", "give zero and at least one more: [[0 mm, 0 N], [1 mm, 9 N]]", at
@@ -367,15 +221,15 @@ def check_points(points: ForcePoints, at: Path = ()) -> None:
         near = abs(points[0][0]) <= 0.05 * points[-1][0] and abs(points[0][1]) <= 0.05 * points[-1][1]
         falls = any(x >= after or force > rising for (x, force), (after, rising) in pairwise(points))
         remedy = "where it is noise, add fit: {segments: 5}" if near or falls else _START
-        raise Unfit(f"starts at {points[0][0]:g} m, {points[0][1]:g} N instead of zero", remedy, (*at, 0))
+        raise Unfit(f"starts at {points[0][0]:g} {way}, {points[0][1]:g} {push} instead of zero", remedy, (*at, 0))
     demand_rising(
-        (x for x, _ in points), "m", lambda k: (*at, k, 0),
+        (x for x, _ in points), way, lambda k: (*at, k, 0),
         "list the points by increasing deflection, each once; give measured loops with fit: {segments: 5}",
     )  # fmt: skip
     for index, ((_, force), (_, following)) in enumerate(pairwise(points), start=1):
         if following < force:
             remedy = "a stop whose force falls is not modelled; where it is noise, add fit: {segments: 5}"
-            raise Unfit(f"= {following:g} N falls below the one before, {force:g} N", remedy, (*at, index, 1))
+            raise Unfit(f"= {following:g} {push} falls below the one before, {force:g} {push}", remedy, (*at, index, 1))
     if points[-1][1] == 0.0:
         raise Unfit("has no force at all", "give the force at the largest deflection", (*at, len(points) - 1, 1))
 
@@ -424,6 +278,9 @@ class Hardening(Schema):
 class SnubberBase(Named):
     """Common part of all snubbers; N = k delta + c delta' while in contact."""
 
+    units: ClassVar[tuple[str, str]] = ("m", "N")
+    stiffness_example: ClassVar[str] = "151.1 kN/m"
+
     stiffness: q.Stiffness | None = None
     """Stiffness while in contact; this or force_deflection is needed."""
     force_deflection: ForceDeflection | None = None
@@ -442,6 +299,8 @@ class SnubberBase(Named):
     law_: Literal["kelvin_voigt", "no_tension"] | None = Field(default=None, alias="law")
     """Kelvin_voigt: contact as long as there is penetration; no_tension: contact until the force would be tensile; by
     default kelvin_voigt, no_tension with Maxwell branches."""
+    latch: bool = False
+    """Whether it holds in both directions, for good, once it was met."""
 
     def check(self) -> None:
         """Demand a stiffness or a table; reject gap and preload together."""
@@ -451,25 +310,35 @@ class SnubberBase(Named):
         if self.maxwell and self.law != "no_tension":
             remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
             raise Unfit(f"= {self.law} does not go with maxwell", remedy, ("law",))
-        self.exclude("preload", "gap", remedy="keep one of the two; the gap follows from the preload")
+        if self.latch and self.law == "no_tension":
+            raise Unfit(
+                "does not go with law: no_tension", "leave one of the two out: a latch pulls as well", ("latch",)
+            )
+        remedy = "leave one of the two out: a latch is a spring that holds in both directions"
+        self.exclude("latch", self.key_of("force_deflection"), "maxwell", "hardening", remedy=remedy)
+        gap = self.key_of("gap_")
+        self.exclude("preload", gap, remedy=f"keep one of the two; the {gap} follows from the preload")
 
     def _check_force(self) -> None:
+        table = self.key_of("force_deflection")
         if self.force_deflection is None:
             if self.stiffness is None:
-                raise Unfit("is missing", "give for example stiffness: 151.1 kN/m, or force_deflection", ("stiffness",))
+                example = f"give for example stiffness: {self.stiffness_example}, or {table}"
+                raise Unfit("is missing", example, ("stiffness",))
             return
-        self.exclude("force_deflection", "stiffness")
+        self.exclude(table, "stiffness")
         if isinstance(self.force_deflection, tuple):
-            check_points(self.force_deflection, ("force_deflection",))
+            check_points(self.force_deflection, (table,), self.units)
 
     def _check_hardening(self) -> None:
         if self.hardening is None:
             return
         remedy = "leave one of the two out: a stop that yields has one stiffness before and one after"
-        self.exclude("hardening", "force_deflection", "maxwell", remedy=remedy)
-        if self.stiffness is not None and self.hardening.stiffness >= self.stiffness:
+        self.exclude("hardening", self.key_of("force_deflection"), "maxwell", remedy=remedy)
+        unit, after = "/".join(reversed(self.units)), self.hardening.stiffness
+        if self.stiffness is not None and after >= self.stiffness:
             raise Unfit(
-                f"= {self.hardening.stiffness:g} N/m is not below the snubber's stiffness, {self.stiffness:g} N/m",
+                f"= {after:g} {unit} is not below the snubber's stiffness, {self.stiffness:g} {unit}",
                 "give the smaller stiffness beyond the yield force, for example a tenth", ("hardening", "stiffness"),
             )  # fmt: skip
         if self.damping is not None and self.law == "no_tension":
@@ -478,7 +347,7 @@ class SnubberBase(Named):
 
     @property
     def gap(self) -> float | None:
-        """Clearance, m; None where it follows from the preload."""
+        """Clearance, m or rad; None where it follows from the preload."""
         return None if self.preload is not None else self.gap_ or 0.0
 
     @property
@@ -651,3 +520,314 @@ class FrictionBetween(BetweenPlaces, FrictionBase):
 
 
 AnyFriction = Annotated[FrictionAtPlace | FrictionBetween, BY_FORM]
+
+
+JointEnd = Annotated[
+    BaseOrPlace,
+    Variants(
+        "names neither a point of a body nor the base",
+        "write {body: panel, position: 0 mm}, {body: chain, mass: 2} or base",
+    ),
+]
+
+
+class Joint(Named):
+    """Common part of all joints."""
+
+    between: Annotated[tuple[JointEnd, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    """Two points of bodies, or a point and base."""
+
+    def check(self) -> None:
+        """Demand two different ends, at least one of them on a body."""
+        if len(self.between) != 2:
+            remedy = "name the two that it joins: [{body: yoke, position: 300 mm}, {body: panel, position: 0 mm}]"
+            raise Unfit(f"names {counted(len(self.between), 'end')}", remedy, ("between",))
+        if self.between[0] == self.between[1]:
+            raise Unfit("joins a point to itself", "name two different points", ("between",))
+        refuse_unlike_directions(self.places)
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """The points of bodies, one or two."""
+        return tuple(end for end in self.between if isinstance(end, AtPlace))
+
+    @property
+    def turns_against(self) -> bool:
+        """Whether a rotation of one end acts on the other."""
+        return False
+
+
+class HingeMaxwell(Maxwell):
+    """The same between angles."""
+
+    stiffness: q.RotationalStiffness
+    """Stiffness of its spring: what a sudden turn adds."""
+
+
+class HingeViscousDamping(SnubberViscousDamping):
+    """Dashpot by its coefficient."""
+
+    coefficient: q.RotationalDashpot
+    """Moment per unit angular velocity while in contact."""
+
+
+class HingeHardening(Hardening):
+    """A stop that is crushed: bilinear moment with kinematic hardening."""
+
+    yield_force: q.PositiveMoment = Field(alias="yield_moment")
+    """Contact moment at which it begins to yield when it is loaded first."""
+    stiffness: q.RotationalStiffness
+    """Stiffness while it yields, below that before."""
+
+
+class OfHinge(Schema):
+    """Something between the rotations of a hinge's two sides, which the hinge places."""
+
+    units: ClassVar[tuple[str, str]] = ("rad", "N m")
+    _places: tuple[AtPlace, ...] = ()
+
+    @property
+    def places(self) -> tuple[AtPlace, ...]:
+        """Those of the hinge."""
+        return self._places
+
+    @property
+    def probed_places(self) -> tuple[AtPlace, ...]:
+        """None: a probe records displacements."""
+        return ()
+
+    def placed(self, name: str, places: tuple[AtPlace, ...]) -> Self:
+        """The same under a name, at the places of its hinge."""
+        copy = self.model_copy(update={"name": name})
+        copy._places = places
+        return copy
+
+
+class HingeStop(OfHinge, SnubberBase):
+    """A stop of a hinge, with the laws of snubbers between angle and moment."""
+
+    stiffness_example: ClassVar[str] = "2 kN m/rad"
+
+    gap_: q.Angle | None = Field(default=None, alias="angle")
+    """Angle of the hinge at which it is met, 0 by default; that angle is the slope of the second point less that of the
+    first, of a hinge to the base the slope of the point."""
+    side_: Literal["above", "below"] | None = Field(default=None, alias="side")
+    """Above resists larger angles, below smaller ones; by default below for a negative angle, else above."""
+    stiffness: q.RotationalStiffness | None = None
+    """Moment per angle while in contact; this or moment_angle is needed."""
+    force_deflection: tuple[tuple[q.Angle, q.Moment], ...] | None = Field(default=None, alias="moment_angle")
+    """Moment over the angle beyond that at which it is met, instead of the stiffness: [[0 deg, 0 N m], [1 deg, 9 N m],
+    ...]; the last slope goes on."""
+    damping: Annotated[SnubberRatioDamping | HingeViscousDamping, BY_FORM] | None = None
+    """Dashpot parallel to the spring; none by default."""
+    maxwell: tuple[HingeMaxwell, ...] = ()
+    """Maxwell branches parallel to the spring or the table, any number of them; they ask for law: no_tension."""
+    hardening: HingeHardening | None = None
+    """Yielding of the spring, which leaves the stop crushed; none by default."""
+    preload: q.PositiveMoment | None = None
+    """Contact moment at static equilibrium, instead of angle."""
+
+    @property
+    def side(self) -> Literal["above", "below"]:
+        """Which angles it resists."""
+        return self.side_ or ("below" if (self.gap_ or 0.0) < 0.0 else "above")
+
+    @property
+    def gap(self) -> float | None:
+        """Clearance at the angle zero, rad; None where it follows from the preload."""
+        gap = super().gap
+        return -gap if gap and self.side == "below" else gap
+
+
+class HingeFrictionMoments(Schema):
+    """Dry friction of a hinge."""
+
+    moment: q.PositiveMoment
+    """Moment up to which it sticks."""
+    sliding: Annotated[float, q.Quantity(units.MOMENT, minimum=0.0)] | None = None
+    """Moment while it turns, not above that; the same by default."""
+    stiffness: q.RotationalStiffness | None = None
+    """Rotational stiffness while it sticks; by default it does not turn at all."""
+
+    def check(self) -> None:
+        """Demand an order."""
+        if self.sliding is not None and self.sliding > self.moment:
+            remedy = "exchange them, or give one moment"
+            raise Unfit(f"= {self.sliding:g} N m is above moment = {self.moment:g} N m", remedy, ("sliding",))
+
+
+class HingeFriction(OfHinge, FrictionBase):
+    """The friction of a hinge as a contact: its moment stands for the normal force, which is not known."""
+
+    @classmethod
+    def of(cls, given: HingeFrictionMoments) -> Self:
+        """Unstressed at the start."""
+        sliding = given.moment if given.sliding is None else given.sliding
+        coefficient = FrictionCoefficients(static=1.0, sliding=sliding / given.moment)
+        return cls.model_construct(normal_force=given.moment, coefficient=coefficient, stiffness=given.stiffness)
+
+
+class RigidJoint(Joint):
+    """Deflection and slope are the same on both sides."""
+
+    kind: Literal["rigid"] = "rigid"
+    """Holds deflection and slope."""
+
+    @property
+    def turns_against(self) -> bool:
+        """Always."""
+        return True
+
+
+class _Turning(Joint):
+    rotational_stiffness: q.RotationalStiffness = 0.0
+    """Moment per difference of the slopes; none by default."""
+    rotational_dashpot: q.RotationalDashpot = 0.0
+    """Moment per difference of their rates; none by default."""
+
+    @property
+    def linear_rotation(self) -> float:
+        """N m/rad, that acts at any angle."""
+        return self.rotational_stiffness
+
+    @property
+    def turns_against(self) -> bool:
+        """Where it has a rotational spring or dashpot."""
+        return self.rotational_stiffness > 0.0 or self.rotational_dashpot > 0.0
+
+
+class HingeJoint(_Turning):
+    """The deflection is the same on both sides; the slopes differ."""
+
+    kind: Literal["hinge"] = "hinge"
+    """Holds the deflection."""
+    free_play: q.FreePlay = 0.0
+    """Angle from one end of its play to the other, half of it to either side, within which the rotational stiffness
+    does not act; none by default."""
+    stops: Annotated[tuple[HingeStop, ...], numbered("stops")] = ()
+    """End stops, each met at an angle, with the laws of snubbers."""
+    friction: HingeFrictionMoments | None = None
+    """Dry friction; none by default."""
+
+    def check(self) -> None:
+        """Demand a spring that has play."""
+        super().check()
+        if self.free_play and not self.rotational_stiffness:
+            remedy = "give the rotational_stiffness that acts beyond the play"
+            raise Unfit("has no spring that it belongs to", remedy, ("free_play",))
+
+    @property
+    def linear_rotation(self) -> float:
+        """N m/rad, that acts at any angle."""
+        return 0.0 if self.free_play else self.rotational_stiffness
+
+    @property
+    def turns_against(self) -> bool:
+        """Where something acts on its rotation."""
+        return super().turns_against or bool(self.stops) or self.friction is not None
+
+    @property
+    def all_stops(self) -> tuple[tuple[Path, HingeStop], ...]:
+        """Its stops with their paths below it; a spring with play is one to either side."""
+        stops: list[tuple[Path, HingeStop]] = [(("stops", k), stop) for k, stop in enumerate(self.stops)]
+        for side in _SIDES if self.free_play else ():
+            angle = math.copysign(0.5 * self.free_play, 1.0 if side == "above" else -1.0)
+            play = {"name": f"play.{side}", "stiffness": self.rotational_stiffness, "angle": angle, "side": side}
+            stops.append((("free_play",), HingeStop.model_validate(play)))
+        return tuple((path, stop.placed(f"{self.name}.{stop.name}", self.places)) for path, stop in stops)
+
+    @property
+    def all_friction(self) -> tuple[tuple[Path, HingeFriction], ...]:
+        """Its friction contact, if it has one, likewise."""
+        if self.friction is None:
+            return ()
+        return ((("friction",), HingeFriction.of(self.friction).placed(f"{self.name}.friction", self.places)),)
+
+
+class SpringJoint(_Turning):
+    """Springs and dashpots between deflections and between slopes."""
+
+    kind: Literal["spring"] = "spring"
+    """Holds nothing; springs act."""
+    stiffness: q.NonNegativeStiffness = 0.0
+    """Force per difference of the deflections; none by default."""
+    dashpot: q.Dashpot = 0.0
+    """Force per difference of the velocities; none by default."""
+    maxwell: tuple[Maxwell, ...] = ()
+    """Maxwell branches between the deflections, any number of them."""
+
+    def check(self) -> None:
+        """Demand something that acts."""
+        super().check()
+        if not (self.stiffness or self.dashpot or self.turns_against or self.maxwell):
+            raise Unfit("has neither a stiffness nor a dashpot", "give stiffness: 10 kN/m, or leave the joint out")
+
+
+AnyJoint = Annotated[RigidJoint | HingeJoint | SpringJoint, BY_FORM]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """A joint whose points do not lie together, as the joints before it place the bodies."""
+
+    index: int  # of the joint
+    distance: float  # m along the bodies' common axis
+    through: str  # body of the second point
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Where joints put the bodies along one axis: these have no place of their own, a joint puts its points together.
+
+    The first joint between two bodies tells; one that closes a loop may not fit.
+    """
+
+    origin: dict[str, float]  # by body where it begins, m
+    group: dict[str, str]  # by body the first one of those that joints connect to it
+    apart: tuple[Apart, ...]
+
+    @property
+    def of_first_group(self) -> dict[str, float]:
+        """Where the bodies begin, m, that joints link to the first one of them; that one begins at 0."""
+        leading = next(iter(self.origin), "")
+        together = (name for name in self.origin if self.group[name] == self.group[leading])
+        return {name: self.origin[name] - self.origin[leading] for name in together}
+
+
+def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: str) -> Placed:
+    """Where joints put bodies.
+
+    Parameters
+    ----------
+    joints : in order.
+    bodies : by name.
+    default_body : name of the body of places that name none.
+
+    Returns
+    -------
+    Placed
+    """
+    origin: dict[str, float] = {}
+    group: dict[str, str] = {}
+    apart: list[Apart] = []
+    for index, joint in enumerate(joints):
+        named = [(place.body or default_body, place.position) for place in joint.places]
+        ends = [
+            (name, bodies[name].metres(position))
+            for name, position in named
+            if name in bodies and position is not None and not isinstance(position, tuple)
+        ]
+        if len(ends) != 2:
+            continue
+        (first, x), (second, y) = ends
+        for name in (first, second):
+            origin.setdefault(name, 0.0)
+            group.setdefault(name, name)
+        gap, merged = origin[first] + x - origin[second] - y, group[second]
+        if group[first] != merged:
+            for name in [name for name, label in group.items() if label == merged]:
+                origin[name] += gap
+                group[name] = group[first]
+        elif first != second and abs(gap) > 1e-6 * max(x, y):
+            apart.append(Apart(index, abs(gap), second))
+    return Placed(origin, group, tuple(apart))

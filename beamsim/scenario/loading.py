@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario.base import (
+    MEANT,
     Path,
     Schema,
     closest,
@@ -260,7 +261,8 @@ def _known_keys(key: str, path: Path, schema: type[Schema]) -> str:
     keys = list(schema.keys())
     if keys == ["kind"]:
         return "this kind has no other keys; remove it"
-    if home := _where_it_belongs(key, schema):
+    same = key in MEANT.get(closest(key, keys), "").split()
+    if not same and (home := _where_it_belongs(key, schema)):
         return home
     return suggestion(key, keys, "known keys:")
 

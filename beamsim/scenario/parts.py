@@ -201,7 +201,7 @@ class ScenarioParts(Schema):
 
     @property
     def located_snubbers(self) -> tuple[Located, ...]:
-        """The snubbers with their paths and bodies: those of the scenario, then those listed in the bodies.
+        """The snubbers with their paths and bodies: those of the scenario, of the bodies, and the stops of hinges.
 
         Both stops of a pair have its path.
         """
@@ -210,7 +210,13 @@ class ScenarioParts(Schema):
     @property
     def written_snubbers(self) -> tuple[Located, ...]:
         """The same with a pair of stops as one."""
-        return tuple(self._listed("snubbers"))
+        return (*self._listed("snubbers"), *self._of_hinges("all_stops"))
+
+    def _of_hinges(self, what: str) -> Iterator[Located]:
+        """What acts between the rotations of hinges, with its paths."""
+        for index, joint in enumerate(self.joints):
+            for path, item in getattr(joint, what, ()):
+                yield Located(("joints", index, *path), self.default_body, item, self.all_bodies)
 
     def located_snubber(self, name: str) -> Located:
         """The snubber with this name, its path and its body."""
@@ -226,7 +232,12 @@ class ScenarioParts(Schema):
         """Springs and joints of the scenario and of all bodies that are nonlinear or relax, with their paths; then the
         friction contacts, springs of kind friction."""
         springs = self._listed("springs_to_ground", "springs_between", "joints")
-        return (*(spring for spring in springs if has_own_law(spring.item)), *self._listed("friction"))
+        return (*(spring for spring in springs if has_own_law(spring.item)), *self.located_friction)
+
+    @property
+    def located_friction(self) -> tuple[Located, ...]:
+        """The friction contacts with their paths: those of the scenario, then those of hinges."""
+        return (*self._listed("friction"), *self._of_hinges("all_friction"))
 
     @property
     def all_snubbers(self) -> tuple[Any, ...]:
@@ -265,10 +276,10 @@ class ScenarioParts(Schema):
         several = len(self.all_bodies) > 1
         probes: dict[str, AtPlace] = {}
         for _, body, snubber, _ in self.written_snubbers:
-            if len(snubber.places) == 1:
+            if len(snubber.probed_places) == 1:
                 probes[snubber.name] = _on(body if several else None, snubber.places[0])
         for _, body, snubber, _ in self.written_snubbers:
-            for place in snubber.probed_places if len(snubber.places) > 1 else ():
+            for place in snubber.probed_places if len(snubber.probed_places) > 1 else ():
                 probed = _on(body if several else None, place)
                 probes.setdefault(self._probe_name(probed), probed)
         if not probes:

@@ -17,6 +17,7 @@ from beamsim.scenario.quantities import (
     LevelType,
     Name,
     PositiveForce,
+    PositiveMoment,
     Quantity,
     Text,
     UnitType,
@@ -127,14 +128,13 @@ _ACCELERATION = replace(units.ACCELERATION, example="20 g")
 
 Stress = Annotated[float, Quantity(_STRESS, above=0.0)]
 
-_MOMENT = replace(units.ENERGY, name="moment", unit="N m", example="12 N m")
 _MOMENT_PER_WIDTH = replace(units.FORCE, name="moment per width", unit="N m/m", example="12 N m/m")
 _OUTPUT_DIMENSIONS = {
     "displacement": replace(units.LENGTH, example="2 mm"), "velocity": units.VELOCITY, "acceleration": _ACCELERATION,
-    "rotation": units.ANGLE, "bending_moment": _MOMENT, "stress": _STRESS,
+    "rotation": units.ANGLE, "bending_moment": units.MOMENT, "stress": _STRESS,
     "strain": replace(units.RATIO, name="strain", example="0.1 %"), "reaction_force": units.FORCE,
-    "reaction_moment": _MOMENT, "joint_force": units.FORCE, "joint_moment": _MOMENT, "kinetic_energy": units.ENERGY,
-    "strain_energy": units.ENERGY,
+    "reaction_moment": units.MOMENT, "joint_force": units.FORCE, "joint_moment": units.MOMENT,
+    "kinetic_energy": units.ENERGY, "strain_energy": units.ENERGY,
 }  # fmt: skip
 """By kind of output."""
 
@@ -155,6 +155,7 @@ OutputLimit = Annotated[
 
 
 ForceLimit = Annotated[PositiveForce | dict[Name, PositiveForce], BY_FORM]
+MomentLimit = Annotated[PositiveMoment | dict[Name, PositiveMoment], BY_FORM]
 LengthLimit = Annotated[Length | dict[Name, Length], BY_FORM]
 AccelerationLimit = Annotated[PositiveAcceleration | dict[Name, PositiveAcceleration], BY_FORM]
 LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.FORCE_PSD)}
@@ -170,6 +171,8 @@ class Limits(Schema):
 
     peak_force: ForceLimit | None = None
     """Largest contact force of any snubber, or by snubber."""
+    peak_moment: MomentLimit | None = None
+    """Largest contact moment of any stop of a hinge, or by stop."""
     bending_stress: Stress | None = None
     """Largest bending stress anywhere on the beam."""
     peak_displacement: LengthLimit | None = None
@@ -243,7 +246,7 @@ def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str)
     """
     if output.kind == "bending_moment":
         body = bodies.get(output.place.body or default_body)
-        return _MOMENT_PER_WIDTH if body is not None and body.body_kind == "plate" else _MOMENT
+        return _MOMENT_PER_WIDTH if body is not None and body.body_kind == "plate" else units.MOMENT
     return _OUTPUT_DIMENSIONS.get(output.kind)
 
 
@@ -284,6 +287,7 @@ def limited_quantity(name: str, base_force: str = BASE_FORCE.name) -> LimitedQua
 DIMENSIONS: dict[str, Dimension] = {
     "acceleration": units.ACCELERATION,
     "length": units.LENGTH,
+    "angle": units.ANGLE,
     "velocity": units.VELOCITY,
     "force": units.FORCE,
     "stress": units.PRESSURE,
@@ -292,7 +296,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "stiffness": units.STIFFNESS,
     "energy": units.ENERGY,
 }
-_EXAMPLES = {"acceleration": "g", "length": "mm", "stress": "MPa", "time": "min", "stiffness": "N/mm"}
+_EXAMPLES = {"acceleration": "g", "length": "mm", "angle": "deg", "stress": "MPa", "time": "min", "stiffness": "N/mm"}
 
 
 def _unit_of(name: str) -> UnitType:
@@ -305,7 +309,8 @@ _MINUTE = 60.0  # s; shorter times are shown in seconds, with a prefix
 class DisplayUnits(Schema):
     """Units of tables, plots and reports; result files and ``--json`` stay in SI units.
 
-    Accelerations, lengths and long times that are not chosen are shown in the unit in which most of them are written.
+    Accelerations, lengths, angles and long times that are not chosen are shown in the unit in which most of them are
+    written.
     """
 
     acceleration: Annotated[str, _unit_of("acceleration")] | None = None
@@ -313,6 +318,8 @@ class DisplayUnits(Schema):
     length: Annotated[str, _unit_of("length")] | None = None
     """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
     the size where all are in metres."""
+    angle: Annotated[str, _unit_of("angle")] | None = None
+    """Unit of angles, such as deg; by default as most of them are written, radians with a prefix for bare numbers."""
     velocity: Annotated[str, _unit_of("velocity")] | None = None
     """Unit of velocities, such as mm/s."""
     force: Annotated[str, _unit_of("force")] | None = None
@@ -346,12 +353,13 @@ class DisplayUnits(Schema):
             if of.unit == units.TIME.unit and units.size_of(unit, units.TIME) >= _MINUTE
         }
         accelerations = {unit: n for (of, unit), n in written.items() if of.unit == units.ACCELERATION.unit}
+        angles = {unit: n for (of, unit), n in written.items() if of.unit == units.ANGLE.unit}
         densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
         if not accelerations and densities and not any(map(units.is_in_gravities, densities)):
             accelerations = {_si("acceleration"): 1}
         most = {
             name: max(of, key=lambda unit: (of[unit], -_size(name, unit)))  # of equally many the smallest
-            for name, of in (("acceleration", accelerations), ("length", lengths), ("time", times))
+            for name, of in (("acceleration", accelerations), ("length", lengths), ("angle", angles), ("time", times))
             if of and getattr(self, name) is None
         }
         return self.model_copy(update=most)

@@ -19,11 +19,13 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario.base import Path, Schema, Unfit, path_text, plain, problem, walk, within
 from beamsim.scenario.body import ModalDamping
 from beamsim.scenario.checks import problems
-from beamsim.scenario.connections import SnubberRatioDamping, placed
+from beamsim.scenario.connections import HingeStop, SnubberRatioDamping, placed
 from beamsim.scenario.excitation import Shock, level_jumps
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.quantities import FACTOR, FileType, amplitude_unit
 from beamsim.scenario.tree import dumped, locate, located_problem
+
+_LARGEST_ANGLE = 0.35  # rad, of a hinge
 
 Record = Mapping[str, Any]
 """Of one file: ``file``, its name as it is written, ``folder``, where that was, ``bytes``, and ``sha256`` of its
@@ -188,6 +190,13 @@ def _point_forces(scenario: ScenarioParts) -> Iterator[str]:
 def _snubbers(scenario: ScenarioParts) -> Iterator[str]:
     """Gaps larger than the structure they are at."""
     for path, body, snubber, _ in scenario.located_snubbers:
+        if isinstance(snubber, HingeStop):
+            if snubber.gap is not None and abs(snubber.gap) > _LARGEST_ANGLE:
+                yield (
+                    f"{path_text(path)} is met at {math.degrees(abs(snubber.gap)):.3g} deg, beyond the theory of small "
+                    f"rotations (more than {math.degrees(_LARGEST_ANGLE):.3g} deg): was {snubber.gap:.3g} deg meant?"
+                )
+            continue
         bodies = [scenario.all_bodies.get(place.body or body) for place in snubber.places]
         largest = min((b.largest_gap for b in bodies if b is not None), default=math.inf)
         if snubber.gap is not None and abs(snubber.gap) > largest:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from beamsim.files import replacing
 from beamsim.matrix_files import DIRECTIONS
 from beamsim.scenario import Scenario
+from beamsim.scenario.connections import OfHinge
 from beamsim.store.flat import Item, Items, joined, last, parent
 from beamsim.structures.places import DEFLECTION
 from beamsim.structures.stations import NODES, Stations
@@ -137,7 +138,8 @@ def _nodes(
         if part.axis is NODES
     }
     located: list[tuple[str, Any, str]] = [("probe", p, scenario.default_body) for p in scenario.effective_probes]
-    located += [("snubber", each.item, each.body) for each in scenario.located_snubbers]
+    snubbers = scenario.located_snubbers  # those of hinges have no function of a universal file
+    located += [("snubber", each.item, each.body) for each in snubbers if not isinstance(each.item, OfHinge)]
     nodes = {}
     for kind, item, default in located:
         place = getattr(item, "probed_places", item.places)[0]

@@ -11,7 +11,7 @@ from typing import Any
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import path_text, walk
-from beamsim.scenario.connections import placed
+from beamsim.scenario.connections import OfHinge, placed
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.structures.places import SLOPE, Distributed, Link, LoadSite, Place, Site, ends_of, load_site_of, site_of
 from beamsim.structures.several import assemble_side_by_side, join
@@ -68,7 +68,7 @@ def _of_joint(scenario: Scenario, joint: Any, site: Site) -> list[Coupling]:
     couplings = [Coupling(joint.name, site, None if held else joint.stiffness, 0.0 if held else joint.dashpot)]
     if all(scenario.all_bodies[end.body].has_slope for end in ends_of(site)):
         rigid = joint.kind == "rigid"
-        rotation = (None, 0.0) if rigid else (joint.rotational_stiffness, joint.rotational_dashpot)
+        rotation = (None, 0.0) if rigid else (joint.linear_rotation, joint.rotational_dashpot)
         couplings.append(Coupling(joint.name, _slope_of(site), *rotation))
     return couplings
 
@@ -152,5 +152,6 @@ def load_site_in(scenario: Scenario, item: Any) -> LoadSite:
 
 
 def snubber_site(contact: Located) -> Site:
-    """Where a snubber or spring of a scenario sits."""
-    return site_of(contact.item, contact.body, contact.sections)
+    """Where a snubber, spring or friction contact of a scenario sits; between rotations where it belongs to a hinge."""
+    site = site_of(contact.item, contact.body, contact.sections)
+    return _slope_of(site) if isinstance(contact.item, OfHinge) else site

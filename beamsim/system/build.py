@@ -437,6 +437,7 @@ def _describe_snubbers(
         stiffness = contacts.laws[i].stiffness
         described.append(
             SnubberInfo(
+                turns=s.units[0] == "rad" or None,
                 name=s.name,
                 position=site.coordinate,
                 across=site.across,

@@ -229,9 +229,10 @@ def _loses(scenario: Scenario, modes: ModeTable) -> bool:
 
 
 def dashpots(located: Sequence[Located], contacts: Contacts) -> dict[str, dict[str, Any]]:
-    """By snubber its dashpot, N s/m, and what that follows from, for people; the snubbers are the first contacts."""
+    """By snubber its dashpot, N s/m or N m s/rad, and what that follows from; the snubbers are the first contacts."""
     pairs = [(at.item, law) for at, law in zip(located, contacts.laws, strict=False)]
-    return {s.name: {"dashpot_n_s_per_m": law.dashpot, "from": _dashpot_source(s, law)} for s, law in pairs}
+    entry = {"m": "dashpot_n_s_per_m", "rad": "dashpot_n_m_s_per_rad"}
+    return {s.name: {entry[s.units[0]]: law.dashpot, "from": _dashpot_source(s, law)} for s, law in pairs}
 
 
 def _dashpot_source(snubber: Any, law: ContactLaw) -> str:

@@ -33,8 +33,28 @@ class ProbeRow:
     carried: float = 1.0  # absolute motion for a unit motion of the base
 
 
+FORCE_UNITS = {"m": "N", "rad": "N m"}  # by the unit of the motion that they act on
+
+
+@declared(kw_only=True)
+class ContactUnits:
+    """The units of what a contact measures; those of a hinge's stops and friction are of angles and moments."""
+
+    turns: bool | None = attribute("", "whether it acts on the angle of a hinge, with a moment", default=None)
+
+    @property
+    def gap_unit(self) -> str:
+        """m, in a hinge rad."""
+        return "rad" if self.turns else "m"
+
+    @property
+    def force_unit(self) -> str:
+        """N, or N m."""
+        return FORCE_UNITS[self.gap_unit]
+
+
 @declared
-class SnubberNumbers:
+class SnubberNumbers(ContactUnits):
     """The numbers that describe a snubber, all resolved."""
 
     name: str = key("name of the snubber")
@@ -42,12 +62,12 @@ class SnubberNumbers:
         "m", "position along the beam; the number of the mass in a chain, halfway for a snubber between two masses"
     )
     side: str = attribute("", "below or above; between two masses approach or separation")
-    stiffness: float = attribute("N/m", "stiffness; of a force-deflection table its first slope")
-    dashpot: float = attribute("N s/m", "damping constant")
-    gap: float = attribute("m", "clearance, positive when open; resolved where a preload was given")
-    preload: float = attribute("N", "contact force at static equilibrium; NaN where there is none")
+    stiffness: float = attribute("{force_unit}/{gap_unit}", "stiffness; of a force-deflection table its first slope")
+    dashpot: float = attribute("{force_unit} s/{gap_unit}", "damping constant")
+    gap: float = attribute("{gap_unit}", "clearance, positive when open; resolved where a preload was given")
+    preload: float = attribute("{force_unit}", "contact force at static equilibrium; NaN where there is none")
     blocked_force: float = attribute(
-        "N", "force at a penetration of max(-gap, 0), the structure held at zero displacement"
+        "{force_unit}", "force at a penetration of max(-gap, 0), the structure held at zero displacement"
     )
     stiffness_ratio: float = attribute("1", "k L^3 / (E I); in a chain, over its largest spring stiffness")
 
@@ -192,11 +212,12 @@ def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
             1, sizes, displacement=-sign * shape, constant=-contacts.gap[j], base_displacement=-sign * contacts.felt[j],
             load=0.0 if felt is None else -sign * felt[j],
         )  # fmt: skip
+        way = snubber.gap_unit
         channels += [
-            Channel("snubbers", snubber.name, "force", "N", Rows.of(1, sizes, contact=unit[j])),
-            Channel("snubbers", snubber.name, "penetration", "m", penetration),
-            Channel("snubbers", snubber.name, "displacement", "m", Rows.of(1, sizes, displacement=shape)),
-            Channel("snubbers", snubber.name, "velocity", "m/s", Rows.of(1, sizes, velocity=shape)),
+            Channel("snubbers", snubber.name, "force", snubber.force_unit, Rows.of(1, sizes, contact=unit[j])),
+            Channel("snubbers", snubber.name, "penetration", way, penetration),
+            Channel("snubbers", snubber.name, "displacement", way, Rows.of(1, sizes, displacement=shape)),
+            Channel("snubbers", snubber.name, "velocity", f"{way}/s", Rows.of(1, sizes, velocity=shape)),
         ]
     return channels
 
@@ -221,8 +242,8 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
         stretch = Rows.of(1, sizes, displacement=spring.shape, base_displacement=spring.felt)
         section = "friction" if spring.kind == "friction" else "springs"
         channels += [
-            Channel(section, spring.name, "stretch", "m", stretch),
-            Channel(section, spring.name, "force", "N", force),
+            Channel(section, spring.name, "stretch", spring.gap_unit, stretch),
+            Channel(section, spring.name, "force", FORCE_UNITS[spring.gap_unit], force),
         ]
     return channels
 

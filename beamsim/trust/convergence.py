@@ -40,7 +40,10 @@ SAME_EVENT = 0.1  # of the mean time between a contact's closings: two events fu
 SMALL, ROUND_OFF = 1e-9, 1e-15  # relative disturbances of the stiffness
 LONGER = 8.0  # times the time up to which a disturbance has been followed in vain, or needed to diverge
 WORTHLESS = 0.5  # relative change of a displacement or force beyond which a result is not reliable
-MUST_HOLD = ("peak_displacement_m", "peak_force_n", "peak_spring_force_n", "peak_friction_force_n")
+MUST_HOLD = (
+    "peak_displacement_m", "peak_force_n", "peak_moment_n_m", "peak_spring_force_n", "peak_friction_force_n",
+    "peak_friction_moment_n_m",
+)  # fmt: skip
 MORE_MODES = 1.5
 COMPARISON, NOT_ASKED = "the comparison with a finer model", "not asked for"
 _Result = TypeVar("_Result", bound="Result")

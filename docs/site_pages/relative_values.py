@@ -105,6 +105,9 @@ DEFAULTS = {
     "Chain.dashpots": "number of springs, zero each",
     "Named.name": "number in its list: snubber_1",
     "SnubberBase.gap": "zero; with `preload` the gap that gives this force at static equilibrium",
+    "HingeStop.side": "`below` for a negative angle, else `above`",
+    "HingeFrictionMoments.sliding": "`moment`",
+    "HingeFrictionMoments.stiffness": "infinite: the hinge does not turn while it sticks",
     "SnubberBase.law": "`no_tension` with Maxwell branches, else `kelvin_voigt`",
     "PointOfBody.direction": "z",
     "MeasuredForces.fit": "points as they are",
@@ -151,6 +154,7 @@ DEFAULTS = {
     "_Study.responses": "all that the analysis computes",
     "DisplayUnits.acceleration": "unit in which most accelerations are written",
     "DisplayUnits.length": "unit in which most lengths are written",
+    "DisplayUnits.angle": "unit in which most angles are written",
     "DisplayUnits.time": "unit in which long times are written",
 }
 CHAPTERS = {

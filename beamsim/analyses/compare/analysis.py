@@ -399,7 +399,7 @@ def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
 def _places(result: RunResult | SweepResult) -> tuple[list[str], list[str]]:
     """Names of the probes and snubbers of a result."""
     if isinstance(result, RunResult):
-        return list(result.probes), list(result.snubbers)
+        return list(result.probes), [name for name, s in result.snubbers.items() if s.force_unit == "N"]
     curves = result.curves.values()
     return list(dict.fromkeys(p for c in curves for p in c.displacement)), list(
         dict.fromkeys(s for c in curves for s in c.force)

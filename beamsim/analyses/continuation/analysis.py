@@ -327,7 +327,11 @@ def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Sto
         unit=f.unit,
         parameter_meaning=f"what is followed: {f.label}",
         contact_share={s.name: np.array([m.contact_share[k] for m in motions]) for k, s in enumerate(system.snubbers)},
-        peak_gap={s.name: -low[PENETRATION][:, k] for k, s in enumerate(system.snubbers)} if PENETRATION in low else {},
+        peak_gap={
+            s.name: -low[PENETRATION][:, k]
+            for k, s in enumerate(system.snubbers)
+            if PENETRATION in low and s.gap_unit == "m"
+        },
         peak_bending_stress=None if stress is None else stress.max(axis=1),
         outputs={
             each.name: OutputExtremes(each.name, each.quantity, each.unit, each.at, *ends[:, :, k].T)
@@ -350,7 +354,7 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
     maxima = [ReportedMaximum(largest_of(LIMITED["peak_displacement"], each), False) for each in displacements[:, None]]
     for name in () if limits is None else limits.given:
         value, place = limited(name)
-        columns = [k for each, k in channels.located if value.takes(each.key) and place in ("", each.name)]
+        columns = [k for each, k in channels.located if value.takes(each) and place in ("", each.name)]
         some = [np.array(columns)] if value.single else [np.array([k]) for k in columns]
         maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]
     return maxima

@@ -255,7 +255,7 @@ def _check_response(scenario: Scenario, name: str, where: str) -> None:
         raise scenario.located(ScenarioError.at(where, f"= {name} is not a response", remedy))
     *_, section, place = ("", "", *name.split("/")[:-1])
     if section in ("probes", "snubbers", "outputs"):
-        known = [item.name for item in getattr(scenario, section)]
+        known = [item.name for item in getattr(scenario, "all_snubbers" if section == "snubbers" else section)]
         if known and place not in known:
             remedy = suggestion(place, known, f"the {section} are")
             raise scenario.located(ScenarioError.at(where, f"= {name} names no response: no {place}", remedy))

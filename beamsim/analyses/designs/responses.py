@@ -29,7 +29,12 @@ def entries_of(asked: Collection[str], stationary: bool) -> tuple[str, ...]:
     quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME)
     if not stationary:  # whose responses have no root mean square
         quantities = {name for name in quantities if not name.startswith("rms_")}
-    quantities |= {"static_force", "open_frequencies_hz", "closed_frequencies_hz"}  # which the model has anyway
+    quantities |= {
+        "static_force",
+        "static_moment",
+        "open_frequencies_hz",
+        "closed_frequencies_hz",
+    }  # which the model has anyway
     return tuple(entry for entry, value in BY_ENTRY.items() if value.name in quantities)
 
 
@@ -57,7 +62,7 @@ def run_responses(figures: Mapping[str, Any]) -> Responses:
         for name in dict.fromkeys(name for _, of in found for name in of):
             values |= {f"{section}/{name}/{v.name}": float(of[name]) * v.scale for v, of in found if name in of}
     values |= {v.name: figures[v.entry] for v in BY_ENTRY.values() if v.single and v.entry in figures}
-    snubbers = bool(figures["static_force_n"])
+    snubbers = bool(figures["static_force_n"] or figures.get("static_moment_n_m"))
     values |= _of_frequencies(figures["open_frequencies_hz"], figures["closed_frequencies_hz"], snubbers)
     return values | ({"energy_error": figures["energy_error"]} if "energy_error" in figures else {})
 

@@ -18,7 +18,7 @@ from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.scenario.connections import FrictionBase
+from beamsim.scenario.connections import FrictionBase, OfHinge
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
@@ -57,7 +57,7 @@ def sliding_figures(
             "slides": int(sums["slides"][-1, k]),
             "dissipated_energy": float(sums["lost"][-1, k]),
             "dissipated_power": float(sums["lost"][-1, k]) / duration,
-            "wear_power": float(sums["wear"][-1, k]) / duration,
+            "wear_power": None if isinstance(contact, OfHinge) else float(sums["wear"][-1, k]) / duration,
             "worn_volume": None if contact.wear_rate is None else contact.wear_rate * float(sums["wear"][-1, k]),
             "intervals": _intervals({name: of[:, k] for name, of in sums.items()}, times) if random else (),
         }

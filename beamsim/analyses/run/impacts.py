@@ -26,7 +26,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.scenario.run import ImpactSettings, StressLife
 from beamsim.system.equations import Rows
-from beamsim.system.structural import StructuralSystem
+from beamsim.system.structural import SnubberInfo, StructuralSystem
 from beamsim.typing import Bools, Floats, Ints
 
 SKIPPED = 0.1  # share of a run that is left out at its beginning
@@ -66,9 +66,7 @@ def impacts_of(
         contacts = _joined(of_snubber)
         every = _impacts(contacts, settings.minimum_rest)
         counted = every.taken(every.peak_force >= settings.force_threshold)
-        statistics[snubber.name] = _statistics(
-            snubber.name, (begin, end), every, counted, contacts, stationary=stationary
-        )
+        statistics[snubber.name] = _statistics(snubber, (begin, end), every, counted, contacts, stationary=stationary)
         each.append(counted)
     snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
     order = np.lexsort((snubber_of, np.concatenate([impacts.begin for impacts in each])))
@@ -254,13 +252,20 @@ def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> F
 
 
 def _statistics(
-    name: str, span: tuple[float, float], every: _Impacts, counted: _Impacts, contacts: _Contacts, *, stationary: bool
+    snubber: SnubberInfo,
+    span: tuple[float, float],
+    every: _Impacts,
+    counted: _Impacts,
+    contacts: _Contacts,
+    *,
+    stationary: bool,
 ) -> SnubberImpacts:
     duration = span[1] - span[0]
     contact = float(every.contact_time.sum())
     impulse, square = float(every.impulse.sum()), float(every.square.sum())
     return SnubberImpacts(
-        name=name,
+        name=snubber.name,
+        turns=snubber.turns,
         number=counted.begin.size,
         cut=int(counted.cut.sum()),
         below_threshold=every.begin.size - counted.begin.size,
@@ -281,7 +286,7 @@ def _statistics(
         rms_force_n=float(np.sqrt(square / duration)) if duration > 0 else np.nan,
         mean_force_in_contact_n=impulse / contact if contact > 0 else np.nan,
         rms_force_in_contact_n=float(np.sqrt(square / contact)) if contact > 0 else np.nan,
-        rainflow=Rainflow("N", *_cycles(_with_rests(contacts)).T),
+        rainflow=Rainflow(snubber.force_unit, *_cycles(_with_rests(contacts)).T),
         intervals=_intervals(every, counted, *span) if stationary else (),
     )
 

@@ -25,7 +25,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.gapping import contact_levels, gapping, in_order, pressed_phases, static_penetration, transfer
+from beamsim.analyses.gapping import (
+    contact_levels,
+    gapping,
+    in_order,
+    in_their_units,
+    pressed_phases,
+    static_penetration,
+    transfer,
+)
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY
@@ -244,8 +252,8 @@ def gapping_of_run(
     for name, of in of_snubber.items():
         times = motion.events.time[motion.events.snubber == names.index(name)]
         of["first_change_s"] = float(times[0]) if times.size else None
-        of["largest_gap_m"] = summary["largest_gap_m"][name]
-    return of_snubber
+        of["largest_gap_m"] = {**summary["largest_gap_m"], **summary.get("largest_gap_rad", {})}[name]
+    return in_their_units(of_snubber, {snubber.name: snubber.gap_unit for snubber in system.snubbers})
 
 
 def _of_sine(system: StructuralSystem, excitation: Harmonic | Forces) -> OfSnubbers:

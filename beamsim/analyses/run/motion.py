@@ -34,6 +34,7 @@ from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInStretches
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Run, Scenario
+from beamsim.scenario.connections import OfHinge
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
 from beamsim.typing import Bools, Floats
@@ -167,10 +168,10 @@ def pull_warnings(scenario: Scenario, system: StructuralSystem, motion: RunMotio
     forces = motion.extremes[FORCE]
     pulls = largest_pulls(forces)
     return [
-        f"{s.label}: its dashpot pulls with up to {pulls[j]:.3g} N before the contact opens"
+        f"{s.label}: its dashpot pulls with up to {pulls[j]:.3g} {s.item.units[1]} before the contact opens"
         + ("; law: no_tension opens it before" if s.item.hardening is None else "")
         for j, s in enumerate(scenario.located_snubbers)
-        if pulls[j] > SMALLEST_PULL * forces[2][j]
+        if pulls[j] > SMALLEST_PULL * forces[2][j] and not s.item.latch
     ]
 
 
@@ -249,7 +250,7 @@ def _springs(system: StructuralSystem, histories: Histories) -> dict[str, Spring
 def _friction(
     scenario: Scenario, system: StructuralSystem, motion: RunMotion, histories: Histories
 ) -> dict[str, FrictionHistory]:
-    contacts, number = scenario.friction, friction_contacts(system)
+    contacts, number = [each.item for each in scenario.located_friction], friction_contacts(system)
     figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
     begin = 0.0 if scenario.run is None else scenario.run.from_
     if contacts and motion.trajectory is not None and begin <= motion.trajectory.end:
@@ -258,8 +259,9 @@ def _friction(
         figures = sliding_figures(system, counted, contacts, random=random)
     return {
         c.name: FrictionHistory(
+            turns=isinstance(c, OfHinge) or None,
             name=c.name,
-            normal_force=c.constant_force,
+            normal_force=np.nan if isinstance(c, OfHinge) else c.constant_force,
             static_force=c.static_force,
             sliding_force=c.sliding_force,
             stiffness=c.stiffness or np.inf,
@@ -278,6 +280,7 @@ def contact_instant(system: StructuralSystem, motion: RunMotion) -> ContactInsta
     if len(system.bodies) < 2 or not system.snubbers:
         return None
     forces, times = motion.extremes[FORCE][2:]
+    forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # moments have no place in the sketch
     at = int(forces.argmax())
     if not forces[at] > 0.0:
         return None

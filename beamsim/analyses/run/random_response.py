@@ -112,7 +112,7 @@ def _responses(result: RunResult) -> Iterator[tuple[str, str, str, Floats]]:
         yield probe.name, MAIN_QUANTITY, "m/s^2", probe.absolute_acceleration
         yield probe.name, "displacement", "m", probe.displacement
     for snubber in result.snubbers.values():
-        yield snubber.name, "force", "N", snubber.force
+        yield snubber.name, "force", snubber.force_unit, snubber.force
     for output in result.outputs.values():
         yield output.name, output.quantity, output.unit, output.value
 

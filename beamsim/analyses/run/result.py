@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
-from beamsim.analyses.values import BY_ENTRY, VALUES
+from beamsim.analyses.values import BY_ENTRY, VALUES, of_angles
 from beamsim.fields import (
     Counter,
     Entry,
@@ -27,7 +27,7 @@ from beamsim.fields import (
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.modes import ModeTable
-from beamsim.system.structural import SnubberNumbers
+from beamsim.system.structural import ContactUnits, SnubberNumbers
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 ONLY_BEAM = "beam"  # what the body of a scenario that gives one beam without a name is called
@@ -68,7 +68,7 @@ class Rainflow:
 
 
 @declared
-class SnubberImpacts:
+class SnubberImpacts(ContactUnits):
     """Impacts at one snubber; means are over the impacts that are counted, nan without one."""
 
     name: str = key("name of the snubber")
@@ -79,20 +79,22 @@ class SnubberImpacts:
     contact_share: float = attribute("1", "share of the time in contact, with the impacts left out")
     mean_contact_time_s: float = attribute("s", "mean time in contact of an impact")
     longest_contact_time_s: float = attribute("s", "longest time in contact of an impact")
-    peak_force_n: float = attribute("N", "largest peak force")
-    mean_peak_force_n: float = attribute("N", "mean peak force")
-    mean_impulse_n_s: float = attribute("N s", "mean impulse of an impact")
-    highest_approach_speed_m_s: float = attribute("m/s", "largest approach speed")
-    mean_approach_speed_m_s: float = attribute("m/s", "mean approach speed")
+    peak_force_n: float = attribute("{force_unit}", "largest peak force")
+    mean_peak_force_n: float = attribute("{force_unit}", "mean peak force")
+    mean_impulse_n_s: float = attribute("{force_unit} s", "mean impulse of an impact")
+    highest_approach_speed_m_s: float = attribute("{gap_unit}/s", "largest approach speed")
+    mean_approach_speed_m_s: float = attribute("{gap_unit}/s", "mean approach speed")
     restitution: float = attribute("1", "root of the mean square of separation speeds over that of approach speeds")
     mean_energy_lost_j: float = attribute("J", "mean energy lost in an impact")
     # of all contact, below the threshold or not
-    impulse_n_s: float = attribute("N s", "integral of the contact force over the run")
+    impulse_n_s: float = attribute("{force_unit} s", "integral of the contact force over the run")
     energy_lost_j: float = attribute("J", "energy lost in the snubber over the run")
-    mean_force_n: float = attribute("N", "mean contact force over the run")
-    rms_force_n: float = attribute("N", "root mean square of the contact force over the run")
-    mean_force_in_contact_n: float = attribute("N", "mean contact force over the time in contact")
-    rms_force_in_contact_n: float = attribute("N", "root mean square of the contact force over the time in contact")
+    mean_force_n: float = attribute("{force_unit}", "mean contact force over the run")
+    rms_force_n: float = attribute("{force_unit}", "root mean square of the contact force over the run")
+    mean_force_in_contact_n: float = attribute("{force_unit}", "mean contact force over the time in contact")
+    rms_force_in_contact_n: float = attribute(
+        "{force_unit}", "root mean square of the contact force over the time in contact"
+    )
     rainflow: Rainflow = group("rainflow", Rainflow)  # of the force
     # of a random input
     intervals: tuple[FigureInterval, ...] = table(
@@ -101,16 +103,20 @@ class SnubberImpacts:
 
     def summary(self) -> dict[str, Any]:
         """The numbers by name."""
-        left_out = ("name", "rainflow", "intervals")
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in left_out}
+        left_out = ("name", "turns", "rainflow", "intervals")
+        called = of_angles if self.gap_unit == "rad" else str
+        values = {called(f.name): getattr(self, f.name) for f in fields(self) if f.name not in left_out}
         if self.intervals:
-            values["intervals"] = {row.figure: [row.low, row.high] for row in self.intervals}
+            values["intervals"] = {called(row.figure): [row.low, row.high] for row in self.intervals}
         return values
 
 
 @declared(along=_IMPACT)
 class Impacts:
-    """Every impact of the run that is counted, in order of time, and the statistics of each snubber."""
+    """Every impact of the run that is counted, in order of time, and the statistics of each snubber.
+
+    Those of stops of hinges are in N m and rad where others are in N and m.
+    """
 
     minimum_rest_s: float = attribute("s", "contacts of one snubber that are less far apart are one impact")
     force_threshold_n: float = attribute("N", "impacts with a smaller peak force are left out")
@@ -148,13 +154,17 @@ class Impacts:
     def total(self) -> dict[str, float]:
         """Those of all snubbers together."""
         each = list(self.snubbers.values())
-        return {
+        total = {
             "number": sum(s.number for s in each),
             "rate_hz": sum(s.rate_hz for s in each),
-            "peak_force_n": max(s.peak_force_n for s in each),
-            "impulse_n_s": sum(s.impulse_n_s for s in each),
             "energy_lost_j": sum(s.energy_lost_j for s in each),
         }
+        for unit in dict.fromkeys(s.gap_unit for s in each):
+            called = of_angles if unit == "rad" else str
+            alike = [s for s in each if s.gap_unit == unit]
+            total[called("peak_force_n")] = max(s.peak_force_n for s in alike)
+            total[called("impulse_n_s")] = sum(s.impulse_n_s for s in alike)
+        return total
 
 
 @declared
@@ -212,19 +222,20 @@ class OutputHistory:
 
 @declared(along=_TIME)
 class SnubberHistory(SnubberNumbers):
-    """One snubber at the output times; between two masses the displacement is the stretch."""
+    """One snubber at the output times; between two masses the displacement is the stretch, of a stop of a hinge the
+    angle."""
 
-    force: Floats = dataset("N", "contact force on the structure, positive when it pushes")
-    penetration: Floats = dataset("m", "penetration of the structure into the snubber")
+    force: Floats = dataset("{force_unit}", "contact force on the structure, positive when it pushes")
+    penetration: Floats = dataset("{gap_unit}", "penetration of the structure into the snubber")
     closed: Bools = dataset("1", "whether the contact is closed", flags=("open", "closed"))
-    displacement: Floats = dataset("m", "displacement of the structure at the snubber, relative to the base")
-    velocity: Floats = dataset("m/s", "velocity of the structure at the snubber, relative to the base")
+    displacement: Floats = dataset("{gap_unit}", "displacement of the structure at the snubber, relative to the base")
+    velocity: Floats = dataset("{gap_unit}/s", "velocity of the structure at the snubber, relative to the base")
     across: float | None = attribute("m", "on a plate position from its bottom edge", default=None)
     table_misfit: float | None = attribute(
-        "N", "root mean square of what a force-deflection table leaves of the measured forces", default=None
+        "{force_unit}", "root mean square of what a force-deflection table leaves of the measured forces", default=None
     )
     residual_crush: float | None = attribute(
-        "m", "of a stop that yields, how far it stays crushed at the end of the motion", default=None
+        "{gap_unit}", "of a stop that yields, how far it stays crushed at the end of the motion", default=None
     )
 
 
@@ -242,24 +253,28 @@ class SpringHistory:
 
 
 @declared(along=_TIME)
-class FrictionHistory:
+class FrictionHistory(ContactUnits):
     """One friction contact at the output times; between two places the displacement is the stretch."""
 
     name: str = key("name of the friction contact")
-    normal_force: float = attribute("N", "force that presses the faces together; nan where it is that of a snubber")
-    static_force: float = attribute("N", "friction force up to which it sticks, likewise")
-    sliding_force: float = attribute("N", "friction force while it slides, likewise")
-    stiffness: float = attribute("N/m", "tangential stiffness while it sticks; infinite where it does not move")
-    start_force: float = attribute(
-        "N", "friction force at the start, positive where it resists a positive displacement"
+    normal_force: float = attribute(
+        "{force_unit}", "force that presses the faces together; nan where it is that of a snubber"
     )
-    displacement: Floats = dataset("m", "displacement along the face, relative to what it rubs on")
-    force: Floats = dataset("N", "friction force, positive where it resists a positive displacement")
+    static_force: float = attribute("{force_unit}", "friction force up to which it sticks, likewise")
+    sliding_force: float = attribute("{force_unit}", "friction force while it slides, likewise")
+    stiffness: float = attribute(
+        "{force_unit}/{gap_unit}", "tangential stiffness while it sticks; infinite where it does not move"
+    )
+    start_force: float = attribute(
+        "{force_unit}", "friction force at the start, positive where it resists a positive displacement"
+    )
+    displacement: Floats = dataset("{gap_unit}", "displacement along the face, relative to what it rubs on")
+    force: Floats = dataset("{force_unit}", "friction force, positive where it resists a positive displacement")
     stuck: Bools = dataset("1", "whether the contact sticks", flags=("sliding", "stuck"))
     sliding_share: float = attribute("1", "share of the time during which it slides")
     # of the continuous motion: None of a time-stepped or interrupted one
     slides: int | None = attribute("1", "how often sliding begins", default=None)
-    sliding_distance: float | None = attribute("m", "distance that it slides", default=None)
+    sliding_distance: float | None = attribute("{gap_unit}", "distance that it slides", default=None)
     dissipated_energy: float | None = attribute("J", "energy lost", default=None)
     dissipated_power: float | None = attribute("W", "energy lost over the duration of the run", default=None)
     wear_power: float | None = attribute("W", "mean of normal force times sliding speed", default=None)
@@ -270,9 +285,12 @@ class FrictionHistory:
 
     def summary(self) -> dict[str, Any]:
         """The numbers by name, with their units."""
-        numbers: dict[str, Any] = {f"{name}_{unit}": getattr(self, name) for name, unit in _FRICTION_UNITS.items()}
+        called = of_angles if self.gap_unit == "rad" else str
+        numbers: dict[str, Any] = {
+            called(f"{name}_{unit}"): getattr(self, name) for name, unit in _FRICTION_UNITS.items()
+        }
         if self.intervals:
-            numbers["intervals"] = {row.figure: [row.low, row.high] for row in self.intervals}
+            numbers["intervals"] = {called(row.figure): [row.low, row.high] for row in self.intervals}
         return {"sliding_share": self.sliding_share, "slides": self.slides, **numbers}
 
 
@@ -655,8 +673,12 @@ _SUMMARY = (
     Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "preload"),
     BY_ENTRY["static_force_n"].summary_entry(),
     Entry("blocked_force_n", "N", "contact force of a snubber with the structure held at zero displacement"),
+    Entry("gap_rad", "rad", "clearance of a stop of a hinge at the angle zero", "preload of hinges"),
+    BY_ENTRY["static_moment_n_m"].summary_entry(),
+    Entry("blocked_moment_n_m", "N m", "contact moment of a stop of a hinge that is held at the angle zero"),
     Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness"),
     Entry("residual_crush_m", "m", "of a snubber that yields, how far it stays crushed at the end", "residual crush"),
+    Entry("residual_crush_rad", "rad", "of a stop of a hinge that yields, the same", "residual crush of hinges"),
     Entry("impacts", "", "statistics of the impacts by snubber, if run.impacts asks for them; units are in the names",
              "impacts"),
     Entry("impacts_total", "", "those of all snubbers together"),

@@ -20,6 +20,7 @@ from beamsim.analyses.values import (
     STRESS,
     Extreme,
     Extremes,
+    by_units,
     largest,
     largest_at,
     limited,
@@ -80,10 +81,11 @@ def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str
 def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of the summary that repeat parts of a result, and its margins with other entries; None without any."""
     von_mises = [body.peak_von_mises_stress for body in result.bodies.values()]
-    crushed = {s.name: s.residual_crush for s in result.snubbers.values() if s.residual_crush is not None}
+    yielding = [s for s in result.snubbers.values() if s.residual_crush is not None]
+    crushed = by_units("residual_crush_m", yielding, lambda s: s.residual_crush)
     impacts, random = result.impacts, result.random
     return {
-        "residual_crush_m": crushed or None,
+        **{entry: of or None for entry, of in crushed.items()},
         "largest_von_mises_stress_pa": max((float(x.max()) for x in von_mises if x is not None), default=None),
         "friction": {name: contact.summary() for name, contact in result.friction.items()} or None,
         "impacts": None if impacts is None else impacts.summary(),
@@ -146,10 +148,10 @@ def summary_of_run(
         "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.balance.error,
         **motion.memory,
-        "blocked_force_n": {s.name: s.blocked_force for s in system.snubbers},
+        **by_units("blocked_force_n", system.snubbers, lambda s: s.blocked_force),
         "stiffness_ratio": {s.name: s.stiffness_ratio for s in system.snubbers},
     }
-    summary["peak_times_s"] = peak_times(motion.extremes, summary)
+    summary["peak_times_s"] = peak_times(system, motion.extremes, summary)
     if system.outputs:
         summary["rms_output"] = {o.name: rms[o.name, o.quantity] for o in system.outputs if not o.squared}
         summary["output_unit"] = {output.name: output.unit for output in system.outputs}
@@ -235,22 +237,26 @@ def _without_round_off(
     return settled
 
 
-def peak_times(extremes: Extremes, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+def peak_times(system: StructuralSystem, extremes: Extremes, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """s, by entry of the figures and by name: when the peak is reached; of equal peaks any of them."""
+    probes, snubbers = [p.name for p in system.probes], [s.name for s in system.snubbers]
     when = {
-        "peak_displacement_m": largest_at(extremes[DISPLACEMENT]),
-        "peak_acceleration_g": largest_at(extremes[ACCELERATION]),
-        "peak_force_n": extremes[FORCE][3] if FORCE in extremes else np.zeros(0),
+        "peak_displacement_m": by_name(probes, largest_at(extremes[DISPLACEMENT])),
+        "peak_acceleration_g": by_name(probes, largest_at(extremes[ACCELERATION])),
     }
-    reached = {entry: zip(figures[entry].items(), times.tolist(), strict=True) for entry, times in when.items()}
-    return {entry: {name: t for (name, peak), t in of if peak > 0.0} for entry, of in reached.items()}
+    of_contacts = by_name(snubbers, extremes[FORCE][3]) if FORCE in extremes else {}
+    when |= {entry: of_contacts for entry in ("peak_force_n", "peak_moment_n_m") if entry in figures}
+    return {
+        entry: {name: times[name] for name, peak in figures[entry].items() if peak > 0.0}
+        for entry, times in when.items()
+    }
 
 
 def static_figures(system: StructuralSystem) -> dict[str, Any]:
     """By entry of the summary the figures of the model itself: of static equilibrium, and natural frequencies."""
     return {
-        "static_force_n": {s.name: s.preload for s in system.snubbers},
-        "gap_m": {s.name: s.gap for s in system.snubbers},
+        **by_units("static_force_n", system.snubbers, lambda s: s.preload),
+        **by_units("gap_m", system.snubbers, lambda s: s.gap),
         "open_frequencies_hz": system.open_frequencies_hz.tolist(),
         "closed_frequencies_hz": system.closed_frequencies_hz.tolist(),
     }

@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
-from beamsim.analyses.gapping import contact_levels, gapping, pressed_phases, static_penetration, transfer
+from beamsim.analyses.gapping import (
+    contact_levels,
+    gapping,
+    in_their_units,
+    pressed_phases,
+    static_penetration,
+    transfer,
+)
 from beamsim.analyses.sweep.notching import with_held_limits, with_limited_outputs
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
@@ -277,12 +284,15 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
     """The largest values of every curve by name, and units of the outputs, for the summary."""
     units = {name: output.unit for curve in curves.values() for name, output in curve.outputs.items()}
     entries: dict[str, Any] = {
-        value.entry: {name: {} for name in curves} for value in VALUES if value.followed or (units and value is OUTPUT)
+        value.entry: {name: {} for name in curves}
+        for value in VALUES
+        if (value.followed and not value.rare) or (units and value is OUTPUT)
     }
     for curve in curves.values():
         for value, name, largest, _ in curve.largest_values():
-            if value.entry in entries:
-                entries[value.entry][curve.name][name] = largest / value.scale
+            if value.followed or value.entry in entries:
+                of = entries.setdefault(value.entry, {name: {} for name in curves})
+                of[curve.name][name] = largest / value.scale
     return entries | ({"output_unit": units} if units else {})
 
 
@@ -303,7 +313,7 @@ def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, An
         }
         gaps = [curve.peak_gap[name] for curve in curves.values() if name in curve.peak_gap]
         of["largest_gap_m"] = max((float(np.max(gap, initial=0.0)) for gap in gaps), default=None)
-    return {"gapping": summary}
+    return {"gapping": in_their_units(summary, {name: of.gap_unit for name, of in linear.contact.items()})}
 
 
 def _not_followed(system: StructuralSystem, margins: Margins) -> Iterator[str]:

@@ -114,10 +114,9 @@ class SweepLevel:
         """Numbers of the columns whose extremes are asked for: the channels, and the rates of impacts."""
         return np.arange(self.channels.order.size + len(self.system.snubbers) * self.settings.impacts)
 
-    def _named(self, key: Key) -> dict[str, int]:
-        """Columns of channels that are alike, by name of probe, snubber or output."""
-        alike = [channel.name for channel in self.channels.channels if channel.key == key]
-        return dict(zip(alike, self.channels.places.get(key, np.zeros(0, dtype=np.int64)).tolist(), strict=True))
+    def _named(self, key: Key, unit: str = "") -> dict[str, int]:
+        """Columns of channels that are alike, by name of probe, snubber or output; of one unit, if given."""
+        return {c.name: k for c, k in self.channels.located if c.key == key and unit in ("", c.unit)}
 
     def curve(self, record: CycleRecord, direction: str, **fields: Any) -> SweepCurve:
         """The curve of one way from the values of its cycles; ``fields`` are the other fields of `SweepCurve`."""
@@ -139,7 +138,7 @@ class SweepLevel:
             )
 
         if "gap" in self.limited:
-            fields["peak_gap"] = {name: -record.low[:, k] for name, k in self._named(PENETRATION).items()}
+            fields["peak_gap"] = {name: -record.low[:, k] for name, k in self._named(PENETRATION, "m").items()}
         if stress is not None:
             extremes = np.abs(record.high[:, stress]), np.abs(record.low[:, stress])
             fields["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
@@ -176,6 +175,7 @@ class SweepLevel:
             with np.errstate(divide="ignore", invalid="ignore"):
                 time = np.where(per_cycle > 0, record.contact_share[:, k] * period / per_cycle, np.nan)
             out[name] = CycleImpacts(
+                turns=self.system.snubbers[k].turns,
                 per_cycle=per_cycle,
                 contact_time=time,
                 impulse=record.harmonic[:, column, 0].real * period,
@@ -222,7 +222,7 @@ class SweepLevel:
 
     def history(self, time: Floats, values: Floats) -> SweepHistory:
         """The time history of all columns (nt, K)."""
-        of_keys = (self._named(key) for key in (DISPLACEMENT, ACCELERATION, FORCE))
+        of_keys = (self._named(*key) for key in ((DISPLACEMENT,), (ACCELERATION,), (FORCE, "N"), (FORCE, "N m")))
         return SweepHistory(time, *({name: values[:, k] for name, k in columns.items()} for columns in of_keys))
 
 

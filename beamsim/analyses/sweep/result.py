@@ -11,7 +11,7 @@ from beamsim.analyses.gapping import ContactLevels
 from beamsim.analyses.quality import QualityPeak, peaks_of
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.values import OUTPUT, VALUES, AlongCurve, Value
+from beamsim.analyses.values import OUTPUT, VALUES, AlongCurve, Value, of_angles
 from beamsim.fields import (
     Counter,
     Entry,
@@ -34,6 +34,7 @@ from beamsim.outcomes import Outcome
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
 from beamsim.system.modes import ModeTable
+from beamsim.system.structural import ContactUnits
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 OFFSET = 1e-6  # of the peak
@@ -107,25 +108,27 @@ class OutputEnvelope:
 
 
 @declared(along=_FREQUENCY)
-class CycleImpacts:
+class CycleImpacts(ContactUnits):
     """Impacts at one snubber, cycle by cycle; at each frequency of a stepped sweep means over the cycles measured."""
 
     per_cycle: Floats = dataset("1", "impacts per cycle: closings", name="impacts_per_cycle")
     contact_time: Floats = dataset("s", "mean time in contact of an impact; NaN in a cycle without closing")
-    impulse: Floats = dataset("N s", "integral of the contact force over a cycle")
+    impulse: Floats = dataset("{force_unit} s", "integral of the contact force over a cycle")
     energy_lost: Floats = dataset("J", "energy lost in the snubber in a cycle")
     penetration_rate: Floats = dataset(
-        "m/s", "highest rate of penetration in contact, which is the approach speed unless the load still accelerates"
+        "{gap_unit}/s",
+        "highest rate of penetration in contact, which is the approach speed unless the load still accelerates",
     )
 
     def summary(self) -> dict[str, float]:
         """Largest values along the curve, by name."""
+        called = of_angles if self.gap_unit == "rad" else str
         return {
             "most_per_cycle": float(np.max(self.per_cycle, initial=0.0)),
             "longest_mean_contact_time_s": float(np.nanmax(self.contact_time, initial=0.0)),
-            "largest_impulse_n_s": float(np.max(self.impulse, initial=0.0)),
+            called("largest_impulse_n_s"): float(np.max(self.impulse, initial=0.0)),
             "largest_energy_lost_j": float(np.max(self.energy_lost, initial=0.0)),
-            "highest_penetration_rate_m_s": float(np.max(self.penetration_rate, initial=0.0)),
+            called("highest_penetration_rate_m_s"): float(np.max(self.penetration_rate, initial=0.0)),
         }
 
 
@@ -355,6 +358,7 @@ class SweepHistory:
     displacement: dict[str, Floats] = per_probe("m", "displacement relative to the base")
     acceleration: dict[str, Floats] = per_probe("m/s^2", "absolute acceleration", name="absolute_acceleration")
     force: dict[str, Floats] = per_snubber("N", "contact force on the structure, positive when it pushes")
+    moment: dict[str, Floats] = per_snubber("N m", "that of a stop of a hinge", default_factory=dict)
 
 
 @declared
