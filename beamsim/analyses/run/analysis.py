@@ -14,6 +14,7 @@ from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
 from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of, impacts_of
 from beamsim.analyses.run.motion import (
+    Histories,
     RunMotion,
     bodies_of_run,
     contact_instant,
@@ -39,6 +40,7 @@ from beamsim.typing import Floats
 
 if TYPE_CHECKING:
     from beamsim.scenario.run import ShockSpectrumSettings
+
 MISFIT_DB = 3.0  # of a matched record, that is within the tolerance of most specifications
 NOTED = 0.25  # of a peak acceleration: a larger jump may exceed it in a model of a few times the modes
 SETTLED = 0.8  # of the sum over all modes, that the lower half of them reaches where the sum converges
@@ -132,7 +134,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         work=motion.work,
         low_pass_hz=settings.low_pass,
     )
-    fields: dict[str, Any] = {}
+    closed_form = motion.trajectory is not None
     warnings = [
         *scenario.warnings,
         *system.warnings,
@@ -140,43 +142,65 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         *pull_warnings(scenario, system, motion),
         *compressed_beyond_tables(scenario, compression),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
-        *coverage_notes(system, spectra, closed_form=motion.trajectory is not None),
+        *coverage_notes(system, spectra, closed_form=closed_form),
         *([f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []),
     ]
-    if scenario.excitation.stationary and goes_on("densities and statistics"):
-        from beamsim.analyses.run.random_response import random_response
-
-        fields["random"] = random_response(result, system)
-    closed_form = motion.trajectory is not None
-    reached = settings.from_ < motion.marched.end or not settings.from_
-    if settings.impacts is not None and closed_form and reached and goes_on("statistics of impacts"):
-        fields["impacts"] = impacts_of(
-            system, motion.parts(), settings.impacts, begin=settings.from_, stationary=scenario.excitation.stationary
-        )
-    if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
-        fields["fatigue"] = fatigue_of(
-            system, motion.parts, motion.marched.end, largest(motion.extremes[STRESS]), settings.fatigue,
-            stationary=scenario.excitation.stationary,
-        )  # fmt: skip
-        warnings += fatigue_doubts(fields["fatigue"], settings.fatigue)
     summary = summary_of_run(scenario, system, motion, spectra, stop)
     warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
+    fields, notes = _asked_for(result, settings, system, motion, histories, goes_on)
+    warnings += notes
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
-    if settings.srs is not None and goes_on("shock response spectra"):
-        fields["srs"] = shock_response(scenario, system, motion.trajectory or histories)
-        warnings += [] if motion.trajectory else _coarse_samples(histories.time, settings.srs)
-    fields["matched"] = matched_spectrum(scenario, system)
-    if (matched := fields["matched"]) is not None and (worst := float(np.abs(matched.misfit_db).max())) > MISFIT_DB:
-        warnings.append(
-            f"excitation.srs: the record is up to {worst:.1f} dB from the curve: give another seed, another duration, "
-            "or a curve without steep sides and with levels that its Q allows"
-        )
     if left_out and result.complete:
         fields["outcome"] = interruption(f"before {', '.join(left_out)}")
     result = replace(result, **fields, warnings=tuple(warnings))
     result = result.with_summary(**summary, **figures_of_parts(result, summary))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
     return Solution(scenario, motion, result)
+
+
+def _asked_for(
+    result: RunResult,
+    settings: Run,
+    system: StructuralSystem,
+    motion: RunMotion,
+    histories: Histories,
+    goes_on: Callable[[str], bool],
+) -> tuple[dict[str, Any], list[str]]:
+    """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
+
+    Parameters
+    ----------
+    result : of the motion.
+    settings, system, motion, histories : it came from.
+    goes_on : whether what is named is still computed, or left out.
+    """
+    scenario, closed_form = result.scenario, motion.trajectory is not None
+    stationary = scenario.excitation.stationary
+    fields: dict[str, Any] = {}
+    notes: list[str] = []
+    if stationary and goes_on("densities and statistics"):
+        from beamsim.analyses.run.random_response import random_response
+
+        fields["random"] = random_response(result, system)
+    reached = settings.from_ < motion.marched.end or not settings.from_
+    if settings.impacts is not None and closed_form and reached and goes_on("statistics of impacts"):
+        parts, begin = motion.parts(), settings.from_
+        fields["impacts"] = impacts_of(system, parts, settings.impacts, begin=begin, stationary=stationary)
+    if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
+        peaks = largest(motion.extremes[STRESS])
+        damage = fatigue_of(system, motion.parts, motion.marched.end, peaks, settings.fatigue, stationary=stationary)
+        fields["fatigue"] = damage
+        notes += fatigue_doubts(damage, settings.fatigue)
+    if settings.srs is not None and goes_on("shock response spectra"):
+        fields["srs"] = shock_response(scenario, system, motion.trajectory or histories)
+        notes += [] if closed_form else _coarse_samples(histories.time, settings.srs)
+    fields["matched"] = matched_spectrum(scenario, system)
+    if (matched := fields["matched"]) is not None and (worst := float(np.abs(matched.misfit_db).max())) > MISFIT_DB:
+        notes.append(
+            f"excitation.srs: the record is up to {worst:.1f} dB from the curve: give another seed, another duration, "
+            "or a curve without steep sides and with levels that its Q allows"
+        )
+    return fields, notes
 
 
 def _coarse_samples(time: Floats, settings: ShockSpectrumSettings) -> list[str]:
