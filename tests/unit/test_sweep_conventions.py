@@ -141,7 +141,7 @@ def test_a_jump_ends_the_resonance_whatever_harmonics_it_excites():
     )
     curve = SimpleNamespace(
         name="up_0", direction="up", level=1.0, frequency_hz=f, orders=np.array([1.0, 4.0]), bent=None,
-        displacement={"tip": SimpleNamespace(peak=peak, harmonics=harmonics)},
+        displacement={"tip": SimpleNamespace(response=peak, harmonics=harmonics)},
         contact_share={"stop": np.where(before, 0.3, 0.0)}, excitation_amplitude=np.ones(f.size),
     )  # fmt: skip
     (jump,) = find_peaks(curve, "tip", None)
