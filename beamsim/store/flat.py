@@ -460,7 +460,9 @@ class Reader:
         for axis, size in zip(along, item.values.shape, strict=False):
             name = axis.name if isinstance(axis, Counter) else axis
             scale = _nearest_axis(self.items, path, name)
-            if scale is not None and self.items[scale].values.shape != (size,):
+            if scale is None:
+                raise ValueError(f"{path} has no axis {name}")
+            if self.items[scale].values.shape != (size,):
                 raise ValueError(f"{path} has {size} values along {scale}")
         return item.values
 
