@@ -72,6 +72,25 @@ def test_the_shipped_boom_has_its_energy_by_hand():
     assert summary["margins"]["peak_moment"]["verdict"] == "ok"
 
 
+SHAKEN = {"kind": "harmonic", "applied_to": "base", "level": 1e-3, "frequency": 0.5}
+
+
+@pytest.mark.parametrize(("analysis", "section", "excitation"), [
+    (beamsim.nnm, {"nnm": {"mode": 1, "energy": 1e-3}}, None),
+    (beamsim.continuation, {"sweep": {"kind": "continuation", "from": 0.3, "to": 1.0}}, SHAKEN),
+])  # fmt: skip
+def test_motions_that_repeat_refuse_a_latch(analysis, section, excitation):
+    stop = {"name": "end", "angle": "-1 deg", "side": "above", "stiffness": 400.0, "latch": True}
+    body = {"kind": "beam", "length": LENGTH, "bending_stiffness": 5e6, "mass_per_length": 1.2, "elements": 2,
+            "supports": {"left": "free", "right": "free"}, "damping": {"kind": "modal", "ratio": 0.01}}  # fmt: skip
+    hinge = {"name": "root", "kind": "hinge", "between": [{"body": "arm", "position": 0}, "base"]}
+    data = {"bodies": {"arm": body}, "joints": [{**hinge, "rotational_stiffness": SPRING, "stops": [stop]}],
+            "probes": [{"name": "tip", "at": {"body": "arm", "position": LENGTH}}], **section}  # fmt: skip
+    scenario = beamsim.load_scenario(data if excitation is None else {**data, "excitation": excitation})
+    with pytest.raises(beamsim.BeamsimError, match="a latch, which holds for good"):
+        analysis(scenario)
+
+
 def test_free_play_lengthens_the_period():
     """The arm flies across the play between the halves of a harmonic motion beyond it."""
     play, amplitude = 0.04, 0.1

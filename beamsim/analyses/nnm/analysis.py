@@ -58,6 +58,9 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     system = build_system(scenario.model_copy(update={"run": None, "excitation": excitation}))
     dynamics = system.dynamics
     for name, law in zip(system.contact_names, dynamics.contacts.laws, strict=True):
+        if law.latches:
+            message = f"looks for motions that repeat, and {name} has a latch, which holds for good"
+            raise ScenarioError.at("nnm", message, f"leave out latch of {name}")
         if law.undamped() is None:
             rubs, yields = law.rubs, law.yields
             what = (
