@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from independent import free_beam
 from scipy.integrate import simpson
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh, expm
@@ -30,23 +31,6 @@ def shape(x):
     return row
 
 
-def matrices():
-    """Mass and stiffness of the free pipe."""
-    k = BENDING / H**3 * np.array(
-        [[12, 6 * H, -12, 6 * H], [6 * H, 4 * H * H, -6 * H, 2 * H * H],
-         [-12, -6 * H, 12, -6 * H], [6 * H, 2 * H * H, -6 * H, 4 * H * H]]
-    )  # fmt: skip
-    m = LINE * H / 420 * np.array(
-        [[156, 22 * H, 54, -13 * H], [22 * H, 4 * H * H, 13 * H, -3 * H * H],
-         [54, 13 * H, 156, -22 * H], [-13 * H, -3 * H * H, -22 * H, 4 * H * H]]
-    )  # fmt: skip
-    M, K = np.zeros((2, 2 * ELEMENTS + 2, 2 * ELEMENTS + 2))
-    for e in range(ELEMENTS):
-        M[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += m
-        K[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += k
-    return M, K
-
-
 def held_motion():
     """Deflections of the ground and, absolute, of both anchors, with their derivatives, of time."""
     t, ground, *floors = np.loadtxt(CONFIGS / "measurements" / "earthquake_floors.csv", delimiter=",", skiprows=1).T
@@ -65,7 +49,7 @@ def by_hand(duration, stiffness, dashpot, gap):
     is stepped, and the step in which contact changes is cut where it does. The balance is the energy at the end, what
     is lost included, less that at the start.
     """
-    M, K = matrices()
+    M, K = free_beam(BENDING, LINE, H, ELEMENTS)
     held, free = np.array([0, 2 * ELEMENTS]), np.setdiff1d(np.arange(2 * ELEMENTS + 2), [0, 1, 2 * ELEMENTS])
     both = np.concatenate([held, free])  # the slope at the clamped end is zero
     m, k = M[np.ix_(free, free)], K[np.ix_(free, free)]

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from independent import Beam
 from scipy.integrate import solve_ivp
 
 import beamsim
 from beamsim import run
-from tests.helpers.independent import Beam
 
 ANGLE = {"name": "angle", "kind": "rotation", "at": {"body": "arm", "position": 0}}
 HELD = {"at": {"body": "arm", "position": 0.5}, "force": -0.4}  # N; turns the arm to -0.1 rad

@@ -23,24 +23,29 @@ class Structure:
     inertia: np.ndarray  # (n,)
 
 
+def free_beam(bending, line, h, elements):
+    """Mass and stiffness of equal cubic elements of length h: bending stiffness, mass per length, no supports."""
+    k = bending / h**3 * np.array(
+        [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
+         [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]]
+    )  # fmt: skip
+    m = line * h / 420 * np.array(
+        [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h],
+         [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
+    )  # fmt: skip
+    M, K = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
+    for e in range(elements):
+        M[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += m
+        K[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += k
+    return M, K
+
+
 class Beam:
     """A uniform Euler-Bernoulli beam of equal cubic elements, dofs (w, w') at each node; ``held`` at its left end."""
 
     def __init__(self, length, width, thickness, modulus, density, elements, held, point_masses=(), right="free"):
         self.h, self.elements = length / elements, elements
-        h, bending, line = self.h, modulus * width * thickness**3 / 12, density * width * thickness
-        k = bending / h**3 * np.array(
-            [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
-             [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]]
-        )  # fmt: skip
-        m = line * h / 420 * np.array(
-            [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h],
-             [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
-        )  # fmt: skip
-        K, M = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
-        for e in range(elements):
-            K[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += k
-            M[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += m
+        M, K = free_beam(modulus * width * thickness**3 / 12, density * width * thickness, self.h, elements)
         fixed = {"clamped": (0, 1), "pinned": (0,), "guided": (1,), "free": ()}
         away = [*fixed[held], *(2 * elements + dof for dof in fixed[right])]
         self.free = np.setdiff1d(np.arange(2 * elements + 2), away)

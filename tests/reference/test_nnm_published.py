@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from independent import free_beam
 from sampling import slow_after
 from scipy.linalg import eigh
 from scipy.special import ellipk
@@ -22,20 +23,7 @@ def cantilever(elements=10, k=107e3, masses=()):
     """The thesis's beam: stiffness, tip deflection, mass-normalised."""
     L, b, h, E, rho = 0.27, 0.05, 0.005, 69e9, 2700.0
     A, inertia, ell = b * h, b * h**3 / 12, 0.27 / elements
-    ke = E * inertia / ell**3 * np.array(
-        [[12, 6 * ell, -12, 6 * ell], [6 * ell, 4 * ell**2, -6 * ell, 2 * ell**2],
-         [-12, -6 * ell, 12, -6 * ell], [6 * ell, 2 * ell**2, -6 * ell, 4 * ell**2]]
-    )  # fmt: skip
-    me = rho * A * ell / 420 * np.array(
-        [[156, 22 * ell, 54, -13 * ell], [22 * ell, 4 * ell**2, 13 * ell, -3 * ell**2],
-         [54, 13 * ell, 156, -22 * ell], [-13 * ell, -3 * ell**2, -22 * ell, 4 * ell**2]]
-    )  # fmt: skip
-    n = 2 * (elements + 1)
-    K, M = np.zeros((n, n)), np.zeros((n, n))
-    for e in range(elements):
-        s = slice(2 * e, 2 * e + 4)
-        K[s, s] += ke
-        M[s, s] += me
+    M, K = free_beam(E * inertia, rho * A, ell, elements)
     for place, mass in masses:
         M[2 * round(place * elements), 2 * round(place * elements)] += mass
     w2, V = eigh(K[2:, 2:], M[2:, 2:])
