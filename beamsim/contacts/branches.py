@@ -166,11 +166,8 @@ def driven_force(curve: ForceCurve, branches: tuple[MaxwellBranch, ...], time: F
     far = 1e3 * curve.deflection[-1]  # beyond any face
     knots = np.append(curve.deflection, far)
     upwards = curve.at(knots) + k.sum() * knots  # force of the pad without what has relaxed
-    force, p, face = (
-        np.zeros(time.size),
-        np.full(k.size, max(float(deflection[0]), 0.0)),
-        max(float(deflection[0]), 0.0),
-    )
+    face = max(float(deflection[0]), 0.0)
+    force, p = np.zeros(time.size), np.full(k.size, face)
     for i, h in enumerate(np.diff(time), start=1):
         decay, mean = np.exp(-h / tau), -np.expm1(-h / tau) * tau / h
         left = np.maximum(float(np.interp(k @ p, upwards, knots)), 0.0)

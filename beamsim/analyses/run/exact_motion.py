@@ -149,7 +149,7 @@ def exact_motion_of(
         balance=figures.balance,
         marched=motion,
         extremes=figures.extremes,
-        extreme_states=motion.states_at(at[order])[order],
+        extreme_states=motion.states_at(at[order])[np.argsort(order)],
         state_at=lambda time: motion.states_at(np.array([time]))[0],
         contact_share=motion.contact_share(),
         work=Work(
