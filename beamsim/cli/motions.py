@@ -16,7 +16,7 @@ from beamsim.cli.report import Labelled, Views, in_units, stress_text, together
 from beamsim.cli.screens import SHOWN, Numbers, Screen, contact_levels, limit_lines, limits_by_place, modes, sureness
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, is_known, scale_for
-from beamsim.scenario.quantities import INTEGRALS
+from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
 
@@ -367,9 +367,9 @@ def notch_texts(result: SweepResult, _: object = None) -> dict[str, str]:
             ratio = f"{percent(limit.share)} of {amount(limit.limit, limit.unit)}"
             rows[f"{curve.name} {limit.name}"] = f"at most {largest}, {ratio}"
         for number, part in enumerate(curve.notching.ranges, 1):
-            level, power = amount(part.level, curve.notching.unit), INTEGRALS.get(curve.notching.quantity, 0)
-            if power and curve.excitation_unit == "m/s^2":
-                level += f" or {part.level * (2.0 * math.pi * part.at_hz) ** power / STANDARD_GRAVITY:.4g} g"
+            level, quantity = amount(part.level, curve.notching.unit), curve.notching.quantity
+            if power_of(quantity) and curve.excitation_unit == "m/s^2":
+                level += f" or {acceleration_amplitude(part.level, quantity, part.at_hz) / STANDARD_GRAVITY:.4g} g"
             lowest = f"{level} ({part.reduction_db:.1f} dB) at {part.at_hz:.4g} Hz"
             rows[f"{curve.name} range {number}"] = (
                 f"{part.from_hz:.4g} to {part.to_hz:.4g} Hz by {part.limit}, lowest level {lowest}"

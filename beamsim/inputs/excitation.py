@@ -24,11 +24,12 @@ import numpy as np
 from beamsim.errors import ScenarioError
 from beamsim.inputs.drift import Correction, jumps
 from beamsim.inputs.measured import sampled_signal
-from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_acceleration, power_of
+from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import MOST_PIECES, CubicRecord, Signal, StreamedSignal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.scenario import Excitation
 from beamsim.scenario.excitation import One, RandomInput, SweptSineInput
+from beamsim.scenario.quantities import power_of
 from beamsim.typing import Complexes, Floats, Ints
 
 MOST_OF_ANY_SIZE = (
@@ -286,7 +287,7 @@ def base_motion(excitation: One, duration: float | None = None, folder: Path | N
         return BaseMotion(*random_signals(excitation, duration))
     given = level_signal(excitation, duration, folder)
     integral = _without_drift if excitation.kind in ("harmonic", "multi_tone") else Signal.antiderivative
-    integrals = int(power_of(str(excitation.quantity)))
+    integrals = power_of(excitation.quantity)
     motion = [given]  # acceleration, velocity and displacement
     for _ in range(integrals):
         motion.insert(0, motion[0].derivative())

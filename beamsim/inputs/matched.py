@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from beamsim.inputs.measured import SAMPLES_A_CYCLE, interpolate, target_curve
+from beamsim.inputs.measured import SAMPLES_A_CYCLE, interpolate, on_curve, target_curve
 from beamsim.inputs.signal import Signal
 from beamsim.scenario.excitation import MatchedInput
 from beamsim.typing import Floats
@@ -51,7 +51,7 @@ def _record(
     at, value = np.transpose(points)
     steps = 2 * max(int(np.ceil(PER_OCTAVE * np.log2(at[-1] / at[0]))), 1)
     frequency = np.geomspace(at[0], at[-1], steps + 1)
-    target = np.exp(np.interp(np.log(frequency), np.log(at), np.log(value)))
+    target = on_curve(frequency, at, value)
     time = np.linspace(0.0, duration, int(np.ceil(SAMPLES_A_CYCLE * frequency[-1] * duration)) + 1)
     generator, best, record = np.random.default_rng(seed), np.inf, np.zeros_like(time)
     for _ in range(ARRANGEMENTS):

@@ -242,7 +242,24 @@ def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequ
     if (said or (ACCELERATION_PSD if limit == "psd" else ACCELERATION).name) != quantity:
         return None
     with np.errstate(divide="ignore"):
-        return np.exp(np.interp(np.log(frequency), np.log(along), np.log(level), np.nan, np.nan))
+        return on_curve(frequency, along, level, np.nan)
+
+
+def on_curve(frequency: Floats | float, along: Floats, level: Floats, outside: float | None = None) -> Floats:
+    """A curve at frequencies, straight between its points on logarithmic axes.
+
+    Parameters
+    ----------
+    frequency : (nf,) Hz.
+    along, level : (n,) frequencies, Hz, and positive values of its points.
+    outside : logarithm of the value before the first point and behind the last; by default theirs.
+
+    Returns
+    -------
+    (nf,) array
+        In the unit of the level.
+    """
+    return np.asarray(np.exp(np.interp(np.log(frequency), np.log(along), np.log(level), outside, outside)))
 
 
 def read_curve(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamsim.scenario.excitation import Notch, ProfilePoint
-from beamsim.scenario.quantities import INTEGRALS, Rate
+from beamsim.scenario.quantities import Rate, acceleration_amplitude, power_of
 from beamsim.typing import Floats, Ints
 
 
@@ -107,28 +107,6 @@ def make_leg(first_hz: float, last_hz: float, rate: Rate) -> Leg:
     return Leg(first_hz, last_hz, float(rate.value), False)
 
 
-def power_of(quantity: str) -> float:
-    """Power of the frequency with which the acceleration (or force) grows at constant ``quantity``."""
-    return float(INTEGRALS.get(quantity, 0))
-
-
-def acceleration_amplitude(level: float, quantity: str, frequency_hz: float) -> float:
-    """Amplitude of the acceleration (of the force, for a force) of a sine.
-
-    Parameters
-    ----------
-    level : amplitude of ``quantity``, in SI units.
-    quantity : displacement, velocity, acceleration or force.
-    frequency_hz : Hz, of the sine.
-
-    Returns
-    -------
-    float
-        m/s^2, or N.
-    """
-    return float(level * (2 * np.pi * frequency_hz) ** power_of(quantity))
-
-
 @dataclass(frozen=True)
 class Profile:
     """Piecewise powers of the frequency; the first piece extends to 0 and the last to infinity.
@@ -148,14 +126,14 @@ class Profile:
     def constant(cls, level: float, quantity: str = "acceleration") -> Profile:
         """One level at all frequencies."""
         amplitude = acceleration_amplitude(level, quantity, 1.0)
-        return cls(np.ones(1), np.array([amplitude]), np.array([power_of(quantity)]))
+        return cls(np.ones(1), np.array([amplitude]), np.array([power_of(quantity)], dtype=float))
 
     @classmethod
     def held(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
         """From points (frequency in Hz, level, quantity): each level is constant up to the next point."""
         edge = np.array([f for f, _, _ in points])
         amplitude = np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
-        return cls(edge, amplitude, np.array([power_of(quantity) for _, _, quantity in points]))
+        return cls(edge, amplitude, np.array([power_of(quantity) for _, _, quantity in points], dtype=float))
 
     @classmethod
     def interpolated(cls, points: Sequence[tuple[float, float, str]]) -> Profile:

@@ -286,15 +286,6 @@ class ProfilePoint(_LevelAt):
     frequency: q.Frequency
     """Frequency of the point."""
 
-    @property
-    def power(self) -> int:
-        """Power of the frequency with which the acceleration (or force) grows at this level."""
-        return q.INTEGRALS.get(self.quantity or "", 0)
-
-    def amplitude(self, frequency: float) -> float:
-        """Of the acceleration, or force, at a frequency in Hz."""
-        return float(self.level * (2.0 * math.pi * frequency) ** self.power)
-
 
 class Notch(_LevelAt, FrequencyRange):
     """A range of frequencies in which the level is not exceeded."""
@@ -332,7 +323,7 @@ def level_jumps(section: Any, unit: str) -> Iterator[str]:
     """
     for before, point in pairwise(section.profile if holds_levels(section) else ()):
         f = point.frequency
-        levels = before.amplitude(f), point.amplitude(f)
+        levels = [q.acceleration_amplitude(each.level, each.quantity, f) for each in (before, point)]
         inside = min(section.from_, section.to) < f < max(section.from_, section.to)
         if not inside or abs(levels[1] - levels[0]) <= 0.01 * max(levels):
             continue
@@ -340,8 +331,8 @@ def level_jumps(section: Any, unit: str) -> Iterator[str]:
         size, meet = "", ""
         if min(levels) > 0.0:
             size = f" ({20.0 * math.log10(levels[1] / levels[0]):+.1f} dB)"
-            if before.power != point.power:
-                meet = f" (they meet at {f * (levels[1] / levels[0]) ** (1.0 / (before.power - point.power)):.4g} Hz)"
+            if powers := q.power_of(before.quantity) - q.power_of(point.quantity):
+                meet = f" (they meet at {f * (levels[1] / levels[0]) ** (1.0 / powers):.4g} Hz)"
         yield f"the level of the profile jumps at {f:.4g} Hz from {below} to {above}{size}; let the levels meet{meet}"
 
 
@@ -426,7 +417,7 @@ class Shock(Driven):
     def check(self) -> None:
         """Reject what needs an infinite acceleration."""
         super().check()
-        if q.INTEGRALS.get(self.quantity, 0) > self.most_integrals:
+        if q.power_of(self.quantity) > self.most_integrals:
             called = self.kind.replace("_", "-") + " pulse" * (self.kind != "step")
             smooth = (
                 " or velocity (level: 0.5 m/s)" if self.most_integrals else ", or use a half_sine pulse of velocity"

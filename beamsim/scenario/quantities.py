@@ -202,6 +202,28 @@ INTEGRALS = {"velocity": 1, "displacement": 2, "angular_velocity": 1, "rotation"
 """How often the acceleration of a motion is integrated to a quantity; of accelerations and loads 0 times."""
 
 
+def power_of(quantity: str | None) -> int:
+    """Power of the frequency with which the acceleration (or force) grows at constant ``quantity``."""
+    return INTEGRALS.get(quantity or "", 0)
+
+
+def acceleration_amplitude(level: float, quantity: str | None, frequency_hz: float) -> float:
+    """Amplitude of the acceleration (of the force, for a force) of a sine.
+
+    Parameters
+    ----------
+    level : amplitude of ``quantity``, in SI units.
+    quantity : displacement, velocity, acceleration or force.
+    frequency_hz : Hz, of the sine.
+
+    Returns
+    -------
+    float
+        m/s^2, or N.
+    """
+    return float(level * (2.0 * math.pi * frequency_hz) ** power_of(quantity))
+
+
 FACTOR = "factor"
 """Quantity of the levels of a sweep of several forces: they multiply all of them."""
 

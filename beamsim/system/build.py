@@ -29,7 +29,7 @@ from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal, sin
 from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
 from beamsim.scenario.excitation import One, holds_levels, sine_problems
-from beamsim.scenario.quantities import INTEGRALS
+from beamsim.scenario.quantities import power_of
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
 from beamsim.structures.assembly import load_site_in
 from beamsim.structures.mechanisms import check_mechanisms, floating_motions, held_problems, open_loops
@@ -88,7 +88,7 @@ def sine_loads(parts: Parts, forcing: Forcing) -> SineLoads | None:
         coefficient.append(_phasor(force) if excitation.kind == "forces" else 1.0)
         power.append(0)
     for moved in parts.moved:
-        first = INTEGRALS.get(str(moved.driven.quantity), 0) if excitation.kind == "forces" else 0
+        first = power_of(moved.driven.quantity) if excitation.kind == "forces" else 0
         coefficient += 3 * [_phasor(moved.driven) if excitation.kind == "forces" else 1.0]
         power += [first, first - 1, first - 2]
     if not power:  # of a base: its acceleration, and its displacement where springs to the ground feel it

@@ -21,13 +21,13 @@ from beamsim.errors import ScenarioError, locating
 from beamsim.flow.periodic_flow import ContactDirection, PeriodicFlow, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
-from beamsim.inputs.profiles import power_of
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.checks import in_metres, snubber_index
 from beamsim.scenario.excitation import Forces, Harmonic, Sine
+from beamsim.scenario.quantities import power_of
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, SnubberPath
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
@@ -253,7 +253,7 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
     excitation = scenario.excitation
     assert isinstance(excitation, Harmonic | Forces)
     assert system.sine is not None
-    omega, held = 2 * np.pi * excitation.frequency, power_of(str(excitation.quantity))
+    omega, held = 2 * np.pi * excitation.frequency, power_of(excitation.quantity)
     sine = sine_of(excitation, omega, 1.0)
     force = system.forcing.load * (sine * system.sine.at(np.array([omega]))[0])[:, None]
     moves = system.forcing.base_displacement is not None

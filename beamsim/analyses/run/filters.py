@@ -34,7 +34,7 @@ from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.extrema import Search, Waves
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
-from beamsim.inputs.measured import limit_curve, target_curve
+from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import MatchedInput
@@ -607,8 +607,7 @@ def matched_spectrum(scenario: Scenario, system: StructuralSystem) -> MatchedSpe
     base = system.base_acceleration
     assert base is not None
     peaks = shock_spectra(frequency, excitation.quality, base.start, lambda times: base(times)[:, None], 0.0)
-    target = np.exp(np.interp(np.log(frequency), np.log(at), np.log(value)))
-    return MatchedSpectrum(excitation.quality, frequency, target, peaks[0].max(axis=0))
+    return MatchedSpectrum(excitation.quality, frequency, on_curve(frequency, at, value), peaks[0].max(axis=0))
 
 
 def _spectrum(

@@ -44,7 +44,7 @@ from beamsim.flow.transient import simulate
 from beamsim.inputs.excitation import density
 from beamsim.scenario import Run, Scenario
 from beamsim.scenario.excitation import Forces, Harmonic, RandomInput, Shock
-from beamsim.scenario.quantities import INTEGRALS
+from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.system.equations import SineLoads
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
@@ -260,9 +260,8 @@ def _of_sine(system: StructuralSystem, excitation: Harmonic | Forces) -> OfSnubb
     """The level that changes contact at the frequency of the sine."""
     frequency = np.array([excitation.frequency])
     levels = contact_levels(system, frequency)
-    omega = 2.0 * np.pi * excitation.frequency
-    power = INTEGRALS.get(excitation.quantity or "", 0)
-    return gapping(levels, frequency, np.array([abs(excitation.level) * omega**power])) if levels else {}
+    amplitude = acceleration_amplitude(abs(excitation.level), excitation.quantity, excitation.frequency)
+    return gapping(levels, frequency, np.array([amplitude])) if levels else {}
 
 
 def _of_motion(

@@ -14,8 +14,10 @@ from beamsim.analyses.values import limited as limited_value
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import LevelControl, SweptLoads
-from beamsim.inputs.profiles import Leg, Profile, power_of
+from beamsim.inputs.measured import on_curve
+from beamsim.inputs.profiles import Leg, Profile
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, never
+from beamsim.scenario.quantities import power_of
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
@@ -230,7 +232,7 @@ def _ranges(notching: Notching, limited: Sequence[Limited], curve: SweepCurve, s
             continue
         deepest = first + int(np.argmin(reduction[first:last]))
         at = float(f[deepest])
-        level = float(np.exp(np.interp(np.log(at), np.log(notching.frequency_hz), np.log(notching.level))))
+        level = float(on_curve(at, notching.frequency_hz, notching.level))
         decibels = float(20 / np.log(10) * reduction[deepest])
         ranges.append(NotchedRange(limited[which].name, float(f[first]), float(f[last - 1]), at, level, decibels))
     return ranges

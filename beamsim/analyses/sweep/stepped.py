@@ -13,12 +13,12 @@ from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, S
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import Motion, start
-from beamsim.inputs.profiles import acceleration_amplitude, phase_of_acceleration
+from beamsim.inputs.profiles import phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, Exponent, Settled, largest_exponent, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never
 from beamsim.scenario.excitation import Sine
-from beamsim.scenario.quantities import level_unit
+from beamsim.scenario.quantities import acceleration_amplitude, level_unit
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.equations import Forcing
 from beamsim.system.structural import StructuralSystem
