@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -239,6 +240,7 @@ def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkey
         solved.append(case.number)
         if len(solved) == 2:
             os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.3)  # a case of some milliseconds may end before the main thread has heard of it
         return real(self, case)
 
     monkeypatch.setattr(CaseSolver, "solve", solve)
