@@ -17,6 +17,7 @@ Journal 23, 1944).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -134,11 +135,29 @@ class BaseMotion:
     corrections: tuple[Correction, ...] | None = None  # of a swept sine, where its velocity would jump
 
 
-def step(level: float, time: float) -> Signal:
-    """0 before `time`, `level` from then on."""
-    if time <= 0:
-        return Signal.polynomial_pieces([0.0], [[level]])
-    return Signal.polynomial_pieces([0.0, time], [[0.0], [level]])
+def step(level: float, rise: float, fall_after: float | None, time: float) -> Signal:
+    """0 before `time`, then up to `level` as (1 - cos) / 2, and in the same way back.
+
+    Parameters
+    ----------
+    level : in SI units.
+    rise : s, 0 of a step at once.
+    fall_after : s, from ``time`` to where it begins to fall; None where the level stays.
+    time : s, when it begins.
+
+    Returns
+    -------
+    Signal
+        Of a constant and a cosine.
+    """
+    pieces = [(0.0, 0.0, 0.0), (time, 0.5 * level, -0.5 * level), (time + rise, level, 0.0)]
+    if fall_after is not None:
+        down = time + fall_after
+        pieces += [(down, 0.5 * level, 0.5 * level), (down + rise, 0.0, 0.0)]
+    kept = [piece for piece, (end, _, _) in pairwise(pieces) if end > piece[0]]
+    start, constant, cosine = np.array([*kept, pieces[-1]]).T
+    exponent = np.array([0.0, 1j * np.pi / rise] if rise else [0j])
+    return Signal(start, exponent, np.stack([constant, cosine], axis=1)[:, : exponent.size, None].astype(complex))
 
 
 def linear_pieces(time: float, *pieces: tuple[float, float, float]) -> Signal:
@@ -242,9 +261,8 @@ def level_signal(excitation: One, duration: float | None = None, folder: Path | 
         )
     level = excitation.level
     if excitation.kind == "step":
-        if excitation.duration is None:
-            return step(level, excitation.time)
-        return linear_pieces(excitation.time, (excitation.duration, level, level))
+        rise, duration = excitation.rise or 0.0, excitation.duration
+        return step(level, rise, None if duration is None else duration - rise, excitation.time)
     if excitation.kind == "sawtooth":
         return linear_pieces(excitation.time, (excitation.duration, 0.0, level))
     if excitation.kind == "trapezoid":
@@ -262,8 +280,7 @@ def _without_drift(signal: Signal) -> Signal:
 def base_motion(excitation: One, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
     """Motion of the base from the prescribed quantity.
 
-    A step or half-sine of base displacement and a step of base velocity would need infinite accelerations; the
-    scenario does not accept them.
+    What would need an infinite acceleration, as a step of displacement that jumps, the scenario does not accept.
 
     Parameters
     ----------

@@ -392,17 +392,20 @@ class MultiTone(Driven):
 class Shock(Driven):
     """Common part of what begins at ``time`` with one level; a pulse of duration T goes up to 1 / (2 T)."""
 
-    most_integrals: ClassVar[int] = 0
-    """How often its level may be integrated from an acceleration of the base without jumps of the velocity."""
-
     if TYPE_CHECKING:
         kind: Any
         duration: float | None
 
     level: q.Level
-    """Level after a step, or peak of the pulse; of the base an acceleration, of smooth pulses also a velocity."""
+    """Level after a step, or peak of the pulse; of the base an acceleration, of smooth pulses also a velocity, of
+    steps with a rise also a displacement."""
     time: q.Time = 0.0
     """When it begins."""
+
+    @property
+    def most_integrals(self) -> int:
+        """How often its level may be integrated from an acceleration of the base without jumps of the velocity."""
+        return 0
 
     @property
     def shock(self) -> bool:
@@ -419,14 +422,14 @@ class Shock(Driven):
         super().check()
         if q.power_of(self.quantity) > self.most_integrals:
             called = self.kind.replace("_", "-") + " pulse" * (self.kind != "step")
-            smooth = (
-                " or velocity (level: 0.5 m/s)" if self.most_integrals else ", or use a half_sine pulse of velocity"
-            )
+            smooth = " or velocity (level: 0.5 m/s)" * self.most_integrals or ", or use a half_sine pulse of velocity"
+            remedy = f"give it as acceleration (level: 20 g){smooth}"
+            if self.kind == "step":
+                remedy = "give the time in which it is reached (rise: 5 ms), or an acceleration (level: 20 g)"
             raise Unfit(
                 f"is a {called} of the base's {spoken(self.quantity)}, which needs an infinite acceleration",
-                f"give it as acceleration (level: 20 g){smooth}",
-                ("level",),
-            )
+                remedy, ("level",),
+            )  # fmt: skip
 
 
 class Step(Shock):
@@ -435,7 +438,27 @@ class Step(Shock):
     kind: Literal["step"] = "step"
     """A step, or a rectangular pulse."""
     duration: q.Duration | None = None
-    """Duration of a rectangular pulse; by default the level stays."""
+    """Duration of a rectangular pulse, rise and fall included; by default the level stays."""
+    rise: q.Duration | None = None
+    """Time in which the level is reached, as (1 - cos) / 2, and left after a pulse; by default it jumps. A step of the
+    displacement or velocity of what moves needs it."""
+
+    @property
+    def most_integrals(self) -> int:
+        """Two where it rises: its acceleration is finite."""
+        return 0 if self.rise is None else 2
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """That of the cosine with which it rises, Hz."""
+        return super().highest_frequency_hz if self.rise is None else 0.5 / self.rise
+
+    def check(self) -> None:
+        """Reject rise and fall longer than the pulse."""
+        super().check()
+        if self.rise is not None and self.duration is not None and 2.0 * self.rise > self.duration * (1 + 1e-12):
+            raise Unfit(f"= {self.rise:g} s, up and down, is longer than the pulse of {self.duration:g} s",
+                       "shorten it, or give a longer duration", ("rise",))  # fmt: skip
 
 
 class HalfSine(Shock):

@@ -117,6 +117,7 @@ DEFAULTS = {
     "Driven.about": "left end of a beam, lower left corner of a plate, origin of the coordinates of imported matrices",
     "MovedSupport.direction": "z",
     "Step.duration": "no end",
+    "Step.rise": "a step at once",
     "Trapezoid.rise": "a tenth of `duration`",
     "Trapezoid.fall": "a tenth of `duration`",
     "_LevelAt.quantity": "unit of the level",
