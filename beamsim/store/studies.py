@@ -237,7 +237,8 @@ def _outcomes(lines: Iterable[bytes]) -> tuple[dict[int, CaseOutcome], int]:
     for line in lines:
         try:
             case = json.loads(line if line.endswith(b"\n") else b"")
-            outcome = CaseOutcome(**{**case, "outcome": Outcome.from_dict(case["outcome"])})
+            read = {"outcome": Outcome.from_dict(case["outcome"]), "given": tuple(case["given"])}
+            outcome = CaseOutcome(**{**case, **read})
         except (KeyError, TypeError, ValueError):
             break
         outcomes[outcome.index] = outcome

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from threading import Event
-from typing import Any
+from typing import Any, Self
 
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import Case, DesignPlan, Study, check_cases, plan_designs
@@ -20,6 +21,7 @@ from beamsim.errors import BeamsimError, ScenarioError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, never
 from beamsim.scenario import Scenario
+from beamsim.scenario.parameters import Value
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 
@@ -64,41 +66,117 @@ def design_study(
         If workers end unexpectedly; `each` has been called for all solved cases.
     """
     begin = clock.perf_counter()
-    if workers is not None and workers < 1:
-        raise ScenarioError.at("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
     if isinstance(scenario, DesignPlan):
         plan = scenario
     else:
         plan = plan_designs(scenario)
         check_cases(plan)
-    outcomes = {outcome.index: outcome for outcome in known}
-    missing = [case for case in plan.cases if case.number not in outcomes]
-    if progress is not None:
-        progress(len(outcomes) / len(plan.cases))
-    for outcome in _solved(plan.study, missing, workers, scheduler, stop):
-        if outcome.outcome.interrupted:
-            continue
-        outcomes[outcome.index] = outcome
-        if each is not None:
-            each(outcome)
-        if progress is not None:
-            progress(len(outcomes) / len(plan.cases))
-    return gather(plan, outcomes, clock.perf_counter() - begin)
+    rows = [case.values for case in plan.cases if not case.realisation]
+    with Evaluator(
+        plan.study, workers=workers, scheduler=scheduler, known=known, each=each, progress=progress, stop=stop,
+        most=len(rows),
+    ) as evaluate:  # fmt: skip
+        evaluate(rows)
+    return gather(plan, evaluate.outcomes, clock.perf_counter() - begin)
 
 
-def _solved(
-    study: Study, cases: Sequence[Case], workers: int | None, scheduler: str | None, stop: Stop
-) -> Iterator[CaseOutcome]:
-    """The outcomes of cases, in the order of completion."""
-    count = max(1, min(workers or default_workers(), len(cases)))
-    if scheduler is None and (study.analysis in THREADED or count == 1):
-        ended = Event()
-        solver = CaseSolver(study, lambda: stop() or ended.is_set())
-        with threads(count, ended) as pool:
-            yield from pool.completed(solver.solve, cases, stop)
-    elif cases:
-        with processes(count, stop) if scheduler is None else cluster(scheduler) as pool:
-            yield from pool.completed(partial(solve_case, study), cases, stop)
+class Ended(Exception):
+    """What was asked for is not all known; the block of the `Evaluator` ends."""
+
+
+class Evaluator:
+    """Solves cases of one study in batches, by workers that stay for all of them: a context manager to be called.
+
+    Cases are numbered in the order in which they are asked for, so that a search that depends on nothing but outcomes
+    asks for the same ones again when it is resumed. After a stop, or beyond the number of cases that is allowed, the
+    call ends the block; what is known by then is in `outcomes`.
+
+    Parameters
+    ----------
+    study : that the cases belong to.
+    workers, scheduler, known, stop : as of `design_study`.
+    each : called with every new outcome, in the order of completion.
+    progress : called with the share of the allowed cases that are known.
+    most : number of cases that are allowed, each with all of its realisations.
+
+    Raises
+    ------
+    ScenarioError
+        If there are fewer workers than one.
+    NotTrustedError
+        If workers end unexpectedly.
+    """
+
+    def __init__(
+        self, study: Study, *, workers: int | None = None, scheduler: str | None = None,
+        known: Iterable[CaseOutcome] = (), each: Callable[[CaseOutcome], None] | None = None,
+        progress: Callable[[float], None] | None = None, stop: Stop = never, most: int,
+    ) -> None:  # fmt: skip
+        if workers is not None and workers < 1:
+            raise ScenarioError.at("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
+        self.study, self.most = study, most
+        self.rows: list[tuple[Value, ...]] = []  # the values of every case that was asked for, by its number
+        self.outcomes: dict[int, CaseOutcome] = {}  # of these, by index: realisations of a case follow each other
+        self.ended = ""  # "interrupted", or "most_cases" where more were asked for than are allowed
+        self._known = {outcome.index: outcome for outcome in known}
+        self._each, self._progress, self._stop = each, progress, stop
+        self._asked_workers, self._scheduler = workers, scheduler
+        self._open = ExitStack()
+        self._solved: Callable[[Sequence[Case]], Iterator[CaseOutcome]] | None = None  # once there are workers
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> bool:
+        if kind is Ended:
+            self._open.close()
+            return True
+        return bool(self._open.__exit__(kind, error, trace))
+
+    def __call__(self, rows: Sequence[tuple[Value, ...]]) -> list[list[CaseOutcome]]:
+        """The outcomes of all realisations of cases, each given by the values of the varied parameters."""
+        first, count = len(self.rows), self.study.realisations.count
+        self.rows += rows[: self.most - first]
+        batch = range(first, len(self.rows))
+        cases = [Case(k * count + r, self.rows[k], r) for k in batch for r in range(count)]
+        known = [self._known[case.number] for case in cases if case.number in self._known]
+        self.outcomes |= {
+            outcome.index: outcome for outcome in known if outcome.given == self.rows[outcome.index // count]
+        }
+        missing = [case for case in cases if case.number not in self.outcomes]
+        self._report()
+        for outcome in self._workers(len(missing))(missing) if missing else ():
+            if outcome.outcome.interrupted:
+                continue
+            self.outcomes[outcome.index] = outcome
+            if self._each is not None:
+                self._each(outcome)
+            self._report()
+        if any(case.number not in self.outcomes for case in cases):
+            self.ended = "interrupted"
+        elif len(batch) < len(rows):
+            self.ended = "most_cases"
+        if self.ended:
+            raise Ended
+        return [[self.outcomes[k * count + r] for r in range(count)] for k in batch]
+
+    def _report(self) -> None:
+        if self._progress is not None:
+            self._progress(len(self.outcomes) / (self.most * self.study.realisations.count))
+
+    def _workers(self, most: int) -> Callable[[Sequence[Case]], Iterator[CaseOutcome]]:
+        """What solves cases in the order of completion; there are no more workers than the first ones need."""
+        if self._solved is None:
+            count = max(1, min(self._asked_workers or default_workers(), most))
+            if self._scheduler is None and (self.study.analysis in THREADED or count == 1):
+                ended = Event()
+                solver = CaseSolver(self.study, lambda: self._stop() or ended.is_set())
+                pool, solve = self._open.enter_context(threads(count, ended)), solver.solve
+            else:
+                workers = processes(count, self._stop) if self._scheduler is None else cluster(self._scheduler)
+                pool, solve = self._open.enter_context(workers), partial(solve_case, self.study)
+            self._solved = lambda cases: pool.completed(solve, cases, self._stop)
+        return self._solved
 
 
 class CaseSolver:
@@ -123,7 +201,7 @@ class CaseSolver:
             outcome = Outcome.of(OutcomeKind.FAILED, "failed", reason)
         values = {name: value for name, value in values.items() if is_asked(name, self.study.asked)}
         time = clock.thread_time() - begin
-        return CaseOutcome(case.number, values if outcome.complete else {}, outcome, time, ranges)
+        return CaseOutcome(case.number, values if outcome.complete else {}, outcome, time, ranges, case.values)
 
     def _responses(self, scenario: Scenario) -> tuple[Responses, Outcome, Mapping[str, Sequence[float]]]:
         """Of a run the values that are asked for, if they can be had alone; else those of the whole result."""

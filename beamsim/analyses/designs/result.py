@@ -56,6 +56,7 @@ class CaseOutcome:
     processor_time_s: float = 0.0
     # by limit its value less and plus the change of that with a finer model, where it has been compared
     ranges: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    given: tuple[Value, ...] = ()  # values of the varied parameters
 
 
 @declared

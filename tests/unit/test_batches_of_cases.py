@@ -1,0 +1,71 @@
+"""Cases that are asked for in batches: numbered in the order asked, known ones not solved again."""
+
+import pytest
+
+import beamsim
+from beamsim.analyses.designs.analysis import CaseSolver, Evaluator
+from beamsim.analyses.designs.plan import plan_draws
+from beamsim.scenario import load_scenario
+
+BASE = """\
+chain: {masses: [1 kg], springs: [1 kN/m]}
+snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 1e5}]
+excitation: {kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2}
+run: {duration: 0.2 s}
+"""
+GAPS = [(1e-3,), (2e-3,), (0.0,), (3e-3,)]
+FORCE = "snubbers/stop/peak_force"
+
+
+@pytest.fixture
+def study():
+    return plan_draws(load_scenario(BASE), {"snubbers.stop.gap": [1e-3]}, ["peak_force"]).study
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """Numbers of the cases that are solved."""
+    numbers = []
+
+    def solve(self, case, real=CaseSolver.solve):
+        numbers.append(case.number)
+        return real(self, case)
+
+    monkeypatch.setattr(CaseSolver, "solve", solve)
+    return numbers
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_batches_give_what_single_runs_give(study, workers):
+    with Evaluator(study, workers=workers, most=4) as evaluate:
+        first, second = evaluate(GAPS[:3]), evaluate(GAPS[3:])
+    assert evaluate.ended == ""
+    assert evaluate.rows == GAPS
+    for (gap,), (outcome,) in zip(GAPS, first + second, strict=True):
+        alone = beamsim.run(load_scenario(BASE, {"snubbers.stop.gap": gap})).summary
+        assert outcome.values[FORCE] == pytest.approx(alone["peak_force_n"]["stop"], rel=1e-10)
+
+
+def test_outcomes_that_are_known_are_taken_where_they_belong_to_the_same_case(study, solved):
+    with Evaluator(study, workers=1, most=4) as evaluate:
+        evaluate(GAPS)
+    solved.clear()
+    with Evaluator(study, workers=1, most=4, known=evaluate.outcomes.values()) as again:
+        again([GAPS[0]])
+        again([GAPS[1], (5e-3,), GAPS[3]])  # the third case is another one than before
+    assert solved == [2]
+    assert again.outcomes[3] == evaluate.outcomes[3]
+    assert again.outcomes[2].given == (5e-3,)
+
+
+def test_the_block_ends_after_the_cases_that_are_allowed_and_after_a_stop(study, solved):
+    with Evaluator(study, workers=1, most=3) as evaluate:
+        evaluate(GAPS)
+        pytest.fail("went on")
+    assert (evaluate.ended, sorted(evaluate.outcomes)) == ("most_cases", [0, 1, 2])
+    with Evaluator(study, workers=1, most=9, stop=lambda: len(solved) > 4) as evaluate:
+        evaluate(GAPS[:1])
+        evaluate(GAPS[1:])
+        pytest.fail("went on")
+    assert evaluate.ended == "interrupted"
+    assert sorted(evaluate.outcomes) == [0]
