@@ -63,6 +63,12 @@ class Contacts:
         """(m,) contact whose force presses each, -1 where there is none."""
         return np.full(self.count, -1) if self.pressed_by is None else self.pressed_by
 
+    @property
+    def mounted(self) -> Contacts:
+        """They as a motion begins, of which some have not had a long rest; themselves where all have."""
+        mounted = any(law.mounted is not None for law in self.laws)
+        return replace(self, laws=tuple(law.mounted or law for law in self.laws)) if mounted else self
+
     @cached_property
     def internal_states(self) -> int:
         """r, number of internal states of all contacts; they follow (q, q') in the state vector, contact by contact."""

@@ -203,6 +203,7 @@ class ContactLaw:
     resting_force : force that does not fade in a long rest and that no static spring gives, N: that of a face that
         sticks.
     undamped_law : the law without its dashpots, where it is another one; None where there is none.
+    mounted : the law with the `static` and `settled` of the beginning of a motion, where it has not had a long rest.
     family : makes a law of this kind from other numbers, where it is made of these two; then paths and derivatives may
         change them.
     """
@@ -217,6 +218,7 @@ class ContactLaw:
     settled: Callable[[float], tuple[float, ...]] | None = None
     resting_force: float = 0.0
     undamped_law: ContactLaw | None = None
+    mounted: ContactLaw | None = None
     family: Callable[[float, float], ContactLaw] | None = None
 
     def __post_init__(self) -> None:
@@ -406,6 +408,7 @@ class ContactLaw:
             dashpot=factor * self.dashpot,
             resting_force=factor * self.resting_force,
             undamped_law=None if self.undamped_law is None else self.undamped_law.scaled(factor),
+            mounted=None if self.mounted is None else self.mounted.scaled(factor),
         )
 
     def plus(self, other: ContactLaw, amount: float) -> ContactLaw:

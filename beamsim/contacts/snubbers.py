@@ -22,7 +22,7 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, Springs, find_equilibrium
-from beamsim.contacts.laws import ContactLaw, kelvin_voigt, latch, piecewise_linear
+from beamsim.contacts.laws import ContactLaw, OneSidedSpring, kelvin_voigt, latch, piecewise_linear
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law, relaxing_law, table_law
 from beamsim.contacts.sliders import friction_law, hardening_law, pressed_friction_law, rigid_friction_law
 from beamsim.errors import Problem, ScenarioError
@@ -93,11 +93,12 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
         path, spring = located.path, located.item
         places = tuple(end.label for end in ends_of(site_of(spring, located.body, located.sections)))
         masses = tuple(place.mass for place in spring.places if place.mass is not None)
-        branches = [MaxwellBranch(b.stiffness, b.relaxation_time) for b in getattr(spring, "maxwell", ())]
+        maxwell = getattr(spring, "maxwell", ())
+        branches = _branches(maxwell)
         if spring.kind == "cubic":
             numbers = (float(spring.stiffness), 0.0, None)
         elif spring.kind in ("linear", JOINT):
-            numbers = (0.0, float(spring.stiffness), relaxing_law(None, branches))
+            numbers = (0.0, float(spring.stiffness), _mounted(relaxing_law(None, branches), maxwell, (1.0, -1.0)))
         elif spring.kind == FRICTION:
             numbers = (0.0, 0.0, _law_of_friction(spring))
         else:
@@ -110,7 +111,8 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
                     )
                 )
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
-            numbers = (0.0, float(spring.linear_stiffness), relaxing_law(law, branches) if branches else law)
+            law = _mounted(relaxing_law(law, branches), maxwell, (1.0, -1.0)) if branches else law
+            numbers = (0.0, float(spring.linear_stiffness), law)
         on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
         on_ground = on_ground and not isinstance(spring, OfHinge)
         cubic, linear, own = numbers
@@ -255,14 +257,46 @@ def _law(snubber: Any, stiffness: float, curve: ForceCurve | None, dashpot: floa
         return latch(stiffness, dashpot)
     if snubber.hardening is not None:
         return hardening_law(stiffness, snubber.hardening.yield_force, snubber.hardening.stiffness, dashpot)
-    branches = tuple(MaxwellBranch(b.stiffness, b.relaxation_time) for b in snubber.maxwell if b.stiffness > 0.0)
+    maxwell = [branch for branch in snubber.maxwell if branch.stiffness > 0.0]
+    branches = _branches(maxwell)
     if not branches and (curve is None or curve.slopes.size == 1):
         return LAWS[snubber.law](stiffness, dashpot)
     if curve is None:
         curve = ForceCurve.line(stiffness)
     if snubber.law == "no_tension" and (dashpot > 0.0 or branches):
-        return recovering_law(curve, dashpot, branches)
+        return _mounted(recovering_law(curve, dashpot, branches), maxwell, (1.0,))
     return table_law(curve, dashpot)
+
+
+def _branches(maxwell: Sequence[Any]) -> tuple[MaxwellBranch, ...]:
+    return tuple(MaxwellBranch(b.stiffness, b.relaxation_time) for b in maxwell)
+
+
+def _mounted(law: ContactLaw, maxwell: Sequence[Any], sides: tuple[float, ...]) -> ContactLaw:
+    """A law with the beginning of motions where branches were just mounted, which then are springs.
+
+    Parameters
+    ----------
+    law : whose last internal states are those of the branches.
+    maxwell : the branches as they are written.
+    sides : to which they push, +1 and -1.
+
+    Returns
+    -------
+    ContactLaw
+        The law itself where all of them are relaxed.
+    """
+    stiffness = [branch.stiffness for branch in maxwell if branch.start == "just_mounted"]
+    if not stiffness:
+        return law
+    relaxed = np.ones(law.internal_states)
+    relaxed[law.internal_states - len(maxwell) :] = [branch.start == "relaxed" for branch in maxwell]
+    static = (*law.static_springs, *(OneSidedSpring(side, sum(stiffness), 0.0, 0.0) for side in sides))
+
+    def settled(penetration: float) -> tuple[float, ...]:
+        return tuple((relaxed * law.settled_states(penetration)).tolist())
+
+    return replace(law, mounted=replace(law, static=static, settled=settled))
 
 
 def resists(snubber: Any) -> str:

@@ -37,6 +37,9 @@ class Maxwell(Schema):
     """Stiffness of its spring: what a sudden deflection adds."""
     relaxation_time: q.Duration
     """Time in which its force falls by the factor e at a constant deflection: dashpot over stiffness."""
+    start: Literal["relaxed", "just_mounted"] = "relaxed"
+    """State in which a motion begins: without force, or with that of a sudden deflection, under which a start at
+    equilibrium is found."""
 
 
 class SpringToGround(Sited, Named):

@@ -8,11 +8,19 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, Tag
 
-from beamsim.scenario.base import BY_FORM, Path, Schema, Variants
+from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, walk
 from beamsim.scenario.beam import AnyBeam, Beam, SandwichBeam, SegmentedBeam, StiffnessBeam
 from beamsim.scenario.body import AtPlace, Body, Located, Probe, WrittenPosition, numbered
 from beamsim.scenario.chain import Chain
-from beamsim.scenario.connections import AnyFriction, AnyJoint, AnySnubber, GroundSpring, LinkSpring, has_own_law
+from beamsim.scenario.connections import (
+    AnyFriction,
+    AnyJoint,
+    AnySnubber,
+    GroundSpring,
+    LinkSpring,
+    Maxwell,
+    has_own_law,
+)
 from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.matrices import MatricesBody
@@ -164,6 +172,11 @@ class ScenarioParts(Schema):
     def lasting(self) -> bool:
         """Whether the excitation goes on, so that the motion has means."""
         return self.excitation.kind != "none" and not self.excitation.shock
+
+    @property
+    def just_mounted(self) -> bool:
+        """Whether a motion begins with Maxwell branches that have not relaxed."""
+        return any(isinstance(part, Maxwell) and part.start == "just_mounted" for _, part in walk(self))
 
     def more_modes(self, kept: int) -> str:
         """What of the reduction gives a model of 1.5 times so many modes; empty where all are kept."""

@@ -218,7 +218,7 @@ def _timing(scenario: ScenarioParts) -> Iterator[str]:
     run, excitation = scenario.run, scenario.excitation
     if run is None:
         return
-    if excitation.kind == "none" and run.start == "static_equilibrium":
+    if excitation.kind == "none" and run.start == "static_equilibrium" and not scenario.just_mounted:
         yield (
             "nothing moves: there is no excitation, and the run starts at static equilibrium; give excitation, or "
             "run.start: rest, {mode: 1, amplitude: 1 mm} or another one"

@@ -240,7 +240,9 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     resting = np.vstack([loads, pushing.contacts.resting_load])
     contacts = resolve_preloads(pushing.contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
     equilibrium = _equilibrium(parts, contacts, resting, cubic)
-    initial, warnings = initial_state(parts, contacts, resting, cubic, equilibrium)
+    beginning = contacts.mounted
+    first = equilibrium if beginning is contacts else _equilibrium(parts, beginning, resting, cubic)
+    initial, warnings = initial_state(parts, beginning, resting, cubic, first)
     motion, forcing = time_dependent_loads(parts, pushing)
     initial += carried_start(parts, forcing)
 
@@ -254,7 +256,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     return StructuralSystem(
         dynamics=dynamics,
         forcing=forcing,
-        initial_state=np.append(initial, _settled(contacts, forcing, initial[: basis.size])),
+        initial_state=np.append(initial, _settled(beginning, forcing, initial[: basis.size])),
         probes=_describe_probes(parts),
         base_acceleration=motion.acceleration if motion else None,
         base_velocity=motion.velocity if motion else None,
@@ -332,7 +334,7 @@ def _checked_for_mechanisms(parts: Parts, pushing: _Pushing) -> list[str]:
 
 
 def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
-    """(r,) internal states of contacts after a long rest at the start."""
+    """(r,) internal states of contacts at the start, after a long rest there or as they were mounted."""
     apart = contacts.shape @ q
     if forcing.base_displacement is not None:
         apart += contacts.felt * float(forcing.base_displacement(0.0))

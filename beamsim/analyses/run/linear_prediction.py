@@ -244,7 +244,8 @@ def gapping_of_run(
     else:
         settings = scenario.run
         assert settings is not None
-        if settings.start != "static_equilibrium" or excitation.kind == "none" or motion.trajectory is None:
+        moved = settings.start != "static_equilibrium" or scenario.just_mounted
+        if moved or excitation.kind == "none" or motion.trajectory is None:
             return {}
         level = float(excitation.level) if isinstance(excitation, Shock) else None
         of_snubber = _of_motion(system, settings, motion, level, stop)
