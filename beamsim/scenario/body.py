@@ -12,7 +12,18 @@ from pydantic import BeforeValidator, Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, counted, distinct, path_text, problem, walk
+from beamsim.scenario.base import (
+    BY_FORM,
+    Path,
+    Schema,
+    Unfit,
+    Variants,
+    counted,
+    distinct,
+    path_text,
+    problem,
+    walk,
+)
 
 _REMEDY = (
     "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, mass: 2 on a chain, "
@@ -137,7 +148,8 @@ def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
 
 
 TwoPlaces = Annotated[
-    tuple[Annotated[AtPlace | q.Count, BY_FORM], ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})
+    tuple[Annotated[AtPlace | q.Count, Variants("names no place", _REMEDY)], ...],
+    Field(json_schema_extra={"minItems": 2, "maxItems": 2}),
 ]
 """Two places; a number is that of a mass of the chain."""
 

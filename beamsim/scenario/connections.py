@@ -427,7 +427,7 @@ class FrictionCoefficients(Schema):
 class SnubberForce(Schema):
     """The force of a snubber, which varies with the motion and is zero where the snubber is open."""
 
-    snubber: str
+    snubber: q.Name
     """Name of the snubber."""
 
 
