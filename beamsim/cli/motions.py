@@ -77,11 +77,12 @@ def _expected_peak(signal: SignalStatistics) -> str:
 
 def _place(s: Mapping[str, Any], numbers: Numbers, name: str, limits: Mapping[str, list[str]]) -> dict[str, str]:
     """The row of a probe, of a snubber, or of both."""
-    row = dict.fromkeys(("", "peak force", "in contact, times", "displacement", "acceleration"), "") | {"": name}
-    for entry, unit in (("peak_force_n", "N"), ("peak_moment_n_m", "N m")):
+    headings = "", "peak force", "peak moment", "in contact, times", "displacement", "acceleration"
+    row = dict.fromkeys(headings, "") | {"": name}
+    for heading, entry, unit in (("peak force", "peak_force_n", "N"), ("peak moment", "peak_moment_n_m", "N m")):
         if name in s.get(entry, ()):
-            row["peak force"] = numbers.text(s[entry][name], unit, entry, name)
-    if row["peak force"]:
+            row[heading] = numbers.text(s[entry][name], unit, entry, name)
+    if name in s["contact_share"]:
         row["in contact, times"] = f"{percent(s['contact_share'][name])}, {s['contacts'][name]}"
     if name in s["max_displacement_m"]:
         low, high = (

@@ -211,4 +211,6 @@ def contact_levels(result: Result) -> Iterator[str]:
         if of.get("level", True) and of.get("sigmas", True):
             names.setdefault(predicted(of, unit)[0], []).append(name)
     for text, alike in sorted(names.items(), key=lambda item: item[0].startswith("not predicted")):
-        yield f"{first_of(alike, SHOWN)} {text}"
+        verb, rest = text.split(" ", 1)
+        several = {"opens": "open", "touches": "touch"} if len(alike) > 1 else {}
+        yield f"{first_of(alike, SHOWN)} {several.get(verb, verb)} {rest}"

@@ -29,6 +29,7 @@ from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_accele
 from beamsim.inputs.signal import MOST_PIECES, CubicRecord, Signal, StreamedSignal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.scenario import Excitation
+from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
 from beamsim.scenario.excitation import One, RandomInput, SweptSineInput
 from beamsim.scenario.quantities import power_of
 from beamsim.typing import Complexes, Floats, Ints
@@ -191,7 +192,7 @@ def half_sine(level: float, duration: float, time: float) -> Signal:
 def sweep_windows(
     excitation: SweptSineInput, duration: float | None
 ) -> tuple[SweepWindows, tuple[Correction, ...] | None]:
-    """The windows of a swept sine up to a duration in s, and the corrections of a base's acceleration.
+    """The windows of a swept sine up to a duration in s, and the corrections of the acceleration of a motion.
 
     Raises
     ------
@@ -203,7 +204,8 @@ def sweep_windows(
     profile = make_profile(level, quantity, excitation.profile, excitation.between, excitation.notches)
     phase = excitation.phase + phase_of_acceleration(quantity, level, excitation.profile)
     leg = make_leg(excitation.from_, excitation.to, excitation.rate)
-    corrections = jumps([leg], profile, phase) if excitation.on_base else None  # whatever part of the sweep is run
+    moves = excitation.takes in (TRANSLATION_TAKES, ROTATION_TAKES)  # the base, a support or a stop
+    corrections = jumps([leg], profile, phase) if moves else None  # whatever part of the sweep is run
     if duration is not None:
         if duration > leg.duration * (1 + 1e-9):
             raise ScenarioError.at(

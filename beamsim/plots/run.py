@@ -289,9 +289,10 @@ def shock_response(response: ShockResponse, note: str) -> Chart:
         if signal.name == "input"
     ]
     across, up = "Natural frequency of the oscillator", f"Peak acceleration, Q = {response.quality:g}"
-    ends = float(f[0]), float(f[-1])
-    marks = _limit_curves(drawn, f)
-    return Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", of="", x_ends=ends, note=note, marks=marks)
+    ends, low = (float(f[0]), float(f[-1])), 0.1 * min(float(signal.maximax.min()) for signal in drawn)
+    chart = Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", of="", x_ends=ends, note=note)
+    squeezes = low > 0.0 and any(curve.y.min() < low for curve in curves)  # a residual that is nothing
+    return chart._replace(marks=_limit_curves(drawn, f), y_ends=(low if squeezes else None, None))
 
 
 def _limit_curves(drawn: Sequence[ShockSpectrum | SignalStatistics], frequency_hz: Floats) -> list[Curve]:

@@ -200,7 +200,8 @@ def picture(drawn: Picture, name: str) -> str:
 
 def captioned(name: str, html: str) -> str:
     """A plot under its name."""
-    return f"<figure><figcaption>{escape(name.replace('_', ' ').capitalize())}</figcaption>{html}</figure>"
+    words = "Shock response spectra" if name == "srs" else name.replace("_", " ").capitalize()
+    return f"<figure><figcaption>{escape(words)}</figcaption>{html}</figure>"
 
 
 def embedded(data: Any) -> str:

@@ -285,6 +285,13 @@ class MovedSupport(Schema):
             raise Unfit("belongs to a support", "leave it out: a joint has a name of its own", ("body",))
 
     @property
+    def label(self) -> str:
+        """What text calls it: support left."""
+        said = f"support {self.support}" if self.joint is None else f"joint {self.joint}"
+        of = f" of {self.body}" if self.body else ""
+        return said + of + (f" {self.direction}" if self.direction not in (None, "z") else "")
+
+    @property
     def rotates(self) -> bool:
         """Whether it turns."""
         return self.direction is not None and self.direction not in ("x", "y", "z")

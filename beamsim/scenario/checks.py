@@ -626,6 +626,8 @@ def _limit_curves(scenario: ScenarioParts, limits: Limits) -> Problems:
         "psd": "limit peaks or srs, or give random noise or a record with stationary: true",
     }
     probes, snubbers = ([each.name for each in of] for of in (scenario.effective_probes, scenario.all_snubbers))
+    places = (each.applied_to for _, each in scenario.excitation.items)
+    supports = [at.label for at in places if isinstance(at, MovedSupport) and not at.rotates]
     for name, place, points in limits.given_curves():
         path, of_force = ("limits", name, place), False
         if not given[name]:
@@ -637,8 +639,8 @@ def _limit_curves(scenario: ScenarioParts, limits: Limits) -> Problems:
             other = [k for k, (_, level) in enumerate(points) if meant(level) != said]
             if other:
                 yield problem((*path, other[0], 1), "is of another quantity than the first", "give all in one unit")
-        of_files = snubbers if name == "psd" and isinstance(points, str) else []
-        yield from unknown(path, place, "place", snubbers if of_force else ["input", *probes, *of_files])
+        more = snubbers if name == "psd" and isinstance(points, str) else supports if name == "srs" else []
+        yield from unknown(path, place, "place", snubbers if of_force else ["input", *probes, *more])
 
 
 def _levels(scenario: ScenarioParts) -> Problems:

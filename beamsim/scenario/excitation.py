@@ -731,13 +731,16 @@ class Forces(Input):
 
     def check(self) -> None:
         """Reject two motions of the base."""
-        on_base = [index for index, force in enumerate(self.forces) if force.on_base]
-        if len(on_base) > 1:
+        first, *more = [index for index, force in enumerate(self.forces) if force.on_base] or [0]
+        if more:
+            one, other = (self.forces[index].direction or "z" for index in (first, more[0]))
             raise Unfit(
-                f"is the base, which forces[{on_base[0]}] moves already",
-                "list one motion of the base; several sines are one multi_tone",
-                ("forces", on_base[1], "applied_to"),
-            )
+                f"is the base, which forces[{first}] moves already{f' along {one}' if one != other else ''}",
+                "list one motion of the base; several sines are one multi_tone" if one == other else
+                f"list one motion of the base, and the one along {other} as motions of the supports: "
+                f"{{support: ..., direction: ...}}",
+                ("forces", more[0], "applied_to"),
+            )  # fmt: skip
 
     @property
     def items(self) -> list[tuple[Path, Any]]:

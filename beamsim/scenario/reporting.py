@@ -192,8 +192,9 @@ class Limits(Schema):
     """By name the largest magnitude of outputs: {clamp: 200 N, gauge: 0.1 %}; a plain number is in their SI unit."""
 
     srs: dict[Name, ShockCurve] | None = None
-    """By probe, or input, a curve that the maximax shock response spectrum (run.srs) must not exceed: pairs of
-    frequency and acceleration, [[100 Hz, 20 g], [1 kHz, 90 g]], or a CSV file; log-log interpolation between them."""
+    """By probe, input or support that moves (support left) a curve that the maximax shock response spectrum (run.srs)
+    must not exceed: pairs of frequency and acceleration, [[100 Hz, 20 g], [1 kHz, 90 g]], or a CSV file; log-log
+    interpolation between them."""
     psd: dict[Name, DensityCurve] | None = None
     """By probe, input or snubber a curve that the spectral density of a stationary input's response must not exceed:
     pairs of frequency and density, [[20 Hz, 0.01 g^2/Hz], [200 Hz, 0.1 g^2/Hz]], or a CSV file; that of a snubber's

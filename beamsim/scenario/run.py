@@ -180,7 +180,8 @@ class Run(Schema):
     spectrum: SpectrumSettings = SpectrumSettings.model_construct()
     """Settings of the spectra."""
     srs: ShockSpectrumSettings | None = None
-    """Shock response spectra of the base's acceleration and of every probe's; by default none."""
+    """Shock response spectra of the accelerations of the base, of supports that move and of every probe; by default
+    none."""
     method: Literal["exact", "reference"] = "exact"
     """Exact: closed-form flow between contact events; reference: a time-stepping integrator, for comparison."""
     integrator: Literal["RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"] = "BDF"

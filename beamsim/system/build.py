@@ -112,7 +112,7 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> tuple[BaseMotion | 
     duration = None if scenario.run is None else scenario.run.duration
 
     def signal_of(driven: One, at: Path, signal: Callable[..., Any]) -> Any:
-        folder = scenario.folder_of(*at, "file")
+        folder = scenario.folder_of(*at, "srs" if driven.kind == "matched" else "file")
         key = (driven, duration, folder)
         with rooted("excitation", path_text(at)):
             return parts.shared.once("signal", key, lambda: signal(driven, duration, folder))

@@ -9,6 +9,7 @@ from scipy.integrate import simpson
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
+from scipy.signal import lsim
 
 import beamsim
 from beamsim.scenario import load_scenario
@@ -161,3 +162,70 @@ def test_a_stop_moves_with_its_support_as_it_does_by_the_same_signal():
     assert alone.summary["energy_error"] < 1e-10
     resting = beamsim.run(shipped(**{"snubbers[0].mounted_on": "base"}))
     assert np.abs(resting.snubbers["bumper"].force - mounted.snubbers["bumper"].force).max() > 10.0
+
+
+def oscillators(frequency, quality, acceleration, duration):
+    """Largest absolute acceleration of oscillators on what moves with an acceleration of time, at rest after it."""
+    t = np.arange(0.0, duration + 1.0 / frequency[0], 1e-3 / frequency[-1])
+    moved = np.where(t <= duration, acceleration(np.minimum(t, duration)), 0.0)
+    found = []
+    for omega in 2 * np.pi * frequency:
+        filtered = [omega / quality, omega**2], [1.0, omega / quality, omega**2]
+        found.append(np.abs(lsim(filtered, moved, t)[1]).max())
+    return np.array(found)
+
+
+def test_anchors_have_response_spectra_of_their_absolute_motion():
+    """The base's acceleration and the record of the floor together, by SciPy's simulation of each oscillator."""
+    asked = {"quality": 10, "from": 1.0, "to": 32.0, "per_octave": 1}
+    entries = shipped().excitation.model_dump(by_alias=True, exclude_unset=True)["forces"]
+    ground, left, right = ({**entry, "file": str(CONFIGS / entry["file"])} for entry in entries)
+    curve = [["1 Hz", "3 g"], ["32 Hz", "2 g"]]
+    scenario = shipped(**{"excitation.forces": [ground, left, right]}).model_copy(update={"run": None})
+    scenario = load_scenario(
+        scenario.to_yaml(), {"run": {"duration": 4.0, "start": "rest", "convergence": "off", "srs": asked},
+                             "limits": {"srs": {"support left": curve}}},
+    )  # fmt: skip
+    result = beamsim.run(scenario)
+    spectra = {s.name: s.maximax for s in result.srs.signals}
+    assert list(spectra) == ["input", "support left", "support right", "pipe"]
+    _, anchors = held_motion()
+    for k, name in enumerate(("support left", "support right")):
+        expected = oscillators(result.srs.frequency_hz, 10.0, lambda t, k=k: anchors(2, t)[k], 4.0)
+        np.testing.assert_allclose(spectra[name], expected, rtol=2e-4)
+    over = spectra["support left"] / (G * np.geomspace(3.0, 2.0, 6))
+    limit = result.summary["margins"]["srs.support left"]
+    assert limit["value"] == pytest.approx(over.max(), rel=1e-9)
+    assert limit["verdict"] == ("exceeded" if over.max() > 1.0 else "ok")
+
+
+@pytest.mark.parametrize(("axis", "levers"), [(None, (1.0, 1.0)), ("ry", (0.0, -1.2))])
+def test_supports_follow_a_base_that_moves_or_turns(axis, levers):
+    """The base carries an end by its distance from the axis, and the end moves by its own record beside that."""
+    pulse = {"kind": "half_sine", "duration": "20 ms"}
+    base = {"level": "30 rad/s^2", "direction": axis} if axis else {"level": "3 g"}
+    own = {"applied_to": {"support": "right"}, "level": "2 g", "time": "10 ms"}
+    scenario = load_scenario(
+        {
+            "beam": {"length": 1.2, "bending_stiffness": 2967.0, "mass_per_length": 2.4,
+                     "supports": {"left": "pinned", "right": "pinned"}, "damping": {"kind": "modal", "ratio": 0.02}},
+            "excitation": {"kind": "forces", "forces": [
+                {**pulse, "applied_to": "base", **base}, {**pulse, **own},
+                {**pulse, **own, "applied_to": {"support": "left"}, "level": 0.0},
+            ]},
+            "probes": [{"name": "middle", "position": 0.6}],
+            "reduction": {"modes": 4},
+            "run": {"duration": 0.05, "convergence": "off", "srs": {"from": 10.0, "to": 160.0, "per_octave": 1}},
+        }
+    )  # fmt: skip
+    result = beamsim.run(scenario)
+    frequency, size = result.srs.frequency_hz, 30.0 if axis else 3 * G
+    for name, lever, more in (("left", levers[0], 0.0), ("right", levers[1], 2 * G)):
+
+        def moved(t, lever=lever, more=more):
+            first, second = (np.where((t >= at) & (t <= at + 0.02), np.sin(np.pi * (t - at) / 0.02), 0.0)
+                             for at in (0.0, 0.01))  # fmt: skip
+            return lever * size * first + more * second
+
+        (found,) = [s.maximax for s in result.srs.signals if s.name == f"support {name}"]
+        np.testing.assert_allclose(found, oscillators(frequency, 10.0, moved, 0.05), rtol=1e-4, atol=1e-9)

@@ -115,8 +115,11 @@ def test_stops_that_change_together_are_all_predicted():
     pair = [{"name": side, "mass": 1, "side": side, "stiffness": 500.0, "gap": 1e-3} for side in ("below", "above")]
     scenario = masses(chain={"masses": [1.0], "springs": [200.0], "dashpots": [1.0], "snubbers": pair},
                       probes=[{"name": "mass", "mass": 1}])  # fmt: skip
-    of = beamsim.run(scenario).summary["gapping"]
+    result = beamsim.run(scenario)
+    of = result.summary["gapping"]
     assert of["below"]["level"] == pytest.approx(of["above"]["level"], rel=1e-12)
+    (line,) = lines_of(result)
+    assert line.startswith("below, above touch from ")
     assert not any("not_predicted" in each for each in of.values())
 
 

@@ -102,3 +102,51 @@ def test_noise_in_a_list_has_statistics_where_nothing_else_comes_and_goes(tmp_pa
     assert response.input.rms == pytest.approx(np.sqrt(0.01 * 70.0), rel=0.1)
     assert not response.transmissibility  # of one input among several
     assert run_of({"kind": "forces", "forces": [noise, entries(tmp_path)[0]]}).random is None
+
+
+SWEEP = {"kind": "swept_sine", "from": 20, "to": 90, "rate": "100 Hz/s"}
+
+
+@pytest.mark.parametrize("level", ["1 g", "0.05 mm"])
+def test_supports_that_follow_one_swept_sine_are_a_base_that_follows_it(level):
+    """Relative to a base at rest the motion contains that of the supports; accelerations and reactions are the same."""
+    based = run_of({**SWEEP, "applied_to": "base", "level": level}, springs_to_ground=[])
+    each = [{**SWEEP, "applied_to": {"support": side}, "level": level} for side in ("left", "right")]
+    moved = run_of({"kind": "forces", "forces": each}, springs_to_ground=[])
+    of_base, of_supports = based.probes["p"], moved.probes["p"]
+    size = np.abs(of_base.absolute_acceleration).max()
+    np.testing.assert_allclose(
+        of_supports.absolute_acceleration / size, of_base.absolute_acceleration / size, atol=1e-6
+    )
+    absolute = of_base.displacement + based.base_displacement
+    np.testing.assert_allclose(of_supports.displacement, absolute, rtol=0, atol=1e-6 * np.abs(absolute).max())
+    reactions = moved.outputs["right"].value, based.outputs["right"].value
+    np.testing.assert_allclose(*reactions, rtol=0, atol=1e-6 * np.abs(reactions[1]).max())
+    assert moved.summary["energy_error"] < 1e-9
+
+
+def test_a_stop_follows_a_swept_sine():
+    """Positive upwards: a stop 1 mm below a resting mass touches it where the sweep first rises by that."""
+    sweep = {**SWEEP, "rate": "2 Hz/s", "applied_to": {"snubber": "s"}, "level": "2 mm"}
+    chain = {"masses": ["1000 kg"], "springs": ["4 MN/m"]}
+    result = beamsim.run(load_scenario({
+        "chain": chain, "excitation": sweep, "snubbers": [{"name": "s", "mass": 1, "side": "below", "stiffness": 10.0,
+                                                           "gap": "1 mm"}],
+        "run": {"duration": 0.1, "sample_rate": 1e5, "convergence": "off"},
+    }))  # fmt: skip
+    t = result.time[result.snubbers["s"].closed][0]
+    assert 0.0 < t < 0.02
+    phase = 2 * np.pi * (20 * t + t**2)
+    assert result.snubbers["s"].penetration[result.time == t] == pytest.approx(2e-3 * np.sin(phase) - 1e-3, abs=2e-5)
+
+
+def test_a_base_with_two_directions_is_a_base_and_supports_that_move():
+    """What the refusal of a second direction of the base names instead: the ends move as the turning base would."""
+    pulse = {"kind": "half_sine", "duration": "20 ms", "applied_to": "base"}
+    up, turn = {**pulse, "level": "2 g"}, {**pulse, "level": "10 rad/s^2", "direction": "ry", "time": 0.02}
+    end = {**pulse, "applied_to": {"support": "right"}, "level": -10.0 * BEAM["length"], "time": 0.02}
+    both = run_of({"kind": "forces", "forces": [up, end]}, springs_to_ground=[])
+    alone = [run_of(each, springs_to_ground=[]) for each in (up, turn)]
+    for of in (lambda r: r.probes["p"].absolute_acceleration, lambda r: r.outputs["right"].value):
+        total = of(alone[0]) + of(alone[1])
+        np.testing.assert_allclose(of(both), total, rtol=0, atol=1e-8 * np.abs(total).max())

@@ -123,6 +123,11 @@ def test_the_excitation_of_a_sweep_is_a_sweep(name, said, tmp_path):
     assert "harmonic" not in excitation
 
 
+def test_a_caption_is_no_file_name():
+    for name, words in (("srs", "Shock response spectra"), ("contact_force", "Contact force")):
+        assert f"<figcaption>{words}</figcaption>" in page.captioned(name, "")
+
+
 def test_the_verdict_names_the_limit_that_is_exceeded(tmp_path):
     text = reported("continuation", tmp_path).read_text(encoding="utf-8")
     assert '<div class="verdict bad"><strong>Limit exceeded: gap</strong>' in text

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import yaml
 from scipy.signal import lfilter
 
 import beamsim
@@ -9,6 +10,8 @@ from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.inputs.excitation import base_motion
 from beamsim.scenario import load_scenario
+from beamsim.store.results import open_result, write_result
+from beamsim.system.build import build_system
 
 G = 9.80665
 SHOCK = {"srs": [[100, "20 g"], [2000, "500 g"]], "quality": 10, "duration": 0.05}
@@ -77,6 +80,19 @@ def test_the_misfit_of_a_run_is_that_of_its_record(tmp_path):
     assert any("dB from the curve" in text for _, text in table_rows("run", result))
     (chart,) = result.plot()["matched_spectrum"].axes
     assert "dB from the curve" in chart.get_title(loc="left")
+
+
+def test_the_curve_of_a_result_is_that_which_was_solved(tmp_path, monkeypatch):
+    """A result that is opened elsewhere finds it where the case was."""
+    for name in ("case", "results", "elsewhere"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "case" / "curve.csv").write_text("frequency (Hz),acceleration (g)\n100,20\n2000,500\n")
+    (tmp_path / "case" / "case.yaml").write_text(yaml.safe_dump(case(**SHOCK | {"srs": "curve.csv"})))
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    result = beamsim.run(load_scenario(tmp_path / "case" / "case.yaml"))
+    write_result(result, tmp_path / "results" / "case.h5")
+    again = build_system(open_result(tmp_path / "results" / "case.h5").scenario)
+    np.testing.assert_array_equal(again.base_acceleration(result.time), result.base_acceleration)
 
 
 def test_a_linear_oscillator_under_the_record_has_the_level_of_the_curve():

@@ -2,6 +2,7 @@
 
 import math
 import os
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from sampling import slow_after
 
 import beamsim
+from beamsim.analyses.run.result import ShockResponse, ShockSpectrum
 from beamsim.plots import run as plots
 from beamsim.plots.drawing import HERTZ, Chart, Picture, save_figures
 from beamsim.report.interactive import thinned
@@ -117,6 +119,15 @@ def test_a_shock_is_shown_whole_with_its_input():
     assert "base" in below.get_ylabel()
     assert below.lines[0].get_ydata().max() == pytest.approx(10.0, rel=1e-3)
     assert above.get_xlim() == below.get_xlim()
+
+
+def test_a_residual_of_nothing_does_not_squeeze_the_spectra():
+    f = np.geomspace(10.0, 100.0, 5)
+    signal = partial(ShockSpectrum, quantity="acceleration", primary=f, positive=f, negative=f)
+    nothing = signal(name="input", maximax=f, residual=1e-6 * f)
+    assert plots.shock_response(ShockResponse(10.0, f, (nothing,)), "").y_ends == (1.0, None)
+    something = signal(name="input", maximax=f, residual=0.5 * f)
+    assert plots.shock_response(ShockResponse(10.0, f, (something,)), "").y_ends == (None, None)
 
 
 def test_no_picture_is_of_a_contact_that_never_was(fabricated_run):

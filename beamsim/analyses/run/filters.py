@@ -19,8 +19,9 @@ certified as those of the motion are. Motions with powers of time are led throug
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -37,8 +38,11 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
 from beamsim.scenario import Scenario
+from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
-from beamsim.system.parts import moving_base
+from beamsim.structures.places import UPWARDS, Link
+from beamsim.structures.support_forces import supports_of
+from beamsim.system.parts import base_direction, exciting_forces, moving_base
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -547,7 +551,7 @@ def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Sign
 
 
 def shock_response(scenario: Scenario, system: StructuralSystem, motion: Trajectory | Histories) -> ShockResponse:
-    """Spectra of the base's acceleration, where it moves, and of the absolute acceleration of every probe.
+    """Spectra of the base's acceleration, where it moves, and of the absolute ones of supports that move and of probes.
 
     Parameters
     ----------
@@ -558,7 +562,7 @@ def shock_response(scenario: Scenario, system: StructuralSystem, motion: Traject
     Returns
     -------
     ShockResponse
-        The base's spectrum first.
+        The base's spectrum first, then those of supports.
 
     Raises
     ------
@@ -580,16 +584,41 @@ def shock_response(scenario: Scenario, system: StructuralSystem, motion: Traject
         times, fastest = motion.time, 0.0
         responses = CubicSpline(times, motion.of(ACCELERATION))
     times = np.unique(times)
-    if (base := system.base_acceleration) is not None:
-        end = _end(base, float(times[-1]))
-        until = np.append(times[times < end], end)
-        names.insert(0, ("input", "acceleration"))
-        peaks.append(shock_spectra(along, settings.quality, until, lambda at: base(at)[:, None], fastest))
+    for count, (name, signals) in enumerate(_driven(system)):
+        end = max(_end(signal, float(times[-1])) for _, signal in signals)
+        until, summed = np.append(times[times < end], end), partial(_summed, signals)
+        names.insert(count, name)
+        peaks.append(shock_spectra(along, settings.quality, until, summed, fastest))
     peaks.append(shock_spectra(along, settings.quality, times, responses, fastest))
     spectra = [_spectrum(*of, *signal) for of, signal in zip(names, np.concatenate(peaks), strict=True)]
     limits = [limit_curve(scenario, "srs", s.name, "acceleration", along) for s in spectra]
-    signals = tuple(replace(s, limit=limit) for s, limit in zip(spectra, limits, strict=True))
-    return ShockResponse(settings.quality, along, signals)
+    of_all = tuple(replace(s, limit=limit) for s, limit in zip(spectra, limits, strict=True))
+    return ShockResponse(settings.quality, along, of_all)
+
+
+def _summed(signals: Sequence[tuple[float, Pieces]], at: Floats) -> Floats:
+    """(nt, 1) sum of signals with their factors at times."""
+    return np.asarray(sum(factor * signal(at) for factor, signal in signals))[:, None]
+
+
+def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tuple[float, Pieces]]]]:
+    """What the excitation moves along a line, the base first: name and quantity, and accelerations with their factors.
+
+    A support moves with the base and against it.
+    """
+    of_base, parts = system.base_acceleration, system.assessment.parts
+    if of_base is not None:
+        yield ("input", "acceleration"), [(1.0, of_base)]
+    supports = supports_of(parts.structure, base_direction(parts.scenario) or UPWARDS)
+    levers = {(each.body, each.name, each.direction): each.base_motion for each in supports}
+    moving: dict[str, list[tuple[float, Pieces]]] = {}
+    for moved, own in zip(parts.moved, system.forcing.signal[len(exciting_forces(parts.scenario)) :: 3], strict=False):
+        support = moved.support
+        at, lever = moved.driven.applied_to, levers.get((support.body, support.name, support.direction))
+        if isinstance(at, MovedSupport) and not at.rotates and lever is not None and not isinstance(support.at, Link):
+            with_base = [(lever, of_base)] if of_base is not None and lever else []
+            moving.setdefault(at.label, with_base).append((1.0, own))
+    yield from (((name, MAIN_QUANTITY), signals) for name, signals in moving.items())
 
 
 def matched_spectrum(scenario: Scenario, system: StructuralSystem) -> MatchedSpectrum | None:
@@ -622,7 +651,7 @@ def _spectrum(
 
 
 def _end(signal: Callable[[Floats], Floats], end: float) -> float:
-    """When the record of the base's motion ends: with its pulse, at the latest with the run."""
+    """When the record of a motion ends: with its pulse, at the latest with the run."""
     if isinstance(signal, Pieces) and not signal.coefficient[-1].any() and signal.start[-1] > 0.0:
         return min(float(signal.start[-1]), end)
     return end

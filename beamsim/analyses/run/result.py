@@ -564,8 +564,8 @@ class RandomResponse:
 class ShockSpectrum:
     """Peaks of oscillators' absolute accelerations on a base that moves as one signal does."""
 
-    name: str = attribute("", "input, or the name of the probe")
-    quantity: str = key("acceleration of the input, absolute_acceleration of a probe")
+    name: str = attribute("", "input, the name of the probe, or support and its name")
+    quantity: str = key("acceleration of the input, absolute_acceleration of a probe or support")
     maximax: Floats = dataset("m/s^2", "largest magnitude at any time")
     primary: Floats = dataset("m/s^2", "largest magnitude during the record")
     residual: Floats = dataset("m/s^2", "largest magnitude after the end of the record")
