@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import Problem, ScenarioError, rooted
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.measurements.read import HDF5, read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named, in_si
@@ -305,6 +305,23 @@ def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[
         message = f"needs {samples:.3g} samples up to {highest:g} Hz (at most {MOST_SAMPLES:.0e})"
         raise ScenarioError.at(at, f"= {excitation.duration:g} s {message}", "shorten it")
     return frequency, level
+
+
+def highest_excited_hz(scenario: Scenario) -> float:
+    """Highest frequency of the excitation, Hz, also where a curve in a file says it.
+
+    Raises
+    ------
+    ScenarioError
+        As `target_curve`.
+    """
+    highest: float = scenario.excitation.highest_frequency_hz
+    for path, each in scenario.excitation.items:
+        if isinstance(each, MatchedInput):
+            at: Keys = ("excitation", *path)
+            with rooted("excitation", path_text(at)):
+                highest = max(highest, float(target_curve(each, scenario.folder_of(*at, "srs"))[0][-1]))
+    return highest
 
 
 def _read_table(

@@ -696,6 +696,11 @@ class MatchedInput(Driven):
         """It leaves a free motion."""
         return True
 
+    @property
+    def highest_frequency_hz(self) -> float:
+        """End of the curve, Hz; 0 of one in a file (see `beamsim.inputs.measured.highest_excited_hz`)."""
+        return 0.0 if isinstance(self.srs, str) else self.srs[-1][0]
+
     def check(self) -> None:
         """Refuse a curve that is none, and what is no acceleration of the base along a line."""
         super().check()

@@ -96,34 +96,46 @@ class ScenarioParts(Schema):
 
     @property
     def sample_rate(self) -> float:
+        """That of a run's output, Hz, as far as it is known without the files that the excitation names."""
+        return self.sample_rate_up_to(self.excitation.highest_frequency_hz)
+
+    def sample_rate_up_to(self, highest: float) -> float:
         """Sample rate of a run's output, Hz, as it is written or chosen from the excitation and the structure.
 
         100 samples a period of the excitation, more if the structure or a short run needs it. With a single frequency
         the samples of a period are a whole number, so that spectra of whole periods have no leakage. Long runs at high
         frequency have two million samples, or 20 a period where these are more. A random input has 10 samples, or a
         multiple of that, in a period of its highest frequency: half as many as its own spline, whose pieces they fit.
+        A record that is made for a spectrum has as many.
+
+        Parameters
+        ----------
+        highest : frequency of the excitation, Hz.
         """
         run = self.run
         assert run is not None
         if run.sample_rate is not None:
             return run.sample_rate
-        highest = self.excitation.highest_frequency_hz
-        random = self.excitation.stationary and highest > 0.0
+        random = self._banded and highest > 0.0
         rate = max((10.0 if random else 100.0) * highest, 50.0 * self._rough_frequency_hz, 2000.0 / run.duration)
         # 2e6: samples that are many without being asked for
         rate = min(rate, max(2e6 / run.duration, (10.0 if random else 20.0) * highest))
         units = (10.0 * highest,) if random else self.excitation.frequencies_hz
         return _whole_multiple(rate, units[0]) if len(units) == 1 else _round_number(rate)
 
-    @property
-    def frequency_of_interest_hz(self) -> float:
+    def frequency_of_interest_hz(self, highest: float) -> float:
         """What the model of a run resolves where there is no ``reduction``, Hz; the output has no part in it.
 
-        50 times the frequency of the excitation (10 times the highest of a random one), and with 64 times a low natural
-        frequency about ten bending modes of a beam: peak accelerations at a stop need that many.
+        50 times the highest frequency of the excitation, Hz (10 times that of a random one or of a record that is made
+        for a spectrum), and with 64 times a low natural frequency about ten bending modes of a beam: peak accelerations
+        at a stop need that many.
         """
-        harmonics = 10.0 if self.excitation.stationary else 50.0
-        return max(harmonics * self.excitation.highest_frequency_hz, 64.0 * self._rough_frequency_hz)
+        return max((10.0 if self._banded else 50.0) * highest, 64.0 * self._rough_frequency_hz)
+
+    @property
+    def _banded(self) -> bool:
+        """Whether the excitation fills a band of frequencies."""
+        return self.excitation.stationary or any(each.kind == "matched" for _, each in self.excitation.items)
 
     @property
     def _rough_frequency_hz(self) -> float:

@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from beamsim.errors import MethodError, Problem, ScenarioError
+from beamsim.inputs.measured import highest_excited_hz
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, suggestion
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, MovedStop, MovedSupport, OnSupport
@@ -466,8 +467,9 @@ def _asked_reduction(scenario: Scenario, structure: Structure) -> dict[str, Any]
         return {"count": None if asked.modes == "all" else asked.modes}
     if asked is not None and asked.highest_frequency is not None:
         return {"highest_frequency": asked.highest_frequency * hz}
-    of_run = 0.0 if scenario.run is None else scenario.frequency_of_interest_hz
-    highest = max(of_run, 10 * scenario.excitation.highest_frequency_hz)
+    excited = highest_excited_hz(scenario)
+    of_run = 0.0 if scenario.run is None else scenario.frequency_of_interest_hz(excited)
+    highest = max(of_run, 10 * excited)
     start = start_of(scenario)
     mode = start.mode if isinstance(start, ModeStart) else 0
     return {"highest_frequency": highest * hz, "default": True, "least": 6, "mode": mode}

@@ -13,7 +13,8 @@ by more than its own spread. Small disturbances of the stiffness say whether the
 models differ.
 
 Root mean squares and lines of the spectra, and the statistics of a stationary response, are found again in the
-other motion.
+other motion. Crest factor, kurtosis and shares of peaks are those of a record: they are doubtful where they change by
+more than other records of the same length would change them, too.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.exact_motion import motion_in_stretches
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
 from beamsim.analyses.run.motion import Histories, RunMotion, output_times
-from beamsim.analyses.run.random_response import statistics_of
+from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.records import SampledRecord
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, RunResult, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of
@@ -268,6 +269,7 @@ def _compared_models(
         changes = relative_changes([first.values], [second.values])
         again = derived.again(second.system, second.sampled)
         changes |= relative_changes([derived.reported()], again)
+        scatter = derived.scatter()
     changes, lines = _with_lines(derived, changes)
     for entry, quantity in (("rms_displacement_m", "displacement"), ("rms_acceleration_g", MAIN_QUANTITY)):
         if isinstance(of_probes := changes.get(entry), dict):
@@ -441,6 +443,12 @@ class DerivedValues:
         if self.shock is not None:
             figures |= _of_shock(self.shock)
         return figures
+
+    def scatter(self) -> Changes:
+        """How far statistics of the response that few peaks decide differ between records by chance."""
+        signals = () if self.random is None else self.random.signals
+        errors = {f"{s.name} {s.quantity} {key}": of for s in signals for key, of in sampling_errors(s).items()}
+        return {"random": errors}
 
     def again(self, system: StructuralSystem, motion: Trajectory | Histories, parts: int = 1) -> list[Values]:
         """The figures of another motion.

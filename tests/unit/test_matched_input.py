@@ -1,11 +1,14 @@
 """Records made for a shock response spectrum, against an independent recursive filter."""
 
+import os
+
 import numpy as np
 import pytest
 import yaml
 from scipy.signal import lfilter
 
 import beamsim
+from beamsim.analyses.run.motion import output_times
 from beamsim.cli.report import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.inputs.excitation import base_motion
@@ -86,7 +89,9 @@ def test_the_curve_of_a_result_is_that_which_was_solved(tmp_path, monkeypatch):
     """A result that is opened elsewhere finds it where the case was."""
     for name in ("case", "results", "elsewhere"):
         (tmp_path / name).mkdir()
-    (tmp_path / "case" / "curve.csv").write_text("frequency (Hz),acceleration (g)\n100,20\n2000,500\n")
+    curve = tmp_path / "case" / "curve.csv"
+    curve.write_text("frequency (Hz),acceleration (g)\n100,20\n2000,500\n")
+    os.utime(curve, (1e9, 1e9))  # one that is as new as the result may have been changed since
     (tmp_path / "case" / "case.yaml").write_text(yaml.safe_dump(case(**SHOCK | {"srs": "curve.csv"})))
     monkeypatch.chdir(tmp_path / "elsewhere")
     result = beamsim.run(load_scenario(tmp_path / "case" / "case.yaml"))
@@ -96,12 +101,37 @@ def test_the_curve_of_a_result_is_that_which_was_solved(tmp_path, monkeypatch):
 
 
 def test_a_linear_oscillator_under_the_record_has_the_level_of_the_curve():
-    """The mass of 318 Hz at Q = 20 is an oscillator of the spectrum itself."""
-    given = SHOCK | {"quality": 20.0}
-    result = beamsim.run(load_scenario(case(**given)))
+    """A mass of 318 Hz with Q = 20 on the base is the oscillator of that frequency; its level is the curve's within
+    the misfit that is stated.
+    """
     hz = np.sqrt(4e6) / (2 * np.pi)
-    reached = np.exp(np.interp(np.log(hz), np.log(result.matched.frequency_hz), np.log(result.matched.reached)))
-    assert result.summary["peak_acceleration_g"]["mass"] * G == pytest.approx(reached, rel=0.1)
+    given = case(**SHOCK | {"quality": 20.0})
+    given["run"]["srs"] = {"quality": 20.0, "from": hz, "to": 2 * hz, "per_octave": 1}
+    result = beamsim.run(load_scenario(given))
+    peak = result.summary["peak_acceleration_g"]["mass"] * G
+    assert peak == pytest.approx(result.srs.signals[0].maximax[0], rel=1e-4)
+    level = 20 * G * np.exp(np.log(25.0) * np.log(hz / 100) / np.log(20.0))
+    misfit = result.summary["matched"]
+    assert misfit["lowest_db"] - 0.5 < 20 * np.log10(peak / level) < misfit["highest_db"] + 0.5
+
+
+def test_samples_and_modes_follow_the_band_of_the_curve(tmp_path):
+    """Ten samples in a period of its end, and modes up to ten times that; a file says the same as points."""
+    (tmp_path / "curve.csv").write_text("frequency (Hz),acceleration (g)\n100,20\n2000,500\n", encoding="utf-8")
+    beam = {"length": 1.0, "bending_stiffness": 20.0, "mass_per_length": 1.0, "elements": 120,
+            "supports": {"left": "pinned", "right": "pinned"}}  # fmt: skip
+    kept = []
+    for srs in (SHOCK["srs"], str(tmp_path / "curve.csv"), [[100, "20 g"], [500, "500 g"]]):
+        given = case(**SHOCK | {"srs": srs}) | {"beam": beam, "probes": [{"name": "p", "position": 0.5}],
+                                                "run": {"duration": 0.06, "convergence": "off"}}  # fmt: skip
+        del given["chain"]
+        scenario = load_scenario(given)
+        kept.append((1.0 / output_times(scenario)[1], build_system(scenario).modes.highest_frequency_hz))
+    assert kept[0] == kept[1]
+    for (rate, highest), end in zip(kept[1:], (2000.0, 500.0), strict=True):
+        assert rate >= 10.0 * end
+        assert rate / (10.0 * end) == pytest.approx(round(rate / (10.0 * end)), rel=1e-12)
+        assert highest == pytest.approx(10.0 * end)
 
 
 @pytest.mark.parametrize(

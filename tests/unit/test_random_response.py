@@ -1,5 +1,8 @@
 """Statistics of random vibration against Miles' and linear theory, and their way through the result file."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -10,13 +13,21 @@ from beamsim.analyses.gapping import transfer
 from beamsim.analyses.rainflow import damage, rainflow, reversals
 from beamsim.analyses.run.impacts import damage_interval
 from beamsim.analyses.run.linear_prediction import linear_responses
-from beamsim.analyses.run.random_response import LEVELS, crossing_rates, largest_of_test, rms_interval
+from beamsim.analyses.run.random_response import (
+    LEVELS,
+    crossing_rates,
+    largest_of_test,
+    rms_interval,
+    sampling_errors,
+    statistics_of,
+)
+from beamsim.analyses.run.result import SignalStatistics
 from beamsim.cli.report import table_rows
 from beamsim.inputs.excitation import random_signals
 from beamsim.plots.run import density, phase_density
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import RandomInput
-from beamsim.scenario.run import StressLife
+from beamsim.scenario.run import Reduction, StressLife
 from beamsim.system.build import build_system
 
 G = 9.80665
@@ -127,6 +138,35 @@ def test_degrees_of_freedom_of_gaussian_noise():
     assert np.mean(freedom) == pytest.approx(2 * 30.0 * T, rel=0.08)
     assert np.mean(held) == pytest.approx(0.95, abs=0.02)
     assert rms_interval(np.zeros(100)) == {}
+
+
+def test_errors_of_what_few_peaks_decide_are_the_scatter_between_records():
+    """Of Gaussian noise in a narrow and a wide band: 95 % of records lie within, and not all by far."""
+    names = "crest_factor", "kurtosis", "peaks_over_2_sigma", "peaks_over_3_sigma"
+    for band in ((10.0, 12.0), (10.0, 40.0)):
+        found, errors = [], []
+        for seed in range(150):
+            x = noise(40.0, 200.0, seed, "random", band)
+            figures = statistics_of(x, 200.0) | rms_interval(x)
+            signal = SignalStatistics(name="", quantity="", unit="", density=np.zeros(1), **figures)
+            found.append([figures[name] for name in names])
+            errors.append([sampling_errors(signal)[name] for name in names])
+        off = np.abs(np.array(found) / np.mean(found, axis=0) - 1.0)
+        assert np.all(np.mean(off < errors, axis=0) > 0.93)
+        assert np.all(np.mean(errors, axis=0) < 7.0 * np.sqrt(np.mean(off**2, axis=0)))  # 1.96 of a normal scatter
+    assert sampling_errors(replace(signal, degrees_of_freedom=None)) == {}
+
+
+def test_a_crest_factor_does_not_make_a_record_not_converged():
+    """With a finer model it changes by more than 2 % and by less than other records; the rms converges."""
+    scenario = load_scenario(Path(__file__).parents[2] / "configs" / "random_vibration.yaml")
+    summary = beamsim.run(scenario).summary
+    changes = summary["convergence"]["random"]
+    assert changes["tip absolute_acceleration peaks_over_3_sigma"] > 0.02
+    assert changes["tip absolute_acceleration rms"] < 0.005
+    assert not summary["doubtful"]
+    coarse = beamsim.run(scenario.model_copy(update={"reduction": Reduction(modes=1)})).summary
+    assert "random.middle absolute_acceleration rms" in coarse["doubtful"]
 
 
 def record(folder, values):

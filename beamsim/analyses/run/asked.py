@@ -14,6 +14,7 @@ from beamsim.analyses.run.random_response import LEAST_SAMPLES
 from beamsim.analyses.run.summary import by_name, figures_of_motion
 from beamsim.analyses.values import BY_ENTRY, STRESS, VALUES, Value, largest
 from beamsim.flow.channels import Observed
+from beamsim.inputs.measured import highest_excited_hz
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
@@ -94,7 +95,7 @@ def _root_mean_squares(
     """
     keys = {entry: value.key for entry, value in BY_ENTRY.items() if entry.startswith("rms_") and entry in asked}
     assert scenario.run is not None
-    rate = scenario.sample_rate
+    rate = scenario.sample_rate_up_to(highest_excited_hz(scenario))
     number = int(np.floor(scenario.run.duration * rate * (1 + 1e-12))) + 1
     first = reached = int(SKIPPED * number)
     if not keys or number - first < LEAST_SAMPLES:

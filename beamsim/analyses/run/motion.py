@@ -32,6 +32,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInStretches
+from beamsim.inputs.measured import highest_excited_hz
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Run, Scenario
 from beamsim.scenario.connections import OfHinge
@@ -142,7 +143,7 @@ def reached(end: float, times: Floats) -> Floats:
 def output_times(scenario: Scenario) -> Floats:
     """(nt,) s, the times at which the motion of a run is asked for."""
     assert scenario.run is not None
-    rate = scenario.sample_rate
+    rate = scenario.sample_rate_up_to(highest_excited_hz(scenario))
     return np.asarray(np.arange(int(np.floor(scenario.run.duration * rate * (1 + 1e-12))) + 1) / rate)
 
 

@@ -159,6 +159,24 @@ def statistics_of(x: Floats, rate: float) -> dict[str, float]:
     }
 
 
+def sampling_errors(signal: SignalStatistics) -> dict[str, float]:
+    """Half of the 95 % interval of what few peaks decide, over its size, by its name; none of a signal that rests.
+
+    A Gaussian signal has half as many independent peaks as degrees of freedom.
+    """
+    n = signal.degrees_of_freedom
+    if n is None:
+        return {}
+    errors = {
+        "crest_factor": np.pi / np.sqrt(6.0) / (2.0 * np.log(max(0.5 * n, 2.0))),
+        "kurtosis": np.sqrt(24.0 / n) / signal.kurtosis,
+    }
+    for name in ("peaks_over_2_sigma", "peaks_over_3_sigma"):
+        share = max(float(getattr(signal, name)), 1.0 / n)
+        errors[name] = np.sqrt((1.0 - min(share, 1.0)) / (0.5 * n * share))
+    return {name: 2.0 * float(error) for name, error in errors.items()}
+
+
 def crossing_rates(x: Floats, rate: float) -> Floats:
     """Upward crossings per second of each of `LEVELS` by samples (nt,) at a rate in Hz; zeros without any motion."""
     deviation = float(x.std())
