@@ -417,6 +417,15 @@ class Contacts:
         """(m,) whether the force of each contact is what keeps its penetration."""
         return np.asarray(self.arrays.holds[np.arange(self.count), phases])
 
+    def slides(self, phases: Ints) -> Floats:
+        """(..., m) +1 or -1, the direction in which each contact slides, 0 where it does not, in phases (..., m)."""
+        return np.asarray(self.arrays.slides[np.arange(self.count), phases])
+
+    @cached_property
+    def falling(self) -> Ints:
+        """Friction contacts whose force falls with the speed at which they slide."""
+        return np.flatnonzero((self.arrays.lost[:, :, 1] < 0.0).any(axis=1))
+
     @cached_property
     def may_hold(self) -> Bools:
         """(m,) whether a phase of each contact holds."""

@@ -102,6 +102,7 @@ class Phase:
     rates: tuple[LawRow, ...] = ()  # (r,) of the internal states, which rest by default
     losses: tuple[float, ...] = ()  # (r,) l, N s/m
     holds: bool = False  # the force is what keeps the penetration at its value
+    slides: float = 0.0  # +1 or -1, the direction in which friction slides; 0 where it does not
     written: LawRow | None = (
         None  # m; where the internal state does not tell the phase, a state to be started from again
     )
@@ -139,6 +140,7 @@ class LawArrays(NamedTuple):
     rates: Floats  # (P, r, C) rows of the rates of the internal states
     losses: Floats  # (P, r) power lost with the square of these rates, N s/m
     holds: Bools  # (P,)
+    slides: Floats  # (P,)
     guards: Ints  # (P,) number of guards
     guard: Floats  # (P, G, C) their rows
     next: Ints  # (P, G) phase that follows
@@ -301,6 +303,7 @@ class ContactLaw:
             rates=rows(phase.rates, r),
             losses=np.array(phase.losses or (0.0,) * r),
             holds=np.array(phase.holds),
+            slides=np.array(phase.slides),
             guards=np.array(len(guards)),
             guard=rows([guard.row for guard in guards], len(guards)),
             next=np.array([guard.next for guard in guards], dtype=np.int64),

@@ -15,6 +15,10 @@ the state but not symmetric, and a phase without force lasts while the other con
 where the slider stands still, :math:`\dot p = \dot\delta \mp \mu_d \dot N / k = 0`; while it slides or is free
 the internal state follows :math:`\delta`, so that the spring is unstressed where the faces meet again.
 
+**Falling with speed** (Stribeck). :math:`T = \pm(\mu_s N - (\mu_s - \mu_d) N |\dot\delta| / v)` up to the speed v and
+:math:`\pm\mu_d N` beyond: the force is continuous where sliding begins, and up to v that of a negative dashpot.
+The slider behind a spring has no mass and would reach v at once; there two coefficients say the same.
+
 A state that is to be started from again is written with the static limit in the spring where it slides, with two
 coefficients with twice that: no motion sticks so.
 
@@ -36,13 +40,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-import numpy as np
-
 from beamsim.contacts.laws import DEPTH, ContactLaw, Guard, LawRow, LawSpring, OneSidedSpring, Phase
 
 STICK, FORWARDS, BACKWARDS = 0, 1, 2  # phases of friction
 FREE = 3  # of a contact that another one presses; without a spring those of motions to either side, 3 and 4
-DIRECTION = np.array([0.0, 1.0, -1.0, 0.0, 0.0])  # of sliding, by phase
 _SIDES = ((FORWARDS, 1.0), (BACKWARDS, -1.0))  # phases of sliding and the direction of their friction force
 _NAMES = {FORWARDS: "sliding forwards", BACKWARDS: "sliding backwards"}
 OPEN, ELASTIC, LOADING, UNLOADING = 0, 1, 2, 3  # phases of hardening; the last two yield
@@ -137,6 +138,40 @@ def rigid_friction_law(static: float, sliding: float, start: float = 0.0) -> Con
 
 
 @lru_cache(maxsize=1024)
+def falling_friction_law(static: float, sliding: float, speed: float, start: float = 0.0) -> ContactLaw:
+    """Dry friction whose force falls in a straight line with the speed of sliding, and is constant beyond a speed.
+
+    Parameters
+    ----------
+    static : friction force at which sliding begins, and with which it does, N.
+    sliding, speed : friction force, N, from a speed of sliding on, m/s.
+    start : see :func:`friction_law`, N.
+
+    Returns
+    -------
+    ContactLaw
+        With the phases STICK, FORWARDS and BACKWARDS, in which it slides slowly, and two in which it slides fast.
+
+    Examples
+    --------
+    >>> law = falling_friction_law(3.0, 2.0, 0.1)
+    >>> [(phase.name, phase.lost.rate, phase.lost.constant) for phase in law.phases[1::2]]
+    [('sliding forwards', -10.0, 3.0), ('sliding fast forwards', 0.0, 2.0)]
+    """
+    stick, *slow = _rigid(static, static, pressed=False)
+    damping = LawRow(rate=(sliding - static) / speed)
+    fast = []
+    for k, (phase, sign) in enumerate(_SIDES):
+        faster = Guard(phase + len(_SIDES), LawRow(rate=-sign, constant=speed))
+        slower = Guard(phase, LawRow(rate=sign, constant=-speed))
+        name, lost = slow[k].name.replace(" ", " fast "), LawRow(constant=sign * sliding)
+        fast.append(Phase(name, (slower,), touching=False, slides=sign, lost=lost))
+        lost = damping._replace(constant=sign * static)
+        slow[k] = replace(slow[k], guards=(*slow[k].guards, faster), lost=lost)
+    return ContactLaw((stick, *slow, *fast), static=(), resting_force=start)
+
+
+@lru_cache(maxsize=1024)
 def pressed_friction_law(stiffness: float | None, static: float, sliding: float) -> ContactLaw:
     """Dry friction under the force of another contact, with or without a tangential spring.
 
@@ -195,7 +230,7 @@ def _behind_spring(k: float, static: float, sliding: float, pressed: bool) -> tu
         slides.append(
             Phase(
                 _NAMES[phase], (Guard(STICK, ends, reset=(_plus(DEPTH, -stretch, pressed),)),), touching=False,
-                springs=(LawSpring(k, _plus(LawRow(), stretch, pressed)),),
+                slides=sign, springs=(LawSpring(k, _plus(LawRow(), stretch, pressed)),),
                 lost=_plus(LawRow(), sign * sliding, pressed),
                 rates=(LawRow(rate=1.0),) if pressed else (), written=_plus(LawRow(), written, pressed),
             )
@@ -214,6 +249,7 @@ def _rigid(static: float, sliding: float, pressed: bool) -> tuple[Phase, ...]:
             _NAMES[phase],
             (Guard(STICK, LawRow(rate=sign)),),
             touching=False,
+            slides=sign,
             lost=_plus(LawRow(), sign * sliding, pressed),
         )
         for phase, sign in _SIDES

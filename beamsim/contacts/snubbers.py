@@ -24,7 +24,13 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, Springs, find_equilibrium
 from beamsim.contacts.laws import ContactLaw, OneSidedSpring, kelvin_voigt, latch, piecewise_linear
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law, relaxing_law, table_law
-from beamsim.contacts.sliders import friction_law, hardening_law, pressed_friction_law, rigid_friction_law
+from beamsim.contacts.sliders import (
+    falling_friction_law,
+    friction_law,
+    hardening_law,
+    pressed_friction_law,
+    rigid_friction_law,
+)
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Located
 from beamsim.scenario.base import path_text
@@ -136,6 +142,8 @@ def _law_of_friction(contact: Any) -> ContactLaw:
     if contact.pressed_by is not None:
         return pressed_friction_law(contact.stiffness, contact.static_coefficient, contact.sliding_coefficient)
     forces = contact.static_force, contact.sliding_force, contact.start_force
+    if contact.stribeck_speed is not None:
+        return falling_friction_law(forces[0], forces[1], contact.stribeck_speed, forces[2])
     return rigid_friction_law(*forces) if contact.stiffness is None else friction_law(contact.stiffness, *forces)
 
 

@@ -78,6 +78,7 @@ def held_contacts(system: PiecewiseLinearSystem, phases: Ints) -> Held | None:
     return Held(contact, right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank])
 
 
+GROWN = 3.0  # logarithm of the largest growth within a segment
 GROWTH = 600.0  # logarithm of a function's growth; where it is larger, the amplitude is zero
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
 
@@ -366,12 +367,14 @@ def contact_modes(
     """
     acting = _acting(system, phases)
     simple, blocks = _diagonalise(system, phases, acting, longest_window, known)
-    radius = max((b.radius for b in blocks), default=0.0)
+    # series hold within a radius; what grows is bounded by its end, so that a segment ends before that is far above it
+    growing = [*simple.eigenvalue.real.tolist(), *(complex(b.centre).real for b in blocks)]
+    fastest = max([0.0, *(b.radius for b in blocks), *(rate / GROWN for rate in growing)])
     loads = _loads_of_sources(system, forcing, sources, felt, phases)
     load, slope = _free(system, phases, *loads.total())
     return ContactModes(
         phases.copy(), system.contacts.internal_states, simple, blocks,
-        float(min(longest_window, 1.0 / radius if radius > 0 else np.inf)), load, slope, loads,
+        float(min(longest_window, 1.0 / fastest if fastest > 0 else np.inf)), load, slope, loads,
         _rates_of(system, phases, loads) if acting.stiffness.size else None,
     )  # fmt: skip
 

@@ -208,7 +208,8 @@ def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, 
     lam = np.concatenate([-half[s] + root[s], -half[s] - root[s]])
     # the smaller of two real roots by their product, without cancellation; exactly zero for a rigid-body mode
     real = np.flatnonzero(discriminant[s] > 0)
-    lam[real] = -omega_squared[s[real]] / (half[s[real]] + root[s[real]])
+    larger = half[s] + np.copysign(1.0, half[s]) * root[s]
+    lam[real], lam[s.size + real] = -omega_squared[s[real]] / larger[real], -larger[real]
     other = np.concatenate([lam[s.size :], lam[: s.size]])
     mode = np.concatenate([s, s])
     difference = lam - other

@@ -414,6 +414,9 @@ class FrictionCoefficients(Schema):
     """Coefficient up to which the contact sticks."""
     sliding: q.Ratio
     """Coefficient while it slides; not above the static one."""
+    stribeck_speed: Annotated[float, q.Quantity(units.VELOCITY, above=0.0)] | None = None
+    """Speed of sliding from which on the coefficient is that; it falls to it in a straight line from the static one. By
+    default it falls at once."""
 
     def check(self) -> None:
         """Demand an order."""
@@ -472,6 +475,11 @@ class FrictionBase(Named):
         return self.coefficient.sliding if isinstance(self.coefficient, FrictionCoefficients) else self.coefficient
 
     @property
+    def stribeck_speed(self) -> float | None:
+        """Speed at which the coefficient has fallen to that of sliding, m/s; None where it falls at once."""
+        return self.coefficient.stribeck_speed if isinstance(self.coefficient, FrictionCoefficients) else None
+
+    @property
     def static_force(self) -> float:
         """Largest friction force while it sticks, N; nan where the normal force is that of a snubber."""
         return self.constant_force * self.static_coefficient
@@ -487,8 +495,12 @@ class FrictionBase(Named):
         return 0.0 if isinstance(self.start, str) else self.start
 
     def check(self) -> None:
-        """Demand a force at the start that sticks."""
+        """Demand a force at the start that sticks, and constant coefficients where the force is more than friction."""
         super().check()
+        if self.stribeck_speed is not None and (self.pressed_by is not None or self.stiffness is not None):
+            other = "the normal force of a snubber" if self.stiffness is None else "stiffness"
+            remedy = "leave it out: the coefficient then falls at once"
+            raise Unfit(f"does not go with {other}", remedy, ("coefficient", "stribeck_speed"))
         if self.pressed_by is not None:
             if self.start != "unstressed":
                 raise Unfit(

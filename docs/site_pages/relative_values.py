@@ -108,6 +108,7 @@ DEFAULTS = {
     "HingeStop.side": "`below` for a negative angle, else `above`",
     "HingeFrictionMoments.sliding": "`moment`",
     "HingeFrictionMoments.stiffness": "infinite: the hinge does not turn while it sticks",
+    "FrictionCoefficients.stribeck_speed": "none: the coefficient falls at once",
     "SnubberBase.law": "`no_tension` with Maxwell branches, else `kelvin_voigt`",
     "PointOfBody.direction": "z",
     "MeasuredForces.fit": "points as they are",

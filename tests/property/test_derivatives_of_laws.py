@@ -7,7 +7,13 @@ import pytest
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law
-from beamsim.contacts.sliders import friction_law, hardening_law, pressed_friction_law, rigid_friction_law
+from beamsim.contacts.sliders import (
+    falling_friction_law,
+    friction_law,
+    hardening_law,
+    pressed_friction_law,
+    rigid_friction_law,
+)
 from beamsim.flow.periodic_flow import Frequency, PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.system.equations import PiecewiseLinearSystem
@@ -74,6 +80,7 @@ SLIDES = {
     "pressed, spring": (RUBS,),
     "constant force": (rigid_friction_law(0.3, 0.2),),
     "one coefficient": (rigid_friction_law(0.2, 0.2),),
+    "falling with speed": (falling_friction_law(0.3, 0.2, 0.1),),
 }
 CASES = {
     "table and dashpot": pad(CURVE, 0.8, ()),

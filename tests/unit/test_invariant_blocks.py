@@ -79,7 +79,7 @@ def test_a_wrong_block_is_noticed():
     assert not np.allclose(exponential(simple, blocks, 1.0), expm(similar(JORDAN, 1)), rtol=1e-3)
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.01, 0.9, 1 - 1e-4, 1 - 1e-12, 1.0, 1 + 1e-9, 1.01, 30.0, 1e6])
+@pytest.mark.parametrize("ratio", [0.0, 0.01, 0.9, 1 - 1e-4, 1 - 1e-12, 1.0, 1 + 1e-9, 1.01, 30.0, 1e6, -0.01, -1.01])
 @pytest.mark.parametrize("omega", [0.0, 1.0, 1e5])
 def test_second_order_mode(ratio, omega):
     d = 2 * ratio * (omega if omega > 0 else 1.0)
@@ -91,6 +91,14 @@ def test_second_order_mode(ratio, omega):
         exact = scale @ expm(A * tau) @ np.linalg.inv(scale)
         found = scale @ exponential(simple, blocks, tau) @ np.linalg.inv(scale)
         np.testing.assert_allclose(found, exact, atol=1e-11)
+
+
+@pytest.mark.parametrize("damping", [2e5, -2e5])
+def test_the_eigenvalues_of_a_dashpot_of_either_sign(damping):
+    simple, _ = second_order_blocks(np.eye(1), np.array([400.0]), np.array([damping]))
+    small, large = sorted(simple.eigenvalue, key=abs)
+    assert large + small == pytest.approx(-damping, rel=1e-15)
+    assert large * small == pytest.approx(400.0, rel=1e-15)
 
 
 def test_undamped_eigenvalues_have_no_real_part():

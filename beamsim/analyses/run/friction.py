@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.run.energy import contact_losses
 from beamsim.analyses.run.impacts import BLOCKS, LEAST, SKIPPED, Sums, jackknife
 from beamsim.analyses.run.result import FigureInterval
-from beamsim.contacts.sliders import DIRECTION, STICK
+from beamsim.contacts.sliders import STICK
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
@@ -103,7 +104,7 @@ def sliding_speeds(flow: ExactFlow, which: Ints, phases: Ints) -> LinearOutput:
     if contacts.presses(phases):  # the spring of a slider gives way
         own = (which[:, None] == contacts.pressed).astype(float)
         speed += flow.pressing_force_rates(phases).combined(-own * contacts.pressing_stretches(phases))
-    return speed.scaled(DIRECTION[phases[which]][:, None])
+    return speed.scaled(contacts.slides(phases)[which, None])
 
 
 def _normal_forces(flow: ExactFlow, contacts: Sequence[FrictionBase], which: Ints, phases: Ints) -> LinearOutput:
@@ -121,21 +122,23 @@ def _sliding(
     """Sums until some times, (nt, f) each: time of sliding, s, distance, m, wear as normal force times distance, J,
     energy lost, J, and slides."""
     flow, which = trajectory.flow, friction_contacts(system)
-    phases = trajectory.phases_of(trajectory.state)[:, which]
+    every = trajectory.phases_of(trajectory.state)
+    phases = every[:, which]
 
     def forces(state: Ints) -> LinearOutput:
         one = flow.empty_output(which.size)
         one.direct[:, 0] = 1.0
-        return LinearOutput.stacked(one, _normal_forces(flow, contacts, which, state))
+        lost = contact_losses(flow, state)[0].some(which)
+        return LinearOutput.stacked(one, _normal_forces(flow, contacts, which, state), lost)
 
     def speeds(state: Ints) -> LinearOutput:
         speed = sliding_speeds(flow, which, state)
-        return LinearOutput.stacked(speed, speed)
+        return LinearOutput.stacked(speed, speed, contact_losses(flow, state)[1].some(which))
 
     begin = float(trajectory.time[0])
-    integrals = trajectory.product_integrals(times, forces, speeds, np.eye(2 * which.size), begin)
-    distance, wear = integrals.reshape(times.size, 2, which.size).swapaxes(0, 1)
-    slides = DIRECTION[phases] != 0.0
+    integrals = trajectory.product_integrals(times, forces, speeds, np.eye(3 * which.size), begin)
+    distance, wear, lost = integrals.reshape(times.size, 3, which.size).swapaxes(0, 1)
+    slides = flow.system.contacts.slides(every)[:, which] != 0.0
     begins = slides.copy()
     begins[1:] &= ~slides[:-1]
     normal = trajectory.sample(trajectory.time, lambda state: _normal_forces(flow, contacts, which, state))
@@ -148,13 +151,12 @@ def _sliding(
     def until(events: Floats) -> Floats:
         return np.asarray(np.vstack([np.zeros(which.size), np.cumsum(events, axis=0)])[begun])
 
-    coefficient = np.array([c.sliding_coefficient for c in contacts])
     ends = np.append(trajectory.time, trajectory.end)
     slid = np.vstack([np.zeros(which.size), np.cumsum(slides * trajectory.length[:, None], axis=0)])
     return {
         "time": np.column_stack([np.interp(times, ends, column) for column in slid.T]),
         "distance": distance + until(snaps),
         "wear": wear + until(snaps * normal),
-        "lost": coefficient * wear + until(trajectory.event_losses()[:, which]),
+        "lost": lost + until(trajectory.event_losses()[:, which]),
         "slides": until(begins.astype(float)),
     }

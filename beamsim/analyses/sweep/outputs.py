@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.run.energy import contact_losses
 from beamsim.analyses.run.friction import friction_contacts, sliding_speeds
 from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.analyses.sweep.peaks import bent
@@ -23,7 +24,7 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.sliders import DIRECTION, STICK, sliding_limit, snap
+from beamsim.contacts.sliders import STICK, sliding_limit, snap
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
@@ -106,7 +107,7 @@ class SweepLevel:
         """Columns of impacts, sliding speeds and wear, which come after those of the channels in `rows`."""
         contacts, first = self.system.dynamics.contacts, self.channels.order.size
         impacts = len(self.system.snubbers) + loss_owner(contacts).size
-        sizes = [impacts, friction_contacts(self.system).size, 2 * contacts.pressed.size]
+        sizes = [impacts, friction_contacts(self.system).size, 2 * _rubbing(contacts).size]
         return tuple(np.split(first + np.arange(sum(sizes)), np.cumsum(sizes)[:-1]))
 
     @property
@@ -188,13 +189,13 @@ class SweepLevel:
         """Sliding by friction contact, from mean speeds of sliding and from how often it ends.
 
         Under the force of a snubber from the mean of that force times the speed, and from that force where sliding
-        begins.
+        begins; of a force that falls with the speed what is lost is the mean of both.
         """
         which, contacts = friction_contacts(self.system), self.system.dynamics.contacts
         springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
         _, columns, of_wear = self._beyond
         period, square = record.duration / record.cycles, record.mean_square[:, of_wear]
-        wear = dict(zip(contacts.pressed.tolist(), (square[:, ::2] - square[:, 1::2]).T, strict=True))
+        wear = dict(zip(_rubbing(contacts).tolist(), (square[:, ::2] - square[:, 1::2]).T, strict=True))
         begun = dict(zip(contacts.pressed.tolist(), record.pressing.T / record.cycles, strict=True))
         out = {}
         for column, j, spring in zip(columns.tolist(), which.tolist(), springs, strict=True):
@@ -215,7 +216,7 @@ class SweepLevel:
             out[name] = CycleSliding(
                 per_cycle=slides,
                 distance=distance,
-                energy_lost=sliding * moved + slides * loss,
+                energy_lost=wear[j] * period if j in wear else sliding * moved + slides * loss,
                 wear_power=normal * distance / period,
             )
         return out
@@ -231,17 +232,24 @@ def loss_owner(contacts: Contacts) -> Ints:
     return np.concatenate([np.arange(contacts.count), np.repeat(np.arange(contacts.count), contacts.states)])
 
 
+def _rubbing(contacts: Contacts) -> Ints:
+    """Friction contacts whose forces vary while they slide: those that a snubber presses, and those that fall."""
+    return np.concatenate([contacts.pressed, contacts.falling])
+
+
 def _wear_rows(flow: ExactFlow, phases: Ints) -> LinearOutput:
     """Of each friction contact that a snubber presses two outputs, the difference of whose squares is the normal force
-    times the speed at which it slides, N m/s."""
-    pressed = flow.system.contacts.pressed
-    if not pressed.size:
+    times the speed at which it slides, N m/s; of those that fall the friction force times that speed."""
+    contacts = flow.system.contacts
+    pressed, falling = contacts.pressed, contacts.falling
+    if not pressed.size + falling.size:
         return flow.empty_output(0)
-    slides = np.abs(DIRECTION[phases[pressed]])[:, None]
-    normal = flow.pressing_forces(phases).scaled(0.5 * slides)
-    speed = sliding_speeds(flow, pressed, phases).scaled(0.5)
-    pairs = np.arange(2 * pressed.size).reshape(2, -1).T.ravel()
-    return LinearOutput.stacked(normal + speed, normal + (-speed)).some(pairs)
+    slides = np.abs(contacts.slides(phases)[pressed, None])
+    rubbing = contact_losses(flow, phases)[0].some(falling).scaled(0.5 * contacts.slides(phases)[falling, None])
+    force = LinearOutput.stacked(flow.pressing_forces(phases).scaled(0.5 * slides), rubbing)
+    speed = sliding_speeds(flow, _rubbing(contacts), phases).scaled(0.5)
+    pairs = np.arange(2 * speed.row.shape[0]).reshape(2, -1).T.ravel()
+    return LinearOutput.stacked(force + speed, force + (-speed)).some(pairs)
 
 
 def _impact_rows(flow: ExactFlow, phases: Ints, snubbers: int) -> LinearOutput:
@@ -250,5 +258,5 @@ def _impact_rows(flow: ExactFlow, phases: Ints, snubbers: int) -> LinearOutput:
     moved = LinearOutput.stacked(rate, flow.internal_rates(phases)) if contacts.internal_states else rate
     rows = LinearOutput.stacked(rate.some(slice(snubbers)), moved)
     touching = contacts.touching(phases)[:snubbers].astype(float)
-    factor = np.concatenate([touching, np.sqrt(np.concatenate(contacts.losses(phases)))])[:, None]
+    factor = np.concatenate([touching, np.sqrt(np.maximum(np.concatenate(contacts.losses(phases)), 0.0))])[:, None]
     return rows.scaled(factor)
