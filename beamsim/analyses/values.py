@@ -28,6 +28,7 @@ STRESS = ("bodies", "bending_stress")
 ALWAYS_THERE = ("probes", "snubbers")  # sections whose entries are there even where they are empty
 
 Extreme = Floats  # (4, k): lowest, its time, highest, its time
+NO_EXTREMES: Extreme = np.zeros((4, 0))  # where there is no probe
 Extremes = Mapping[Key, Extreme]  # by section and quantity of the channels
 Margins = dict[str, dict[str, Any]]
 """By limit (SI) ``limit``, ``value``, ``lowest`` and ``highest`` (the range of its change), ``margin``, ``at``,
@@ -54,6 +55,11 @@ def by_units(entry: str, contacts: Iterable[Any], value: Callable[[Any], float])
         name = of_angles(entry) if contact.gap_unit == "rad" else entry
         found.setdefault(name, {})[contact.name] = value(contact)
     return found
+
+
+def extreme_times(extremes: Extremes) -> Floats:
+    """(2,) s, of the lowest and highest point of the first probe; (0,) without any."""
+    return extremes.get(DISPLACEMENT, NO_EXTREMES)[1::2, :1].ravel()
 
 
 def largest(extreme: Extreme) -> Floats:

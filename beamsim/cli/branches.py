@@ -81,8 +81,8 @@ def _several(result: ContinuationResult) -> Iterator[str]:
         level = f" at {_level(result, several.level)['level']}" if len({b.level for b in result.branches}) > 1 else ""
         peaks = " or ".join(dict.fromkeys(amount(peak, "m", 3) for peak in several.peaks))
         at, more = _parameter(several.at, result.unit, 4), counted(len(ranges) - 1, "more range")
-        reach = f"{result.branches[0].probes[0].name} reaches {peaks} at {at}, by the start"
-        yield f"{len(several.peaks)} stable motions from {where}{level}: {reach}{f'; {more}' if ranges[1:] else ''}"
+        probe = next((f": {of.name} reaches {peaks} at {at}, by the start" for of in result.branches[0].probes), "")
+        yield f"{len(several.peaks)} stable motions from {where}{level}{probe}{f'; {more}' if ranges[1:] else ''}"
 
 
 def _special_lines(result: ContinuationResult) -> list[str]:

@@ -102,8 +102,8 @@ def animate(given: Given) -> None:
     with shown_in(result.scenario.display_scales):
         scene = scene_of(result, shown=shown, sweeps=True)
         if scene is None:
-            message = "holds no motion; animate the result of `beamsim run`, of a swept sine or of `beamsim nnm`"
-            raise ResultFileError(f"{path}: {message}")
+            remedy = "animate a run, a swept sine or a nonlinear mode of a model with nodes that move"
+            raise ResultFileError(f"{path}: holds no motion of places; {remedy}")
         for target in targets:
             if target.suffix.lower() == ".gif":
                 with progress_of(f"drawing {target.name}", shown=shown) as progress:
@@ -158,7 +158,7 @@ def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool, sweep
 
     Returns
     -------
-    None of results without a motion.
+    None of results without a motion of what is drawn.
 
     Raises
     ------
@@ -182,4 +182,4 @@ def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool, sweep
         model = model or model_of(result.scenario)
         frames = frames_of_orbit(result.scenario, result.modes.stations, motion)
     sketch = sketched(result, model)
-    return None if sketch is None else animation.scene_of(frames, sketch, result.title)
+    return None if sketch is None or not frames.deflection.any() else animation.scene_of(frames, sketch, result.title)

@@ -116,8 +116,9 @@ def sweep_screen(result: SweepResult) -> Screen:
         row["in contact"] = ", ".join(percent(share) for share in s.get("contact_share", {}).get(name, {}).values())
         rows.append(row)
     notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
+    outputs = [f"peak of {name} {text}" for name, text in _outputs_of_curves(result, s.get("peak_output", {})).items()]
     lines = [
-        *modes(result), *contact_levels(result), *profile_jumps(result.scenario), *notches,
+        *modes(result), *contact_levels(result), *outputs[:SHOWN], *profile_jumps(result.scenario), *notches,
         *limit_lines(s.get("margins", {})), *numbers.legend(),
     ]  # fmt: skip
     return Screen(sureness(result, numbers.largest_change), rows, lines)
@@ -169,13 +170,14 @@ def _outputs(result: RunResult, peaks: Mapping[str, float]) -> dict[str, dict[st
 
 
 def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Strongest and chosen lines of the first probe that moves: order (or Hz) and level, in order of frequency.
+    """Strongest and chosen lines of the first probe that moves, else output: order (or Hz) and level, by frequency.
 
     Orders are multiples of the excitation frequency, levels in dB of the largest value of the signal.
     """
-    probes = (*(line["probe"] for line in lines), *(probe for probe, _ in result.spectra))
-    first = next(iter(probes), "")
-    moves = first and result.summary["max_displacement_m"][first] > result.summary["min_displacement_m"][first]
+    names = (*(line["probe"] for line in lines), *(name for name, _ in result.spectra))
+    first = next(iter(names), "")
+    highest, lowest = (result.summary[f"{end}_displacement_m"] for end in ("max", "min"))
+    moves = first not in highest or highest[first] > lowest[first]
     texts = {}
     for quantity in (quantity for probe, quantity in result.spectra if probe == first):
         name = f"{first} {quantity}"
@@ -301,7 +303,8 @@ def _curves(result: SweepResult, peaks: Sequence[Mapping[str, Any]]) -> Labelled
         shown += [{"": curve.name, **_peak(peak)} for peak in own[:6]]
     offset = next((curve.displacement[first].offset for curve in result.curves.values() if first), 0.0)
     of = f"{first} from equilibrium at {amount(offset, 'm')}" if offset else first
-    return Labelled({"": curves, f"peaks of {of}": shown or "none within the range"})
+    of_first = {f"peaks of {of}": shown or "none within the range"} if of else {}
+    return Labelled({"": curves, **of_first})
 
 
 def _peak(peak: Mapping[str, Any]) -> dict[str, Any]:

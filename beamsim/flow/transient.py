@@ -385,7 +385,8 @@ class MotionInStretches(March):
 
     def states_at(self, times: Floats) -> Floats:
         """(nt, N) the state: (q, q') and the contacts' internal states."""
-        return np.concatenate([self.within(t, t).states_at(np.array([t])) for t in times])
+        states = [self.within(t, t).states_at(np.array([t])) for t in times]
+        return np.array(states).reshape(times.size, self.flow.size)
 
     @property
     def log_of_events(self) -> Log:

@@ -89,8 +89,10 @@ def histories(
 
     Returns
     -------
-    One panel, or two.
+    One panel, or two; none without values.
     """
+    if not values:
+        return []
     time, start = result.time, _last_part(result)
     begin, end = float(time[0]), float(time[-1])
     curves = [Curve(name, time, x) for name, x in values.items()]
@@ -525,7 +527,7 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         curves = [Curve(name, spring.stretch[shown], spring.force[shown]) for name, spring in result.springs.items()]
         panels["spring_force"] = [Chart(("Stretch", "m"), ("Spring force", "N"), curves, of="springs")]
     if result.spectra:
-        panels["spectrum"] = [spectrum(result, quantity) for quantity in ("absolute_acceleration", "displacement")]
+        panels["spectrum"] = [spectrum(result, of) for of in dict.fromkeys(s.quantity for s in result.spectra.values())]
     if random is not None and random.level is not None:
         panels["level_crossings"] = [crossings(random)]
     if srs is not None:
@@ -538,12 +540,13 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         up = (f"Peak acceleration, Q = {matched.quality:g}", "m/s^2")
         across = ("Natural frequency of the oscillator", "Hz")
         panels["matched_spectrum"] = [Chart(across, up, curves, log="xy", of="", marks=[curve], title=title)]
-    figures = {name: Picture(result.title, charts) for name, charts in panels.items()}
+    figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
     places = list(result.snubbers.values())[:MOST_CURVES] or list(result.probes.values())[:1]
     portraits = [
         phase_portrait(result, at) if random is None else phase_density(result, at, random.start_s) for at in places
     ]
-    figures["phase_portrait"] = Picture(result.title, portraits, columns=min(len(places), 3))
+    if portraits:
+        figures["phase_portrait"] = Picture(result.title, portraits, columns=min(len(places), 3))
     if random is not None:
         more = [transmissibility(random)] if has_transmissibility(random) else []
         note = _doubts(result, "random", "values")

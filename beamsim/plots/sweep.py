@@ -396,9 +396,9 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
     if not result.curves:
         return {}
     last, direction = list(result.curves.values())[-1], next(iter(result.curves.values())).direction
-    probe, index = next(iter(last.displacement)), last.level_index
+    probe, index = next(iter(last.displacement), ""), last.level_index
     levels = sorted({c.level_index for c in result.curves.values()})
-    panels: dict[str, list[Any]] = {f"response_{k}": [responses(result, probe, k)] for k in levels}
+    panels: dict[str, list[Any]] = {f"response_{k}": [responses(result, probe, k)] for k in levels if probe}
     names = {ACCELERATION: "acceleration", FORCE: "contact"}
     touched = any(np.any(force.peak) for curve in result.curves.values() for force in curve.force.values())
     left_out = (DISPLACEMENT,) if touched else (DISPLACEMENT, FORCE)
@@ -407,9 +407,10 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
     if last.has_transmissibility:
         panels["acceleration"].append(transmissibility(result, index))
     for k in result.histories:
-        if _has_spectrogram(result, probe, k):
+        if probe and _has_spectrogram(result, probe, k):
             panels[f"spectrogram_{k}"] = [partial(plot_spectrogram, result, probe=probe, level_index=k)]
-    panels["waterfall"] = [partial(plot_waterfall, result, probe=probe, curve=last)]
+    if probe:
+        panels["waterfall"] = [partial(plot_waterfall, result, probe=probe, curve=last)]
     if touched:
         panels["contact"].append(contact(result, direction))
     if last.outputs:
@@ -417,13 +418,13 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
     if result.linear.contact:
         units = dict.fromkeys(levels.force_unit for levels in result.linear.contact.values())
         panels["contact_levels"] = [contact_levels(result), *(preload_needed(result, unit) for unit in units)]
-    if len(levels) > 1:
+    if len(levels) > 1 and probe:
         panels["levels"] = [level_family(result, probe, direction)]
         same = _in_direction(result, direction)[:MOST_LEVELS]
         panels["harmonic_energy"] = [harmonic_energy(result, probe, curve) for curve in same]
     if last.steady is not None:
         panels["steady_states"] = [steady_states(result, last)]
-        if last.steady.poincare_frequency_hz.size:  # of motions that are not periodic
+        if probe and last.steady.poincare_frequency_hz.size:  # of motions that are not periodic
             panels["steady_states"].append(poincare(result, last, probe))
     figures = {name: Picture(result.title, each) for name, each in panels.items()}
     notched = [curve for curve in result.curves.values() if curve.notching is not None]

@@ -88,9 +88,6 @@ def _bodies(scenario: ScenarioParts) -> Problems:
     """What is wrong with each body by itself."""
     for name, body in scenario.all_bodies.items():
         yield from body.problems(scenario.body_path(name))
-        if not (body.has_default_probe or scenario.probes or scenario.snubbers):
-            remedy = f"give probes: [{{name: corner, at: {{body: {name}, node: 24, direction: z}}}}]"
-            yield problem(("probes",), f"are missing: {name} has no default place for a probe", remedy)
 
 
 def _directions(scenario: ScenarioParts) -> Problems:
@@ -954,6 +951,8 @@ def _identification(scenario: ScenarioParts) -> Problems:
     if not isinstance(scenario.excitation, Harmonic):
         yield not_harmonic(f"{_TOP}.nonlinear", "a harmonic excitation", scenario.excitation)
     names = [probe.name for probe in scenario.effective_probes]
+    if not names:
+        yield problem((_TOP, "nonlinear"), "has no probe to compare with", "give probes where the tests measured")
     for index, test in enumerate(section.nonlinear.tests):
         if test.probe is not None:
             yield from unknown((_TOP, "nonlinear", "tests", index, "probe"), test.probe, "probe", names)

@@ -295,7 +295,7 @@ class ScenarioParts(Schema):
 
     @property
     def effective_probes(self) -> tuple[Probe, ...]:
-        """The probes; without any, one at each snubber, on both places it acts between, else where a body says."""
+        """The probes; without any, one at each snubber, on both places it acts between, else where bodies say."""
         if self.probes:
             return self.probes
         several = len(self.all_bodies) > 1
@@ -308,8 +308,8 @@ class ScenarioParts(Schema):
                 probed = _on(body if several else None, place)
                 probes.setdefault(self._probe_name(probed), probed)
         if not probes:
-            for name, body_section in self.all_bodies.items():
-                called, place = body_section.default_probe()
+            usual = {name: body.default_probe() for name, body in self.all_bodies.items() if body.has_default_probe}
+            for name, (called, place) in usual.items():
                 probes[f"{name}_{called}" if several else called] = _on(name if several else None, place)
         return tuple(
             Probe(name=name, at=place)

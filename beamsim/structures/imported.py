@@ -77,7 +77,8 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
         remarks.append(f"structural damping acts as viscous damping that has the same effect at {frequency:g} Hz alone")
     _check_diagonals(mass, stiffness, table)
     recovery = None if section.recovery is None else _recovery(section.recovery, table)
-    used = _used_rows(mass, stiffness, damping, recovery, table)
+    held = table.rows_of(() if section.base == "free" else section.base.nodes)
+    used = _used_rows((mass, stiffness, damping), recovery, table, held)
     if used.size < len(table.dofs):
         remarks.append(f"rows without mass and stiffness were left out: {len(table.dofs) - used.size}")
     mass, stiffness, damping = (
@@ -92,16 +93,27 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
     return replace(converted, remarks=tuple(remarks))
 
 
-def _used_rows(mass: Any, stiffness: Any, damping: Any, recovery: Any, table: DofTable) -> Ints:
+def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, held: Ints) -> Ints:
     """Rows that have an entry other than zero in some matrix; programs write the others for what an analysis holds.
+
+    Parameters
+    ----------
+    matrices : (N, N) sparse mass, stiffness and damping; None where there is none.
+    recovery : (k, N) sparse, or None.
+    table : names of the rows.
+    held : rows that move with the base; a base that takes no force has none in the stiffness of a Craig-Bampton model.
+
+    Returns
+    -------
+    (n,) rows.
 
     Raises
     ------
     MethodError
         Where nothing holds a row that has mass, or a row that is left out is recovered from.
     """
-    entries = [np.asarray(abs(m).sum(axis=1)).ravel() for m in (mass, stiffness, damping) if m is not None]
-    loose = np.flatnonzero((entries[1] == 0.0) & (entries[0] > 0.0))
+    entries = [np.asarray(abs(m).sum(axis=1)).ravel() for m in matrices if m is not None]
+    loose = np.setdiff1d(np.flatnonzero((entries[1] == 0.0) & (entries[0] > 0.0)), held)
     if loose.size:
         node, direction = table.dofs[int(loose[0])]
         others = f" and {loose.size - 1} more" if loose.size > 1 else ""

@@ -257,6 +257,8 @@ class MatricesStructure(BodyStructure):
         shapes = self.expansion[rows] @ member.field(basis.vectors) / np.sqrt(member.whole.mass_scale)
         points = None if self.table.coordinates is None else self.table.coordinates[rows]
         nodes = self.table.nodes[rows].astype(float)
+        if not rows.size:  # the modes of a model on its interface alone have no place
+            nodes, points, shapes = np.array([*self.given.base[:1], 0.0][:1]), None, np.zeros((1, shapes.shape[1]))
         lines = None if points is None or not np.all(np.isfinite(points)) else self._lines(nodes, points)
         return Recovery(self.name, NODES, nodes, np.asarray(shapes), points=points, lines=lines, direction=direction)
 

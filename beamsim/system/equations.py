@@ -183,6 +183,13 @@ class Channel:
         return 1 if self.squared else self.rows.count
 
 
+class Places(dict[Key, Ints]):
+    """Columns by section and quantity; none of what there is not."""
+
+    def __missing__(self, key: Key) -> Ints:
+        return np.zeros(0, dtype=np.int64)
+
+
 @dataclass(frozen=True)
 class ChannelSet:
     """Some channels of a system, which are evaluated together; C columns of values."""
@@ -250,7 +257,7 @@ class ChannelSet:
         places: dict[Key, list[int]] = {}
         for channel, first in self.located:
             places.setdefault(channel.key, []).extend(range(first, first + channel.columns))
-        return {key: np.array(columns, dtype=np.int64) for key, columns in places.items()}
+        return Places({key: np.array(columns, dtype=np.int64) for key, columns in places.items()})
 
     def split(self, values: Floats) -> dict[Key, Floats]:
         """Values (..., C) by section and quantity."""

@@ -44,7 +44,7 @@ from beamsim.analyses.run.summary import (
     spectral_lines,
     static_figures,
 )
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, searched
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
@@ -131,8 +131,7 @@ class Model:
             extremes[ACCELERATION] = np.array(behind.extremes(begin, end))
         inside = trajectory.event_closing & (trajectory.event_time >= begin) & (trajectory.event_time < part.end)
         closings = np.bincount(trajectory.event_contact[inside], minlength=part.flow.system.contacts.count)
-        _, lowest, _, highest = extremes[DISPLACEMENT]
-        size = deflection_size(system, trajectory.states_at(np.sort([lowest[0], highest[0]])))
+        size = deflection_size(system, trajectory.states_at(np.sort(extreme_times(extremes))))
         values = motion_figures(system, extremes, part.contact_share(), closings, size)
         return compared({**values, **static_figures(system)})
 
@@ -479,13 +478,15 @@ class DerivedValues:
 
     def parts(self, most: int) -> int:
         """Into how many parts a motion can be divided, each long enough for the lines of a spectrum."""
-        s = next(iter(self.spectra.values()))
-        periods = s.duration_s * s.excitation_hz
+        periods = next((s.duration_s * s.excitation_hz for s in self.spectra.values()), np.inf)
         return min(most, max(int(periods / FEWEST_PERIODS), 1)) if np.isfinite(periods) else most
 
     def _records(
         self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
     ) -> Iterator[Mapping[SpectrumKey, SampledRecord]]:
+        if not self.spectra:
+            yield from ({} for _ in range(parts))
+            return
         s, channels = next(iter(self.spectra.values())), system.channels.of_keys(ACCELERATION, DISPLACEMENT)
         keys = [(channel.name, channel.quantity) for channel in channels.channels]
         if isinstance(motion, Histories):
@@ -509,7 +510,7 @@ class DerivedValues:
         assert self.random is not None
         channels = system.channels.of_keys(ACCELERATION, DISPLACEMENT, FORCE)
         if isinstance(motion, Histories):
-            times, values = motion.time, np.hstack([motion.of(key) for key in channels.places])
+            times, values = motion.time, np.hstack([motion.of(key) for key in (ACCELERATION, DISPLACEMENT, FORCE)])
         else:
             times = self.times[self.times <= motion.end]
             values = Observed(motion.flow, channels).values(motion, times)

@@ -27,7 +27,7 @@ from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
-from beamsim.analyses.values import DISPLACEMENT, PENETRATION, STRESS, largest
+from beamsim.analyses.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import Stop, interruption
 from beamsim.scenario import Run, Scenario
@@ -117,7 +117,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         return not left_out
 
     spectra = spectra_of(scenario, system, motion) if goes_on("the spectra") else {}
-    probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes[DISPLACEMENT])
+    probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes.get(DISPLACEMENT, NO_EXTREMES))
     snubbers = [snubber.name for snubber in system.snubbers]
     compression = by_name(snubbers, motion.extremes[PENETRATION][2]) if snubbers else {}
     result = RunResult(

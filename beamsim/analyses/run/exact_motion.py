@@ -15,11 +15,11 @@ from beamsim.analyses.run.result import EnergyHistory, Work
 from beamsim.analyses.values import (
     ACCELERATION,
     BY_ENTRY,
-    DISPLACEMENT,
     STRESS,
     VALUES,
     Extreme,
     Value,
+    extreme_times,
     outer,
     searched,
 )
@@ -139,7 +139,7 @@ def exact_motion_of(
     figures = StretchFigures(system, settings, motion.flow, times, values)
     for stretch in motion.stretches():
         figures.add(stretch)
-    at = figures.extremes[DISPLACEMENT][1::2, 0]
+    at = extreme_times(figures.extremes)
     order = np.argsort(at)
     return RunMotion(
         system=system,

@@ -25,7 +25,7 @@ from beamsim.analyses.run.result import (
     SpringHistory,
     Work,
 )
-from beamsim.analyses.values import DISPLACEMENT, FORCE, STRESS, Extremes, largest, largest_pulls
+from beamsim.analyses.values import DISPLACEMENT, FORCE, STRESS, Extremes, extreme_times, largest, largest_pulls
 from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.exact import ExactFlow
@@ -131,8 +131,8 @@ class RunMotion:
 
     @property
     def extreme_times(self) -> Floats:
-        """(2,) s, of the lowest and highest point of the first probe."""
-        return self.extremes[DISPLACEMENT][1::2, 0]
+        """See `beamsim.analyses.values.extreme_times`."""
+        return extreme_times(self.extremes)
 
 
 def reached(end: float, times: Floats) -> Floats:

@@ -197,12 +197,13 @@ class SteppedOutputs:
         self.dense.add(solution, values)
         if self.low is not None:
             self._filter_piece(self.low, solution, phases)
-        found, first = self.dense.extrema(), self.searched.channels.places[DISPLACEMENT][0]
-        lowest, highest = found.when_low[first], found.when_high[first]
-        if begin <= lowest <= end:
-            self.lowest_state = solution.sol(lowest)[: self.flow.size]
-        if begin <= highest <= end:
-            self.highest_state = solution.sol(highest)[: self.flow.size]
+        found = self.dense.extrema()
+        for first in self.searched.channels.places[DISPLACEMENT][:1]:
+            lowest, highest = found.when_low[first], found.when_high[first]
+            if begin <= lowest <= end:
+                self.lowest_state = solution.sol(lowest)[: self.flow.size]
+            if begin <= highest <= end:
+                self.highest_state = solution.sol(highest)[: self.flow.size]
 
     def _filter_piece(self, low: LowPassed, solution: Any, phases: Ints) -> None:
         """Lead the filter through the integrator's dense output; panels end at its steps and at the output times."""

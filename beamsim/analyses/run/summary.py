@@ -16,6 +16,7 @@ from beamsim.analyses.values import (
     ACCELERATION,
     DISPLACEMENT,
     FORCE,
+    NO_EXTREMES,
     PENETRATION,
     STRESS,
     Extreme,
@@ -241,8 +242,8 @@ def peak_times(system: StructuralSystem, extremes: Extremes, figures: Mapping[st
     """s, by entry of the figures and by name: when the peak is reached; of equal peaks any of them."""
     probes, snubbers = [p.name for p in system.probes], [s.name for s in system.snubbers]
     when = {
-        "peak_displacement_m": by_name(probes, largest_at(extremes[DISPLACEMENT])),
-        "peak_acceleration_g": by_name(probes, largest_at(extremes[ACCELERATION])),
+        "peak_displacement_m": by_name(probes, largest_at(extremes.get(DISPLACEMENT, NO_EXTREMES))),
+        "peak_acceleration_g": by_name(probes, largest_at(extremes.get(ACCELERATION, NO_EXTREMES))),
     }
     of_contacts = by_name(snubbers, extremes[FORCE][3]) if FORCE in extremes else {}
     when |= {entry: of_contacts for entry in ("peak_force_n", "peak_moment_n_m") if entry in figures}

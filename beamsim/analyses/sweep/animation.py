@@ -67,5 +67,7 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
 
 
 def _response(curve: SweepCurve) -> Floats:
-    """(C,) the largest displacement from equilibrium of any probe in each cycle."""
-    return np.asarray(np.max([np.nan_to_num(each.response) for each in curve.displacement.values()], axis=0))
+    """(C,) the largest displacement from equilibrium of any probe in each cycle; without probes the first output."""
+    responses = [np.nan_to_num(each.response) for each in curve.displacement.values()]
+    outputs = [np.nan_to_num(each.peak) for each in curve.outputs.values()] or [np.zeros(curve.time.size)]
+    return np.asarray(np.max(responses or outputs[:1], axis=0))
