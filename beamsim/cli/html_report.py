@@ -102,7 +102,7 @@ def animate(given: Given) -> None:
     with shown_in(result.scenario.display_scales):
         scene = scene_of(result, shown=shown, sweeps=True)
         if scene is None:
-            remedy = "animate a run, a swept sine or a nonlinear mode of a model with nodes that move"
+            remedy = "animate a run, a sweep or a nonlinear mode of a model with nodes that move"
             raise ResultFileError(f"{path}: holds no motion of places; {remedy}")
         for target in targets:
             if target.suffix.lower() == ".gif":
@@ -154,7 +154,7 @@ def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool, sweep
     result : of any kind.
     model : of its scenario, where it was built already.
     shown : whether to report the progress.
-    sweeps : whether to compute swept sines again, which takes as long as they did.
+    sweeps : whether to compute sweeps again, which takes as long as they did.
 
     Returns
     -------

@@ -45,10 +45,45 @@ def test_frames_are_those_of_the_cycles_about_the_highest_peak(more, tmp_path):
     np.testing.assert_allclose(frames.force["stop"], np.maximum(5000.0 * (1e-3 - x), 0.0), atol=0.22)
 
 
-def test_the_command_writes_it_and_stepped_sweeps_have_none(tmp_path):
+def test_the_command_writes_it(tmp_path):
     write_result(beamsim.sweep(load_scenario(PRESSED, {"sweep": SWEEP})), tmp_path / "swept.h5")
     done = invoke("animate", str(tmp_path / "swept.h5"), "-o", str(tmp_path / "peak.html"))
     assert done.exit_code == 0
     assert "slow" in (tmp_path / "peak.html").read_text(encoding="utf-8")
-    stepped = {"kind": "stepped", "from": "6 Hz", "to": "7 Hz", "points": 2, "convergence": "off"}
-    assert frames_of_sweep(beamsim.sweep(load_scenario(PRESSED, {"sweep": stepped}))) is None
+
+
+STEPPED = {"kind": "stepped", "from": "6 Hz", "to": "16 Hz", "points": 11, "convergence": "off"}
+
+
+@pytest.mark.parametrize("more", [{}, {"direction": "both"}, {"levels": ["1 m/s^2", "6 m/s^2"], "direction": "down"}])
+def test_frames_of_a_stepped_sweep_are_whole_periods_of_the_steady_motion(more, tmp_path):
+    """At the step with the highest peak: its extremes and its force, and an end that is the beginning."""
+    write_result(beamsim.sweep(load_scenario(PRESSED, {"sweep": STEPPED | more})), tmp_path / "stepped.h5")
+    result = open_result(tmp_path / "stepped.h5")
+    frames = frames_of_sweep(result)
+    curve = max(result.curves.values(), key=lambda each: each.displacement["mass"].response.max())
+    mass = curve.displacement["mass"]
+    k = int(mass.response.argmax())
+    assert frames.time[-1] * curve.frequency_hz[k] == pytest.approx(3.0)
+    x = frames.deflection[:, 0]
+    reach = mass.maximum[k] - mass.minimum[k]
+    assert x.max() == pytest.approx(mass.maximum[k], abs=0.02 * reach)
+    assert x.min() == pytest.approx(mass.minimum[k], abs=0.02 * reach)
+    assert x[-1] == pytest.approx(x[0], abs=1e-6 * reach)
+    np.testing.assert_allclose(frames.force["stop"], np.maximum(5000.0 * (1e-3 - x), 0.0), atol=0.22)
+
+
+def test_supports_move_in_frames_of_a_stepped_sweep():
+    """A beam that is much stiffer than its motion asks for turns with its right end, by the level of that."""
+    level, f = 2e-3, 3.0
+    beam = {"length": 1.0, "bending_stiffness": 1e6, "mass_per_length": 1.0,
+            "supports": {"left": "pinned", "right": "pinned"}, "damping": {"kind": "modal", "ratio": 0.01}}  # fmt: skip
+    moved = {"kind": "harmonic", "applied_to": {"support": "right"}, "level": level, "frequency": f}
+    steps = {"kind": "stepped", "from": f, "to": 4.0, "points": 2, "direction": "down", "convergence": "off"}
+    frames = frames_of_sweep(beamsim.sweep(load_scenario({
+        "beam": beam, "excitation": moved | {"quantity": "displacement"}, "sweep": steps,
+        "probes": [{"name": "middle", "position": 0.5}],
+    })))  # fmt: skip
+    (line,) = frames.lines
+    reach = np.abs(frames.deflection).max(axis=0)
+    np.testing.assert_allclose(reach, level * line.x, rtol=2e-3, atol=1e-9)

@@ -36,6 +36,14 @@ def frequencies_of(settings: SteppedSine) -> Floats:
     return np.linspace(settings.from_, settings.to, settings.points)
 
 
+def steps_of(one: SweepLevel) -> list[tuple[str, float]]:
+    """Direction and frequency, Hz, of every step at a level."""
+    assert isinstance(one.settings, SteppedSine)
+    up, way = frequencies_of(one.settings).tolist(), one.settings.direction
+    ways = {"up": up, "down": up[::-1]}
+    return [(direction, f) for direction, of in ways.items() if way in (direction, "both") for f in of]
+
+
 def step_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -> LevelRun:
     """Step through the frequencies at one level, in all directions.
 
@@ -50,41 +58,21 @@ def step_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -
     LevelRun
         Up to a frequency at which the motion could not be computed, or to where it was stopped.
     """
-    begin, system, settings = processor_time(), one.system, one.settings
-    assert isinstance(settings, SteppedSine)
-    up = frequencies_of(settings)
-    ways = {"up": {"up": up}, "down": {"down": up[::-1]}, "both": {"up": up, "down": up[::-1]}}[settings.direction]
-    total = sum(f.size for f in ways.values())
-
-    def under(f: float) -> tuple[Forcing, tuple[Signal, ...], float]:
-        omega = 2 * np.pi * f
-        return *harmonic_loads(system, omega, sine_of(one.excitation, omega, one.value)), 1.0 / f
-
-    forcing, observers, period = under(float(next(iter(ways.values()))[0]))
-    flow = ExactFlow(system.dynamics, forcing, period, observers)
-    motion, _ = start(flow, system.initial_state)
-    stepper = CycleStepper(flow, period)
-    curves, outcome, done = [], COMPLETE, 0
-    for direction, frequencies in ways.items():
-        points: list[_SteadyPoint] = []
-        for f in frequencies.tolist():
-            if done and stop():
-                outcome = interruption(f"before {f:.6g} Hz")
-                break
-            forcing, observers, period = under(f)
-            stepper.use(stepper.flow.under(forcing, observers, period), period, motion)
-            try:
-                points.append((f, *_steady(one, settings, stepper, motion)))
-            except ArithmeticError as error:
-                outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Where(f, "Hz"))
-                break
-            done += 1
-            if progress is not None:
-                progress(done / total)
-        if points:
-            curves.append(_curve(one, direction, points))
-        if not outcome.complete:
+    begin, outcome, steps = processor_time(), COMPLETE, steps_of(one)
+    stepper, motion = stepper_of(one)
+    points: dict[str, list[_SteadyPoint]] = {}
+    for done, (direction, f) in enumerate(steps, 1):
+        if done > 1 and stop():
+            outcome = interruption(f"before {f:.6g} Hz")
             break
+        try:
+            points.setdefault(direction, []).append((f, *steady_at(one, f, stepper, motion)))
+        except ArithmeticError as error:
+            outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Where(f, "Hz"))
+            break
+        if progress is not None:
+            progress(done / len(steps))
+    curves = [_curve(one, direction, of) for direction, of in points.items() if of]
     work = SweepWork(
         cycles=stepper.cycles,
         events=stepper.events,
@@ -94,6 +82,20 @@ def step_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -
         processor_time_s=processor_time() - begin,
     )
     return LevelRun(tuple(curves), LevelWork(float(one.value), balanced(outcome, curves), 0.0, work))
+
+
+def stepper_of(one: SweepLevel) -> tuple[CycleStepper, Motion]:
+    """What carries a motion from step to step, and the motion at its start."""
+    _, first = steps_of(one)[0]
+    forcing, observers = loads_at(one, first)
+    flow = ExactFlow(one.system.dynamics, forcing, 1.0 / first, observers)
+    return CycleStepper(flow, 1.0 / first), start(flow, one.system.initial_state)[0]
+
+
+def loads_at(one: SweepLevel, f: float) -> tuple[Forcing, tuple[Signal, ...]]:
+    """The loads of a level at a frequency, Hz, see `harmonic_loads`."""
+    omega = 2 * np.pi * f
+    return harmonic_loads(one.system, omega, sine_of(one.excitation, omega, one.value))
 
 
 def sine_of(excitation: Sine, omega: float, level: float) -> complex:
@@ -150,10 +152,25 @@ def _cycles_to_measure(settings: SteppedSine, period: int) -> int:
     return max(repeat, min(math.ceil(settings.measured_cycles / repeat) * repeat, MOST_MEASURED // repeat * repeat))
 
 
-def _steady(
-    one: SweepLevel, settings: SteppedSine, stepper: CycleStepper, motion: Motion
+def steady_at(
+    one: SweepLevel, f: float, stepper: CycleStepper, motion: Motion
 ) -> tuple[Settled, Exponent | None, CycleRecord]:
-    """The steady motion at one frequency, with the exponent of one that does not repeat."""
+    """The steady motion at the next frequency, with the exponent of one that does not repeat.
+
+    Parameters
+    ----------
+    one : the level.
+    f : the frequency, Hz.
+    stepper, motion : as the step before left them; changed in place.
+
+    Raises
+    ------
+    ArithmeticError
+        If the work exceeds that of the stepper.
+    """
+    settings, (forcing, observers) = one.settings, loads_at(one, f)
+    assert isinstance(settings, SteppedSine)
+    stepper.use(stepper.flow.under(forcing, observers, 1.0 / f), 1.0 / f, motion)
     settled = settle(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
         most_cycles=settings.most_cycles,
