@@ -199,12 +199,15 @@ def _static_correction(
     size = np.linalg.norm(strain, axis=0)
     of_loads = np.linalg.norm([basis.vectors.T @ pattern.vector for pattern in basis.patterns], axis=1)
     bending = np.flatnonzero(size > 1e-9 * of_loads / basis.omega[basis.rigid])  # others move it as a whole
-    unit = strain[:, bending] / size[bending]
-    alike = np.tril(np.abs(unit.T @ unit) > 1 - 1e-12, -1).any(axis=1)
-    distinct = bending[~alike]
+    unit, lacking = strain[:, bending] / size[bending], missing[:, bending] / size[bending]
+    # What is listed twice counts once: neither its motion nor its moments differ, but in sign.
+    largest = np.max(np.abs(exact[:, bending] / size[bending]), initial=np.finfo(float).tiny)
+    gram = np.vstack([unit, lacking / largest]).T @ np.vstack([unit, lacking / largest])
+    apart = np.add.outer(np.diag(gram), np.diag(gram)) - 2 * np.abs(gram)  # squared
+    alike = np.tril(apart < 1e-12, -1).any(axis=1)
     correction = np.zeros_like(moment)
     fit = np.linalg.pinv(unit[high, ~alike], rcond=1e-9)
-    correction[:, high] = (missing[:, distinct] / size[distinct] @ fit) * basis.omega[high]
+    correction[:, high] = (lacking[:, ~alike] @ fit) * basis.omega[high]
     return correction
 
 

@@ -49,6 +49,7 @@ FOUND = {
     3000167: "the same beside a load along a line",
     3000181: "a mirror of 0 m",
     3000215: "the same beside two forces",
+    6000117: "a moment of one element with one mode, for which all loads were taken for one, the first one listed",
 }
 
 
