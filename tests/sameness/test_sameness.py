@@ -35,6 +35,9 @@ LONG = (
     "continuation by harmonic balance",
     "study judged by the worst of its tolerances",
     "forced oscillator by multiple scales",
+    "pipe in an earthquake",
+    "panel under a record made for a spectrum",
+    "study with two motions",
 )
 
 
