@@ -20,7 +20,7 @@ from beamsim.kinds import KINDS, named
 from beamsim.outcomes import OnLimit, Outcome
 from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
 from beamsim.scenario.base import counted
-from beamsim.scenario.quantities import amplitude_unit
+from beamsim.scenario.quantities import amplitude_unit, level_unit
 
 SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
 ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
@@ -211,11 +211,10 @@ SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian one passes them once in a
 def _gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """By snubber: the level of the linear motion that changes contact, what the motion did, and the preload."""
     rows = []
-    unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
-    change = any(predicted(of, unit)[1] for of in snubbers.values())
+    change = any(predicted(result, of)[1] for of in snubbers.values())
     for name, of in snubbers.items():
         past = "opened" if of["closed_at_rest"] else "touched"
-        text, reached = predicted(of, unit)
+        text, reached = predicted(result, of)
         reached |= change and "not_predicted" in of
         rows += [(name, text), *(("", happened) for happened in _happened(of, past))]
         if of["closed_at_rest"] and reached:
@@ -231,13 +230,13 @@ def _gapping(result: Result, snubbers: Mapping[str, Mapping[str, Any]]) -> list[
     return aligned(rows, gap=2)
 
 
-def predicted(of: Mapping[str, Any], unit: str) -> tuple[str, bool]:
+def predicted(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
     """What the linear motion does to a contact, and whether it is known to change it at the level here.
 
     Parameters
     ----------
-    of : the entry of a snubber in the summary's ``gapping``.
-    unit : of the level.
+    result : of which a summary is printed.
+    of : the entry of a snubber in its ``gapping``.
     """
     if "not_predicted" in of:
         return f"not predicted: {of['not_predicted']}", False
@@ -255,6 +254,8 @@ def predicted(of: Mapping[str, Any], unit: str) -> tuple[str, bool]:
     if of.get("level") is None:
         level = f"from {share:.4g} times this input"
     else:
+        quantity = getattr(result.scenario.excitation, "quantity", None) or "acceleration"
+        unit = amplitude_unit(quantity) if "frequency_hz" in of else level_unit(quantity)
         level = f"from {level_text(of['level'], unit).removeprefix('level ')}" if of["level"] else "as soon as it moves"
     if "frequency_hz" in of:
         where = f"at {of['frequency_hz']:.4g} Hz in steady linear motion"

@@ -18,7 +18,6 @@ from beamsim.cli.report import ended, of_states, predicted
 from beamsim.outcomes import STANDINGS, OnLimit, first_of
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.base import counted
-from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import STANDARD_GRAVITY
 
 SHOWN = 4  # of what there may be many of: outputs, levels of contacts, cases
@@ -205,11 +204,10 @@ def modes(result: Any) -> Iterator[str]:
 
 def contact_levels(result: Result) -> Iterator[str]:
     """From which level on the linear motion first opens or closes snubbers, where that is not with every motion."""
-    unit = amplitude_unit(getattr(result.scenario.excitation, "quantity", None) or "acceleration")
     names: dict[str, list[str]] = {}
     for name, of in result.summary.get("gapping", {}).items():
         if of.get("level", True) and of.get("sigmas", True):
-            names.setdefault(predicted(of, unit)[0], []).append(name)
+            names.setdefault(predicted(result, of)[0], []).append(name)
     for text, alike in sorted(names.items(), key=lambda item: item[0].startswith("not predicted")):
         verb, rest = text.split(" ", 1)
         several = {"opens": "open", "touches": "touch"} if len(alike) > 1 else {}

@@ -245,3 +245,26 @@ def test_a_stop_that_just_touches_is_met_before_all_others():
     result = beamsim.run(single([near]))
     assert result.summary["gapping"]["near"]["level"] == 0.0
     assert list(lines_of(result)) == ["far not predicted: near touches first"]
+
+
+@pytest.mark.parametrize(
+    ("excitation", "unit"),
+    [
+        ({"kind": "half_sine", "duration": "50 ms", "level": "0.5 m/s"}, "mm/s"),
+        ({"kind": "step", "rise": "50 ms", "level": "20 mm"}, "mm"),
+        ({"kind": "half_sine", "duration": "50 ms", "level": "1 g"}, "g"),
+    ],
+)
+def test_the_level_of_a_pulse_is_printed_in_the_unit_in_which_it_is_written(excitation, unit):
+    """Written back into the case, it is just reached."""
+
+    def of(level):
+        given = {"applied_to": "base"} | excitation | {"level": level}
+        return beamsim.run(masses(excitation=given, sweep=None))
+
+    result = of(excitation["level"])
+    first = next(line for line in lines_of(result) if "not predicted" not in line)
+    number, written = first.split(" from ")[1].split(" at ")[0].split(" ")
+    assert written == unit
+    assert of(f"{float(number) * 0.999} {unit}").work.events == 0
+    assert of(f"{float(number) * 1.001} {unit}").work.events > 0
