@@ -20,7 +20,7 @@ from beamsim.kinds import KINDS, named
 from beamsim.outcomes import OnLimit, Outcome
 from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
 from beamsim.scenario.base import counted
-from beamsim.scenario.quantities import amplitude_unit, level_unit
+from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of
 
 SMALLEST_CHANGE = 5e-7  # relative; less is shown as none
 ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
@@ -254,14 +254,22 @@ def predicted(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
     if of.get("level") is None:
         level = f"from {share:.4g} times this input"
     else:
-        quantity = getattr(result.scenario.excitation, "quantity", None) or "acceleration"
-        unit = amplitude_unit(quantity) if "frequency_hz" in of else level_unit(quantity)
-        level = f"from {level_text(of['level'], unit).removeprefix('level ')}" if of["level"] else "as soon as it moves"
+        level = f"from {_level(result, of)}" if of["level"] else "as soon as it moves"
     if "frequency_hz" in of:
         where = f"at {of['frequency_hz']:.4g} Hz in steady linear motion"
     else:
         where = f"at {amount(of['time_s'], 's')} in linear motion"
     return f"{verb} {level} {where}{'' if reached else ', above the level here'}", reached
+
+
+def _level(result: Result, of: Mapping[str, Any]) -> str:
+    """A predicted level in the quantity of the excitation; of a sine that moves the base also its acceleration."""
+    quantity = getattr(result.scenario.excitation, "quantity", None) or "acceleration"
+    level, beside = of["level"], ""
+    if "frequency_hz" in of and power_of(quantity):
+        beside = f" ({level_text(level, amplitude_unit(quantity)).removeprefix('level ')})"
+        level /= acceleration_amplitude(1.0, quantity, of["frequency_hz"])
+    return f"{level_text(level, level_unit(quantity)).removeprefix('level ')}{beside}"
 
 
 def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:

@@ -268,3 +268,12 @@ def test_the_level_of_a_pulse_is_printed_in_the_unit_in_which_it_is_written(exci
     assert written == unit
     assert of(f"{float(number) * 0.999} {unit}").work.events == 0
     assert of(f"{float(number) * 1.001} {unit}").work.events > 0
+
+
+def test_the_level_of_a_sine_of_displacement_is_told_in_it_and_in_g():
+    *_, amplitude = own_model()
+    floor = (np.array(PRELOADS) / np.array(STOPS) / np.abs(amplitude))[0]
+    sine = {"kind": "harmonic", "applied_to": "base", "level": "0.1 mm", "frequency": HZ}
+    line, _ = lines_of(beamsim.run(masses(excitation=sine, sweep=None)))
+    said = f"{1e3 * floor / (2 * np.pi * HZ) ** 2:.4g} mm ({floor / 9.80665:.4g} g) at {HZ} Hz"
+    assert line.startswith(f"floor opens from {said}")
