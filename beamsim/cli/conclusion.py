@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -78,9 +78,7 @@ def concluded(
     return result
 
 
-def conclude(
-    kind: str, result: Result, target: Path, given: Given, interrupted: Interruption, others: Iterable[Path] = ()
-) -> None:
+def conclude(kind: str, result: Result, target: Path, given: Given, interrupted: Interruption) -> None:
     """Plot and print a result that has been written, and raise the error for the exit code of its outcome.
 
     Parameters
@@ -88,7 +86,6 @@ def conclude(
     kind, target, given : as of `concluded`.
     result : that was written.
     interrupted : whether a signal stopped the computation, or came while the file was written (no plots are made then).
-    others : files that were written with it.
 
     Raises
     ------
@@ -96,7 +93,7 @@ def conclude(
         If the result is not complete or reliable, a signal left out its plots, or a limit that is checked is not met.
     """
     with shown_in(result.scenario.display_scales):
-        files = [target, *others]
+        files = [target]
         if not given.no_plots and not interrupted():
             files += _plots(kind, result, target, given, interrupted)
         _print(kind, result, files, given)

@@ -72,8 +72,8 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
     for name in ("update_misfit", "nonlinear_misfit"):
         if name in s:
             yield f"misfit {_misfit(result, s[name])}"
-    if (fit := result.nonlinear) is not None and len(fit.tests) > 1 and fit.misfit > 0.0:
-        worst = min(fit.tests, key=lambda test: test.misfit_without)
+    if (fit := result.nonlinear) is not None and len(fit.records) > 1 and fit.misfit > 0.0:
+        worst = min(fit.records, key=lambda test: test.misfit_without)
         share = percent(worst.misfit / fit.misfit, 2)
         yield f"{worst.name} has {share} of the misfit; without it {worst.misfit_without:.4g} would be left"
     if "starts_agreeing" in s:
@@ -85,7 +85,7 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
     if result.pad is not None:
         branches = counted(result.pad.branch_stiffness.size, "relaxation time")
         rest, misfit = _newtons(result.pad.stiffness), percent(result.pad.misfit, 2)
-        yield f"pad {rest} after a long rest, {branches}, misfit {misfit}"
+        yield f"pad {rest} ({_extent(result, result.pad.stiffness_interval)}) at rest, {branches}, misfit {misfit}"
     if result.sensitivities:
         parts = (f"{parameter_label(each.parameter)} {each.relative:+.2g} %" for each in result.sensitivities[:SHOWN])
         yield f"1 % more changes the stiffness: {', '.join(parts)}"
@@ -148,8 +148,8 @@ def _monte_carlo(result: IdentificationResult, deviation: float) -> dict[str, An
 def _each_mode(result: IdentificationResult, stiffness: Sequence[float]) -> str:
     modes = result.summary["fit_to"]
     texts = (
-        f"mode {mode}: {_newtons(k) if math.isfinite(k) else 'out of reach'}"
-        for mode, k in zip(modes, stiffness, strict=True)
+        f"mode {mode}: {_newtons(k) + f' ({_extent(result, ends)})' if math.isfinite(k) else 'out of reach'}"
+        for mode, k, ends in zip(modes, stiffness, result.summary["stiffness_by_mode_interval_n_per_m"], strict=True)
     )
     return ", ".join(texts) if len(modes) > 1 else ""
 
@@ -182,9 +182,19 @@ def _sensitivities(result: IdentificationResult, _: Any) -> list[dict[str, str]]
     ]
 
 
-def _pad_branches(result: IdentificationResult, stiffness: Sequence[float]) -> list[dict[str, float]]:
-    times = result.summary["pad_relaxation_time_s"]
-    return [{"stiffness_n_per_m": k, "relaxation_time_s": tau} for k, tau in zip(stiffness, times, strict=True)]
+def _pad_branches(result: IdentificationResult, _: Any) -> list[dict[str, str]]:
+    pad, rows = result.pad, []
+    assert pad is not None
+    for k, its, tau, of_time in zip(
+        pad.branch_stiffness, pad.branch_interval, pad.relaxation_time, pad.time_interval, strict=True
+    ):
+        row = {"stiffness": amount(k, "N/m", 4), "its interval": _extent(result, its, "N/m")}
+        rows.append(row | {"relaxation time": amount(tau, "s", 4), "interval": _extent(result, of_time, "s")})
+    return rows
+
+
+def _extent(_: IdentificationResult, interval: Sequence[float], unit: str = "N/m") -> str:
+    return extent(interval[0], interval[1], unit) if math.isfinite(interval[0]) else "not known"
 
 
 def _misfit(_: IdentificationResult, misfit: Sequence[float]) -> str:
@@ -200,6 +210,10 @@ def _test_misfits(result: IdentificationResult, misfits: Mapping[str, Sequence[f
     ]
 
 
+def _delays(_: IdentificationResult, delays: Mapping[str, Sequence[float]]) -> dict[str, str]:
+    return {name: f"{amount(at, 's')} ({extent(low, high, 's')})" for name, (at, low, high) in delays.items()}
+
+
 IDENTIFICATION_VIEWS: Views = {
     "updated": _updated,
     "update_misfit": _misfit,
@@ -212,12 +226,19 @@ IDENTIFICATION_VIEWS: Views = {
     "reachable_hz": _reach,
     "table_slope_n_per_m": _table_slope,
     "pad_branch_stiffness_n_per_m": _pad_branches,
+    "pad_youngs_modulus_pa": lambda result, value: (
+        f"{amount(value, 'Pa', 5)} ({_extent(result, result.summary['pad_youngs_modulus_interval_pa'], 'Pa')})"
+        if math.isfinite(value)
+        else ""
+    ),
+    "pad_stiffness_interval_n_per_m": _extent,
     "pad_yaml": lambda _, keys: keys.splitlines(),
     "pad_misfit": lambda _, misfit: f"{percent(misfit)} of the measured stiffness, root mean square",
     "frequencies_with_hz": lambda result, _: _frequencies(result.with_snubber),
     "sensitivities": _sensitivities,
     "estimated": lambda result, _: _parameters(result, () if result.nonlinear is None else result.nonlinear.parameters),
     "test_misfits": _test_misfits,
+    "test_delays_s": _delays,
     "nonlinear_misfit": _misfit,
     "starts_agreeing": lambda _, counts: f"{counts[0]} of {counts[1]} reached the same minimum",
 }

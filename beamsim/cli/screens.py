@@ -48,10 +48,8 @@ class Screen:
         lines += aligned(table) if table[0] else []
         lines += self.lines
         notes = f"{counted(len(result.warnings), 'note')} (-v shows them); " if result.warnings else ""
-        pictures = [name for name in files[1:] if name.endswith(".png")]
-        others = [name for name in files if name not in pictures]
-        plots = [counted(len(pictures), "plot")] if pictures else []
-        return "\n".join([*lines, f"{notes}{', '.join([*others, *plots])}"])
+        plots = f", {counted(len(files) - 1, 'plot')}" if len(files) > 1 else ""
+        return "\n".join([*lines, f"{notes}{files[0]}{plots}"])
 
 
 class Numbers:

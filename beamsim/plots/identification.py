@@ -18,6 +18,7 @@ from beamsim.analyses.identify.result import (
     ProfileLikelihood,
     StiffnessEstimate,
     TestFit,
+    TransientFit,
 )
 from beamsim.plots.drawing import DARK, HERTZ, RED, Chart, Curve, Guide, Picture, finish, legend, marked
 from beamsim.plots.style import Scale
@@ -153,6 +154,20 @@ def harmonics(test: TestFit) -> list[Chart]:
     return charts
 
 
+def transient(test: TransientFit) -> list[Chart]:
+    """A record with what is predicted before and after the fit, and what the fit leaves beside the noise."""
+    time, name = ("Time", Scale(1.0, "s")), Path(test.name).stem
+    curves = [
+        Curve("predicted before", test.time, test.before, {"color": "0.7", "linestyle": _DOTTED}),
+        Curve("measured", test.time, test.measured, {"color": _MEASURED, "linestyle": "-", "linewidth": 1.6}),
+        Curve("predicted after", test.time, test.predicted, {"color": RED, "linestyle": "-", "linewidth": 0.8}),
+    ]
+    left = Curve("", test.time, test.measured - test.predicted, {"color": _MEASURED, "linewidth": 0.6})
+    bounds = [Guide("noise" if sign > 0 else "", sign * test.noise, {"linestyle": _DOTTED}) for sign in (1.0, -1.0)]
+    words = test.quantity.replace("_", " ")
+    return [Chart(time, (f"{name}\n{words}", test.unit), curves), Chart(time, ("Residual", test.unit), [left], bounds)]
+
+
 def identification_figures(result: IdentificationResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
     panels: dict[str, list[Any]] = {}
@@ -174,7 +189,9 @@ def identification_figures(result: IdentificationResult) -> dict[str, Picture]:
     if pad is not None:
         quantities = ("stiffness", "loss_factor")[: 1 if pad.measured_loss_factor is None else 2]
         panels["pad"] = [pad_curve(pad, quantity) for quantity in quantities]
-    if fit is not None:
+    if fit is not None and fit.transients:
+        panels["transients"] = [chart for test in fit.transients for chart in transient(test)]
+    if fit is not None and fit.tests:
         panels["harmonics"] = [chart for test in fit.tests for chart in harmonics(test)]
     columns = {"profiles": min(len(profiles), 3), "harmonics": 2}
     return {name: Picture(result.title, each, columns=columns.get(name, 1)) for name, each in panels.items()}

@@ -948,7 +948,8 @@ def _identification(scenario: ScenarioParts) -> Problems:
     if section.nonlinear is None:
         return
     yield from _all_sought(scenario, section.nonlinear.estimate, (_TOP, "nonlinear", "estimate"), words=False)
-    if not isinstance(scenario.excitation, Harmonic):
+    steady = any(test.kind == "steady" for test in section.nonlinear.used.values())
+    if steady and not isinstance(scenario.excitation, Harmonic):
         yield not_harmonic(f"{_TOP}.nonlinear", "a harmonic excitation", scenario.excitation)
     names = [probe.name for probe in scenario.effective_probes]
     if not names:
@@ -1103,12 +1104,10 @@ def _driven_through_contacts(scenario: ScenarioParts) -> Problems:
 
 def _cases(scenario: ScenarioParts) -> Problems:
     """Unknown paths, values that their fields do not accept, too many cases."""
-    vary = scenario.study
+    vary = scenario.vary
     if vary is None:
         return
-    if scenario.vary is not None and scenario.optimise is not None:
-        yield Problem("optimise", "and vary exclude each other", "keep one of the two")
-    yield from _parameter_problems(scenario, vary.parameters, (vary.section, "parameters"))
+    yield from _parameter_problems(scenario, vary.parameters, ("vary", "parameters"))
     if isinstance(vary, Zipped):
         counts = [value_count(parameter) for parameter in vary.parameters]
         if len(set(counts)) > 1:
@@ -1127,7 +1126,7 @@ def _cases(scenario: ScenarioParts) -> Problems:
     count = case_count(vary)
     if count > MOST_CASES:
         yield Problem(
-            vary.section,
+            "vary",
             f"asks for {count:.3g} cases (at most {MOST_CASES:,} are computed)".replace(",", " "),
             "take fewer values of each parameter, or sample: kind: latin_hypercube with samples: 1000",
         )
@@ -1143,11 +1142,11 @@ def _parameter_problems(scenario: ScenarioParts, parameters: Sequence[Any], sect
         except Unfit as error:
             yield error.problem(at)
             continue
-        for place in varied.set_by:
+        for place in varied.places:
             if taken.setdefault(place, index) != index:
                 yield problem(
                     (*at, "path"),
-                    f"= {varied.path} is varied twice, also by {path_text((*section, taken[place]))}",
+                    f"= {varied.path} is varied twice, also by {path_text(('vary', 'parameters', taken[place]))}",
                     "list every parameter once",
                 )
                 break
@@ -1169,15 +1168,17 @@ def _correlation_problems(sample: LatinHypercube | Tolerances, section: Path) ->
         yield problem((*section, "samples"), message, f"take more than {len(paths)}")
 
 
+_TOLERATED: Path = ("vary", "tolerances", "parameters")
+
+
 def _tolerances(scenario: ScenarioParts) -> Problems:
     """Unknown paths, deviations that a field does not accept, whole numbers, numbers that are varied only in part."""
     tolerances = tolerances_of(scenario)
-    if tolerances is None or scenario.study is None:
+    if tolerances is None:
         return
-    section: Path = (scenario.study.section, "tolerances")
-    problems = list(_parameter_problems(scenario, tolerances.parameters, (*section, "parameters")))
+    problems = list(_parameter_problems(scenario, tolerances.parameters, _TOLERATED))
     yield from problems
-    yield from _correlation_problems(tolerances, section)
+    yield from _correlation_problems(tolerances, _TOLERATED[:-1])
     try:
         varied = varied_parameters(scenario)
     except Unfit:
@@ -1186,7 +1187,7 @@ def _tolerances(scenario: ScenarioParts) -> Problems:
         return
     for k, asked in enumerate(tolerances.parameters):
         number = resolve_parameter(scenario, asked)
-        at = path_text((*section, "parameters", k, "path"))
+        at = path_text((*_TOLERATED, k, "path"))
         if number.whole:
             yield Problem(at, f"= {asked.path} is a whole number, which has no tolerance", "vary it: values: [...]")
         for other in varied:

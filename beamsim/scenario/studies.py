@@ -10,12 +10,13 @@ from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, counted, demand_rising
+from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, counted, demand_rising, kind_of
 from beamsim.scenario.body import Ratios
+from beamsim.scenario.excitation import Excitation
 from beamsim.scenario.quantities import NotNegativeWhole, NumberOrText, Quantile, SteppedCount, Text
+from beamsim.scenario.run import Start
 
 AnyValue = Annotated[float | str, NumberOrText(words=True)]
-Aim = Annotated[Text | tuple[Text, ...] | dict[Text, AnyValue], BY_FORM]
 Spacing = Literal["linear", "logarithmic"]
 
 
@@ -35,23 +36,6 @@ class ListedParameter(_Parameter):
 
     values: Annotated[tuple[AnyValue, ...], Field(min_length=1)]
     """The values, with or without unit; or choices, such as supports."""
-
-
-class Catalogue(Schema):
-    """A choice that sets several keys at once, such as one of the snubbers that can be bought."""
-
-    known_by: ClassVar[tuple[str, ...]] = ("choices",)
-
-    name: Text = "choice"
-    """What is chosen, for tables."""
-    choices: Annotated[dict[Text, dict[Text, Any]], Field(min_length=1)]
-    """By name what each choice sets, as --set does: {hard: {snubbers.tip.stiffness: 200 kN/m, snubbers.tip.gap: 0 mm},
-    soft: {snubbers.tip.stiffness: null, snubbers.tip.force_deflection: [[0 mm, 0 N], [1 mm, 90 N]]}}."""
-
-    @property
-    def path(self) -> str:
-        """What stands for it among the paths of numbers."""
-        return self.name
 
 
 class _Ranged(_Parameter):
@@ -102,15 +86,11 @@ class SampledTolerance(_Toleranced):
 
 
 AnyParameter = Annotated[
-    ListedParameter | Catalogue | TolerancedParameter | RangedParameter,
+    ListedParameter | TolerancedParameter | RangedParameter,
     Variants(
         "names no values",
-        "give path with values: [...], with from, to and points, or with a tolerance; or choices by name",
+        "give path with values: [...], with from, to and points, or with a tolerance",
     ),
-]
-SoughtInRange = Annotated[
-    ListedParameter | Catalogue | SampledRange,
-    Variants("names no range", "give path with from and to, or with values: [...]; or choices by name"),
 ]
 SampledParameter = Annotated[
     SampledTolerance | SampledRange,
@@ -120,8 +100,6 @@ SampledParameter = Annotated[
 
 class _Study(Schema):
     """What all kinds of studies share."""
-
-    section: ClassVar[str] = "vary"
 
     responses: tuple[Text, ...] = ()
     """Responses that are computed, such as peak_force; all by default, of which the bending stress takes longest."""
@@ -236,36 +214,6 @@ class Sobol(_Study):
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters, which are independent of each other."""
-
-
-class Optimise(Schema):
-    """The best design: a search for the numbers with the smallest or largest response that meet every limit."""
-
-    kind: ClassVar[str] = "optimise"
-    section: ClassVar[str] = "optimise"
-
-    parameters: Annotated[tuple[SoughtInRange, ...], Field(min_length=1)]
-    """What may be chosen: numbers with ranges or values, and catalogues."""
-    minimise: Aim = ""
-    """What is to be small: a response as of vary.minimise; responses that are added up, each over the value that counts
-    as one, {peak_force: 40 N, tip/peak_displacement: 1 mm}; or a list of two responses, of which no one design is best.
-    Without it the smallest margin of the limits is to be large."""
-    maximise: Aim = ""
-    """What is to be large; beside minimise it makes two objectives."""
-    tolerances: Tolerances | None = None
-    """Deviations of each design, by which it is judged: the best one is that for what is built."""
-    responses: tuple[Text, ...] = ()
-    """Responses that are computed beside the objectives and those of limits; only these by default."""
-    most_cases: SteppedCount = 400
-    """Number of designs that are tried at most, each with its deviations."""
-    seed: NotNegativeWhole = 0
-    """Seed of the random generator."""
-
-    def check(self) -> None:
-        """Refuse more than two objectives."""
-        count = sum(len(aim) if isinstance(aim, tuple) else bool(aim) for aim in (self.minimise, self.maximise))
-        if count > 2:
-            raise Unfit(f"= {count} objectives, of which two are compared", "add some up: {peak_force: 40 N, ...}")
 
 
 Vary = Annotated[Grid | Zipped | OneAtATime | LatinHypercube | Sobol, BY_FORM]
@@ -416,8 +364,8 @@ class MeasuredShapes(Schema):
                 raise Unfit("is zero everywhere", "leave out modes that were not measured", ("shapes", index))
 
 
-class MeasuredTest(Schema):
-    """A measured steady vibration; anything not given is as in the excitation of the scenario."""
+class _RecordedTest(Schema):
+    """What tests share whose measurement is a file."""
 
     file: q.FileName
     """Measured signal or spectrum: CSV, HDF5 (also a beamsim result) or UFF dataset 58; relative to the case."""
@@ -435,18 +383,12 @@ class MeasuredTest(Schema):
     """Unit of the values in the file, for example g or mm; by default the one that the file states."""
     axis_unit: q.Text | None = None
     """Unit of the times or frequencies in the file, for example ms; by default the one that the file states."""
-    frequency: q.Frequency | None = None
-    """Excitation frequency of this test."""
-    level: q.Level | None = None
-    """Excitation level of this test, in the quantity of the scenario's excitation."""
-    harmonics: q.Count = 6
-    """Number of harmonics of the excitation frequency that the fit uses."""
-    last: q.Duration | None = None
-    """Use only the last part of a time signal (the steady vibration); everything by default."""
     phase: Literal["free", "of_excitation"] = "free"
-    """Free: the time origin of the signal is unknown, and only phases between harmonics are compared."""
+    """Free: the time origin of the record is unknown, and a delay is fitted; of_excitation: it is that of the
+    excitation."""
     noise: q.Ratio | None = None
-    """Standard deviation of a harmonic, relative to the largest one; by default from the scatter of the signal."""
+    """Standard deviation of a harmonic, or of a sample of a transient, relative to the largest one; by default from the
+    scatter of the signal."""
     gain: q.PositiveNumber = 1.0
     """Recorded over true value, of a channel whose calibration is not exact; estimate may name it."""
 
@@ -456,13 +398,53 @@ class MeasuredTest(Schema):
         return self.name or self.file
 
 
+class SteadyTest(_RecordedTest):
+    """A measured steady vibration; anything not given is as in the excitation of the scenario."""
+
+    kind: Literal["steady"] = "steady"
+    """A steady vibration, of which harmonics are compared; the kind of a test that names none."""
+    frequency: q.Frequency | None = None
+    """Excitation frequency of this test."""
+    level: q.Level | None = None
+    """Excitation level of this test, in the quantity of the scenario's excitation."""
+    harmonics: q.Count = 6
+    """Number of harmonics of the excitation frequency that the fit uses."""
+    last: q.Duration | None = None
+    """Use only the last part of a time signal (the steady vibration); everything by default."""
+
+
+class TransientTest(_RecordedTest):
+    """A measured transient, which is compared with a run sample by sample, but for the record's mean."""
+
+    kind: Literal["transient"]
+    """A released start, a shock, a decay, or any measured force or motion of the base."""
+    quantity: Literal["absolute_acceleration", "displacement", "velocity"] = "absolute_acceleration"
+    """What was measured; displacement and velocity are relative to the base."""
+    excitation: Excitation | None = None
+    """What moves the structure in this test; by default the excitation of the scenario. A recorded motion of the base
+    is {kind: sampled, file: drop.csv, column: base}."""
+    start: Start | None = None
+    """Initial state of this test, as run.start; by default that of the run, or static equilibrium."""
+    begin: q.Time = 0.0
+    """Time since the first sample at which excitation and motion begin; with phase: free, a tenth of the compared
+    duration sooner or later."""
+    duration: q.Duration | None = None
+    """Compare only so long from there on; by default all that follows."""
+
+
+AnyTest = Annotated[
+    SteadyTest | TransientTest,
+    Variants("is no test", "give kind: steady (or none) or transient", lambda test: f"<{kind_of(test) or 'steady'}>"),
+]
+
+
 class NonlinearFit(Schema):
     """Parameters from measured nonlinear vibrations."""
 
     estimate: Annotated[tuple[Sought, ...], Field(min_length=1)]
     """Parameters to be identified, for example snubbers.tip.gap or beam.damping.ratio."""
-    tests: Annotated[tuple[MeasuredTest, ...], Field(min_length=1)]
-    """The measured vibrations."""
+    tests: Annotated[tuple[AnyTest, ...], Field(min_length=1)]
+    """The measured vibrations and transients."""
     leave_out: tuple[q.Text, ...] = ()
     """Names, or files, of tests that are not used."""
     starts: q.Count = 5
@@ -475,7 +457,7 @@ class NonlinearFit(Schema):
     """Compute the profile likelihood of every parameter, for the plot."""
 
     @property
-    def used(self) -> dict[int, MeasuredTest]:
+    def used(self) -> dict[int, SteadyTest | TransientTest]:
         """The tests that are not left out, by their number in the list."""
         return {k: test for k, test in enumerate(self.tests) if test.label not in self.leave_out}
 

@@ -118,7 +118,7 @@ def _identify(
     if section.pad is not None and section.pad.data is not None:
         from beamsim.analyses.identify.pad_fit import fit_pad
 
-        pad = fit_pad(scenario, section.pad, section.pad.data)
+        pad = fit_pad(scenario, section.pad, section.pad.data, section.coverage)
         warnings += pad.warnings
     estimate = contact.get("estimate")
     parts = [part.outcome for part in (estimate, nonlinear) if part is not None and not part.outcome.complete]
@@ -231,6 +231,8 @@ def _summary(result: IdentificationResult) -> dict[str, Any]:
     summary: dict[str, Any] = {}
     if result.estimate is not None:
         summary["pad_youngs_modulus_pa"] = result.pad_modulus
+        per_stiffness = result.pad_modulus / result.estimate.stiffness
+        summary["pad_youngs_modulus_interval_pa"] = [per_stiffness * end for end in result.estimate.interval]
         summary["sensitivities"] = {s.parameter: s.relative for s in result.sensitivities}
     if result.pad is not None:
         summary["pad_yaml"] = result.pad.yaml
@@ -241,7 +243,10 @@ def _summary(result: IdentificationResult) -> dict[str, Any]:
     if nonlinear is not None:
         summary["estimated"] = {p.parameter: _plain(p) for p in nonlinear.parameters}
         summary["nonlinear_misfit"] = [nonlinear.misfit_before, nonlinear.misfit]
-        summary["test_misfits"] = {test.name: [test.misfit, test.misfit_without] for test in nonlinear.tests}
+        summary["test_misfits"] = {test.name: [test.misfit, test.misfit_without] for test in nonlinear.records}
+        summary["test_delays_s"] = {
+            test.name: [test.delay_s, *test.delay_interval] for test in nonlinear.records if test.delay_is_fitted
+        }
         summary["starts_agreeing"] = [nonlinear.starts_agreeing, nonlinear.starts]
     return summary
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from beamsim.analyses.identify.fit import inverse_information
 from beamsim.analyses.identify.result import PadFit
 from beamsim.contacts.branches import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
+from beamsim.contacts.pads import MaxwellBranch
 from beamsim.errors import ScenarioError
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, by_dimension
@@ -22,7 +25,7 @@ _DIMENSIONS = {
 AT = ("identify_stiffness", "pad", "data")
 
 
-def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
+def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> PadFit:
     """Fit branches to what was measured.
 
     Parameters
@@ -30,6 +33,7 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
     scenario : whose folder the file is relative to.
     pad : with height and area, where a modulus was measured.
     data : what was measured, or its file.
+    coverage : probability of the intervals.
 
     Returns
     -------
@@ -52,13 +56,18 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
         else fit_relaxation(rows[:, 0], rows[:, 1], data.branches, ramp)
     )
 
-    def fitted(at: Floats) -> Complexes:
+    def model(numbers: Floats, at: Floats) -> Complexes:
+        branches = tuple(map(MaxwellBranch, *numbers[1:].reshape(2, -1).tolist()))
         if dynamic:
-            return dynamic_stiffness(fit.stiffness, fit.branches, 2 * np.pi * at)
-        return relaxation(fit.stiffness, fit.branches, at, ramp).astype(complex)
+            return dynamic_stiffness(numbers[0], branches, 2 * np.pi * at)
+        return relaxation(numbers[0], branches, at, ramp).astype(complex)
 
+    stiffness = np.array([b.stiffness for b in fit.branches])
+    numbers = np.concatenate([[fit.stiffness], stiffness, [b.relaxation_time for b in fit.branches]])
+    measured = rows[:, 1] * (1.0 + 1j * (rows[:, 2] if dynamic else 0.0))
+    intervals = _intervals(numbers, lambda each: model(each, rows[:, 0]) / measured, coverage)
     at = np.geomspace(rows[rows[:, 0] > 0.0, 0].min(), rows[-1, 0], 200)
-    curve, of_measured = fitted(at), fitted(rows[:, 0])
+    curve, of_measured = model(numbers, at), model(numbers, rows[:, 0])
     if fit.misfit > 0.05:
         remedy = "allow more branches" if fit.misfit > 1.1 * fit.least_misfit else "no branches fit these measurements"
         warnings.append(f"the branches miss the measurements of the pad by {100 * fit.misfit:.3g} %: {remedy}")
@@ -72,8 +81,11 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
     return PadFit(
         kind=kind,
         stiffness=fit.stiffness,
-        branch_stiffness=np.array([b.stiffness for b in fit.branches]),
-        relaxation_time=np.array([b.relaxation_time for b in fit.branches]),
+        stiffness_interval=tuple(intervals[0].tolist()),
+        branch_stiffness=stiffness,
+        branch_interval=intervals[1 : stiffness.size + 1],
+        relaxation_time=numbers[stiffness.size + 1 :],
+        time_interval=intervals[stiffness.size + 1 :],
         misfit=fit.misfit,
         least_misfit=fit.least_misfit,
         frequency_hz=rows[:, 0] if dynamic else None,
@@ -89,6 +101,37 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData) -> PadFit:
         ramp=None if dynamic else ramp,
         warnings=tuple(warnings),
     )
+
+
+def _intervals(numbers: Floats, relative: Callable[[Floats], Complexes], coverage: float) -> Floats:
+    """Confidence intervals from the scatter that a fit leaves, by Student's distribution, to first order in logarithms.
+
+    Parameters
+    ----------
+    numbers : (p,) the estimates.
+    relative : what numbers give, over what was measured, (r,); relaxation curves have no imaginary parts.
+    coverage : probability of the intervals.
+
+    Returns
+    -------
+    (p, 2) array
+        nan where no measurement is left to tell the scatter, and of numbers that are zero or not determined.
+    """
+    from scipy.special import stdtrit
+
+    def rows(x: Floats) -> Floats:
+        ratio = relative(numbers * np.exp(x)) - 1.0
+        return np.concatenate([ratio.real, ratio.imag] if ratio.imag.any() else [ratio.real])
+
+    left, found = rows(np.zeros(numbers.size)), np.flatnonzero(numbers > 0.0)
+    # 1e-5: of a logarithm, for differences
+    steps = 1e-5 * np.eye(numbers.size)[found]
+    jacobian = np.column_stack([(rows(step) - rows(-step)) / 2e-5 for step in steps])
+    freedom, wide = left.size - found.size, np.full(numbers.size, np.nan)
+    if freedom > 0:
+        variance = np.diag(inverse_information(jacobian)) * (left @ left) / freedom
+        wide[found] = stdtrit(freedom, 0.5 + coverage / 2) * np.sqrt(variance)
+    return np.asarray(numbers[:, None] * np.exp(np.multiply.outer(wide, [-1.0, 1.0])))
 
 
 def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]:

@@ -77,6 +77,7 @@ class StiffnessEstimate:
     stiffness: float = dataset("N/m", "stiffness of the snubber", name=".")
     fit_to: tuple[int, ...] = attribute("", "numbers of the modes used")
     individual: Floats = attribute("N/m", "stiffness from each of these modes alone; NaN where it is out of reach")
+    individual_interval: Floats = attribute("N/m", "confidence interval of each of these; NaN where it is not known")
     reach_hz: Floats = attribute("Hz", "for each of these modes the range of frequencies that a stiffness can reach")
     condition: Floats = attribute("1", "k df/dk / f of each of these modes: relative change in f for one in k")
     residual: float = attribute("1", "root mean square of (predicted - measured) / measured over the modes used")
@@ -123,10 +124,13 @@ class PadFit:
 
     kind: str = attribute("", "dynamic (over frequency) or relaxation (over time)")
     stiffness: float = attribute("N/m", "stiffness after a long rest")
+    stiffness_interval: tuple[float, float] = attribute("N/m", "its confidence interval; NaN where it is not known")
     misfit: float = attribute("1", "root mean square of the relative errors of the complex stiffness or the relaxation")
     least_misfit: float = attribute("1", "the same with as many branches as there could be")
     branch_stiffness: Floats = dataset("N/m", "stiffness of each branch", along=_BRANCHES)
+    branch_interval: Floats = dataset("N/m", "confidence interval of the stiffness", along=(*_BRANCHES, *_ENDS))
     relaxation_time: Floats = dataset("s", "relaxation time of each branch", along=_BRANCHES)
+    time_interval: Floats = dataset("s", "confidence interval of the relaxation time", along=(*_BRANCHES, *_ENDS))
     measured_stiffness: Floats = dataset("N/m", "measured storage stiffness, or force over deflection in relaxation")
     fitted_stiffness: Floats = dataset("N/m", "the same of spring and branches")
     curve_at: Floats = dataset("{unit}", "frequency or time of the fitted curve", along=_CURVE)
@@ -227,48 +231,79 @@ class FrequencyCurve:
     frequency_hz: Floats = dataset("Hz", "natural frequency with a spring of that stiffness", along=("stiffness",))
 
 
-@declared(along=("order",))
-class TestFit:
-    """One nonlinear test: measured and predicted harmonics."""
+@declared(kw_only=True)
+class RecordFit:
+    """One nonlinear test."""
 
-    __test__ = False  # not a test case, whatever its name
-
-    # harmonics are amplitude e^{i phase} of A sin(2 pi f n t + phase), in the time of the measurement
     name: str = attribute("", "name of the test")
     probe: str = attribute("", "name of the probe")
     quantity: str = attribute("", "quantity that was measured")
     unit: str = attribute("", "its unit")
+    delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
+    delay_interval: tuple[float, float] = attribute(
+        "s", "confidence interval of the delay; NaN where it is known", default=(math.nan, math.nan)
+    )
+    misfit: float = attribute("1", "its part of chi squared with the estimated values", default=math.nan)
+    misfit_without: float = attribute(
+        "1", "chi squared of a fit to the other tests alone, to first order", default=math.nan
+    )
+
+    @property
+    def delay_is_fitted(self) -> bool:
+        """Whether it has an interval."""
+        return math.isfinite(self.delay_interval[0])
+
+
+@declared(along=("order",), kw_only=True)
+class TestFit(RecordFit):
+    """One steady vibration: measured and predicted harmonics."""
+
+    __test__ = False  # not a test case, whatever its name
+
+    # harmonics are amplitude e^{i phase} of A sin(2 pi f n t + phase), in the time of the measurement
     frequency_hz: float = attribute("Hz", "frequency of the excitation")
     order: Floats = axis("1", "frequency over excitation frequency")
     measured: Complexes = dataset("{unit}", "measured harmonic")
     noise: Floats = dataset("{unit}", "standard deviation of each part of a measured harmonic")
     before: Complexes = dataset("{unit}", "harmonic predicted with the scenario's values")
     predicted: Complexes = dataset("{unit}", "harmonic predicted with the estimated values")
-    delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
-    misfit: float = attribute("1", "its part of chi squared with the estimated values", default=math.nan)
-    misfit_without: float = attribute(
-        "1", "chi squared of a fit to the other tests alone, to first order", default=math.nan
-    )
 
 
-@declared
+@declared(along=("time",), kw_only=True)
+class TransientFit(RecordFit):
+    """One transient: measured and predicted samples."""
+
+    time: Floats = axis("s", "time since the stated begin")
+    measured: Floats = dataset("{unit}", "measured")
+    noise: float = attribute("{unit}", "standard deviation of a sample")
+    before: Floats = dataset("{unit}", "predicted with the scenario's values, with the record's mean")
+    predicted: Floats = dataset("{unit}", "predicted with the estimated values, with the record's mean")
+
+
+@declared(kw_only=True)
 class NonlinearEstimate:
     """Parameters from nonlinear tests."""
 
     parameters: tuple[ParameterEstimate, ...] = table("", ParameterEstimate)
     correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", "parameter"))
-    tests: tuple[TestFit, ...] = members("tests", TestFit, start=1)
+    tests: tuple[TestFit, ...] = members("tests", TestFit, start=1, default=())
+    transients: tuple[TransientFit, ...] = members("transients", TransientFit, start=1, default=())
     misfit_before: float = attribute("1", "chi squared with the scenario's values")
     misfit: float = attribute("1", "chi squared with the estimated values")
     degrees_of_freedom: int = attribute("1", "measured numbers minus parameters")
     starts: int = attribute("1", "starting points of the search")
     starts_agreeing: int = attribute("1", "starting points that ended in the best minimum")
     profiles: tuple[ProfileLikelihood, ...] = members("profiles", ProfileLikelihood, start=1)
-    responses: int = attribute("1", "periodic responses computed")
+    responses: int = attribute("1", "periodic responses and transients computed")
     processor_time_s: float = attribute("s", "processor time")
     coverage: float = attribute("1", "probability of the intervals")
     warnings: tuple[str, ...] = attribute("", "warnings", codec=JSON)
     outcome: Outcome = ending("how the search ended", default=COMPLETE)
+
+    @property
+    def records(self) -> tuple[RecordFit, ...]:
+        """All tests."""
+        return (*self.tests, *self.transients)
 
 
 _SUMMARY = (
@@ -293,13 +328,18 @@ _SUMMARY = (
     Entry("monte_carlo_interval_n_per_m", of="estimate.monte_carlo_interval"),
     Entry("total_standard_deviation_n_per_m", of="estimate.total_standard_deviation", label="structure included"),
     Entry("stiffness_by_mode_n_per_m", of="estimate.individual", label="each mode alone"),
+    Entry("stiffness_by_mode_interval_n_per_m", of="estimate.individual_interval"),
     Entry("reachable_hz", of="estimate.reach_hz", label="reach"),
     Entry("residual", of="estimate.residual"),
     Entry("table_slope_n_per_m", of="table_slope.slope", label="table at rest"),
     Entry("table_force_n", of="table_slope.force"),
     Entry("table_factor", of="table_slope.factor"),
     Entry("pad_youngs_modulus_pa", "Pa", "Young's modulus of the pad", "pad's Young's modulus"),
+    Entry("pad_youngs_modulus_interval_pa", "Pa", "confidence interval of Young's modulus of the pad"),
     Entry("pad_stiffness_n_per_m", of="pad.stiffness", label="pad after a long rest"),
+    Entry("pad_stiffness_interval_n_per_m", of="pad.stiffness_interval", label="interval of the pad"),
+    Entry("pad_branch_interval_n_per_m", of="pad.branch_interval"),
+    Entry("pad_relaxation_time_interval_s", of="pad.time_interval"),
     Entry("pad_branch_stiffness_n_per_m", of="pad.branch_stiffness", label="branches of the pad"),
     Entry("pad_relaxation_time_s", of="pad.relaxation_time"),
     Entry("pad_misfit", of="pad.misfit", label="misfit of the pad"),
@@ -317,6 +357,7 @@ _SUMMARY = (
     Entry("periodic_responses", of="nonlinear.responses"),
     Entry("test_misfits", "1", "by nonlinear test, its part of chi squared, and chi squared of a fit without it",
              "misfit of tests"),
+    Entry("test_delays_s", "s", "by nonlinear test whose delay is fitted, it and the ends of its interval", "delays"),
     Entry("starts_agreeing", "1", "starting points that ended in the best minimum, and all of them", "starts"),
     Entry("processor_time_s", of="processor_time_s", label="solver"),
 )  # fmt: skip

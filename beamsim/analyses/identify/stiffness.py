@@ -93,6 +93,15 @@ class FittedModes:
         """(m,) stiffness from each mode alone, N/m; see `reached`."""
         return np.array([float(self.reached(number, omega)) for number, omega in enumerate(self.omega)])
 
+    def intervals(self, coverage: float) -> Floats:
+        """(m, 2) confidence intervals of the stiffness from each mode alone, N/m: those of its frequency; 0 or infinite
+        beyond its range, nan where no uncertainty is known."""
+        ends = NormalDist().inv_cdf(0.5 + coverage / 2) * np.array([-1.0, 1.0])
+        both = [
+            self.reached(k, w * (1.0 + s * ends)) for k, (w, s) in enumerate(zip(self.omega, self.sigma, strict=True))
+        ]
+        return np.array(both) if self.sigma.all() else np.full((self.omega.size, 2), np.nan)
+
 
 def fit_stiffness(modes: FittedModes) -> float:
     """Stiffness, N/m, that fits the measured frequencies best; 0 or infinity if no stiffness reaches them."""
@@ -495,6 +504,7 @@ def _estimate(section: IdentifyStiffness, measured: FittedModes) -> StiffnessEst
         stiffness=k,
         fit_to=measured.mode,
         individual=np.where((single > 0) & np.isfinite(single), single, np.nan),
+        individual_interval=weighted.intervals(section.coverage),
         reach_hz=np.array([point.reach(mode) for mode in measured.mode]) / _HZ,
         condition=np.asarray(point.slope(predicted) * k / predicted),
         residual=float(np.sqrt(np.mean(relative**2))),

@@ -15,12 +15,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from operator import is_
+from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.compare.analysis import Harmonics, best_phase, harmonics_of, period_multiple
 from beamsim.analyses.continuation.paths import periodic_forcing
+from beamsim.analyses.designs.plan import with_whole_paths
 from beamsim.analyses.identify.fit import (
     MOST_EVALUATIONS,
     Best,
@@ -32,13 +35,12 @@ from beamsim.analyses.identify.fit import (
     varied,
     widening,
 )
-from beamsim.analyses.identify.result import NonlinearEstimate, TestFit
+from beamsim.analyses.identify.records import Compared, Misfit, Prediction, Test, Transient, fit_of
+from beamsim.analyses.identify.result import NonlinearEstimate, TestFit, TransientFit
 from beamsim.errors import Problem, ScenarioError
-from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
+from beamsim.flow.channels import fourier_integrals, outputs_of
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import Extrema
-from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.variational import VariationalFlow, motion_on
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
@@ -46,13 +48,11 @@ from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, to
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.excitation import Harmonic
-from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import Reduction
-from beamsim.scenario.studies import IdentifyStiffness, MeasuredTest, NonlinearFit
+from beamsim.scenario.studies import IdentifyStiffness, NonlinearFit, SteadyTest, TransientTest
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
 from beamsim.system.parts import SharedBuilds
-from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
 
 
@@ -88,29 +88,36 @@ def fit_nonlinear(
     nonlinear = section.nonlinear
     assert nonlinear is not None
     tests = _tests(scenario, nonlinear.used, signals)
-    vibrations = _Vibrations(tests, _cases(scenario, tests), sought_numbers(scenario, nonlinear.estimate)[0])
+    scenario = _prepared(scenario, tests)
+    vibrations = _Vibrations(tests, scenario, sought_numbers(scenario, nonlinear.estimate)[0])
     _check_count(vibrations.numbers, tests)
     vibrations.start()
     fit = Fit(vibrations.numbers, vibrations.residuals)
-    first = fit.residuals(np.zeros(len(fit.numbers)))
-    before = vibrations.compared
-    solutions, tried = _from_starts(fit, nonlinear, progress, stop)
+    first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
+    fits = [*vibrations.of_first_parts(), fit]
+    solutions, tried = _from_starts(fits, nonlinear, progress, stop)
     best = min(solutions, key=lambda each: each.misfit)
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
 
+    if sharper := _sharpened(vibrations, fit.residuals(best.x)):
+        tests = vibrations.tests = sharper
+        fit = Fit(vibrations.numbers, vibrations.residuals)
+        first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
+        best = fit.best(best.x)
     fit.residuals(best.x)
     penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.last])
     unknown = _unreached(scenario, fit.numbers, penetration)
     best = replace(best, x=np.where([i in unknown for i in range(len(fit.numbers))], 0.0, best.x))
-    jacobian = fit.jacobian(best.x)
+    jacobian, by_delay = vibrations.jacobian(best.x)
     jacobian[:, list(unknown)] = 0.0
-    fit.residuals(best.x)
     predicted = vibrations.compared
     vibrations.take_out_phases(jacobian)
-    freedom = first.size - sum(test.free_phase for test in tests) - (len(fit.numbers) - len(unknown))
+    freedom = first.size - sum(test.lost for test in tests) - (len(fit.numbers) - len(unknown))
     parts = _parts(tests, fit.residuals(best.x), jacobian)
     scale, warnings = _scatter(tests, parts, best.misfit, freedom)
     parameters, covariance, remarks = fit.estimates(best, jacobian, scale, section.coverage, unknown)
+    parts = vibrations.with_delays(parts, by_delay, covariance, scale, section.coverage)
+    records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, before, predicted, strict=True)]
     warnings += [*remarks, *unknown.values()]
     warnings += _yielding(scenario, fit.numbers) + vibrations.without_contact()
     if agreeing == 1 < len(solutions):
@@ -122,14 +129,15 @@ def fit_nonlinear(
         outcome=_outcome(stopped, best, without),
         parameters=parameters,
         correlation=correlation_of(covariance),
-        tests=tuple(map(_test_fit, tests, parts, before, predicted)),
+        tests=tuple(each for each in records if isinstance(each, TestFit)),
+        transients=tuple(each for each in records if isinstance(each, TransientFit)),
         misfit_before=float(first @ first),
         misfit=best.misfit,
         degrees_of_freedom=freedom,
         starts=tried,
         starts_agreeing=agreeing,
         profiles=fit.profiles(best, covariance, scale, points=7) if nonlinear.profiles and not interrupted else (),
-        responses=vibrations.responses,
+        responses=vibrations.responses[0],
         processor_time_s=processor_time() - begin,
         coverage=section.coverage,
         warnings=tuple(warnings),
@@ -161,45 +169,84 @@ def _outcome(stopped: str | None, best: Best, without: list[str]) -> Outcome:
 
 
 @dataclass(frozen=True)
-class _Test:
-    """One measured vibration, ready to be compared."""
+class _Steady(Test):
+    """A measured steady vibration, of which harmonics are compared."""
 
-    number: int  # in the list of the scenario
-    name: str
-    probe: str
     probe_index: int
-    quantity: str
     frequency_hz: float
-    level: float
     multiple: int  # periods of the excitation in one of the motion, whose harmonics are compared
     harmonics: Harmonics
     sigma: Floats  # (h,)
-    noise_known: bool
-    free_phase: bool
 
     @property
     def size(self) -> int:
         """Number of real measured values."""
         return self.harmonics.order.size * (2 if self.harmonics.has_phase else 1)
 
-    def phase(self, predicted: Complexes) -> float:
+    @property
+    def omega(self) -> float:
+        """Of the first harmonic of the motion, rad/s."""
+        return 2 * np.pi * self.frequency_hz / self.multiple
+
+    def case(self, scenario: Scenario) -> Scenario:
+        """The scenario under the excitation of this test."""
+        harmonic, test = scenario.excitation, fit_of(scenario).tests[self.number]
+        assert isinstance(harmonic, Harmonic)
+        assert isinstance(test, SteadyTest)
+        return scenario.model_copy(update={"excitation": harmonic.at(self.frequency_hz, test.level), "run": None})
+
+    def predicted(self, case: Scenario, near: Any, shared: SharedBuilds) -> SteadyVibration:
+        """The steady vibration; see `Transient.predicted`."""
+        guess = None if near is None else near.start
+        return steady_vibration(case, guess, multiple=self.multiple, shared=shared)
+
+    def compared(self, prediction: Any, gain: float, near: Compared | None) -> Compared:
+        """Harmonics in the time of the measurement; see `Transient.compared`."""
+        predicted = gain * prediction.harmonics(self.probe_index, self.quantity, self.harmonics.order.size)
+        phase = self._phase(predicted)
+        if near is not None:  # without a jump by a turn
+            phase += 2 * np.pi * round((near.delay * self.omega - phase) / (2 * np.pi))
+        predicted = predicted * np.exp(1j * self.harmonics.order * phase)
+        turned = 1j * self.omega * self.harmonics.order * predicted / self.sigma
+        by_delay = np.concatenate([turned.real, turned.imag]) if self.harmonics.has_phase else np.zeros(self.size)
+        return Compared(predicted, phase / self.omega, self._residuals(predicted), by_delay)
+
+    def _phase(self, predicted: Complexes) -> float:
         """Phase of the measurement, rad of the motion's own period: a whole number of those of the excitation where its
         phase is known."""
         if self.free_phase:
             return best_phase(self.harmonics, predicted, self.sigma)
         turns = 2.0 * np.pi / self.multiple * np.arange(self.multiple)
         turned = predicted * np.exp(1j * np.multiply.outer(turns, self.harmonics.order))
-        return float(turns[np.argmin([np.sum(self.residuals(each) ** 2) for each in turned])])
+        return float(turns[np.argmin([np.sum(self._residuals(each) ** 2) for each in turned])])
 
-    def residuals(self, predicted: Complexes) -> Floats:
+    def _residuals(self, predicted: Complexes) -> Floats:
         """Weighted differences of harmonics in the time of the measurement."""
         if not self.harmonics.has_phase:
             return np.asarray((np.abs(predicted) - np.abs(self.harmonics.value)) / self.sigma)
         difference = (predicted - self.harmonics.value) / self.sigma
         return np.concatenate([difference.real, difference.imag])
 
+    def fitted(self, part: Misfit, before: Compared, found: Compared) -> TestFit:
+        """See `Transient.fitted`."""
+        turn = 2 * np.pi / self.omega
+        shift = turn * round(found.delay / turn)
+        part = part._replace(delay=(part.delay[0] - shift, part.delay[1] - shift))
+        return TestFit(
+            **self.described(part, found._replace(delay=found.delay - shift)),
+            frequency_hz=self.frequency_hz,
+            order=self.harmonics.order / self.multiple,
+            measured=self.harmonics.value,
+            noise=self.sigma,
+            before=before.values,
+            predicted=found.values,
+        )
 
-def _check_count(numbers: Sequence[Sought], tests: Sequence[_Test]) -> None:
+
+AnyTest = _Steady | Transient
+
+
+def _check_count(numbers: Sequence[Sought], tests: Sequence[AnyTest]) -> None:
     measured, delays = sum(test.size for test in tests), sum(test.free_phase for test in tests)
     if sum(np.isnan(number.prior) for number in numbers) + delays > measured:
         raise ScenarioError.at(
@@ -209,17 +256,24 @@ def _check_count(numbers: Sequence[Sought], tests: Sequence[_Test]) -> None:
         )
 
 
-def _tests(scenario: Scenario, given: Mapping[int, MeasuredTest], signals: Sequence[MeasuredSignal]) -> list[_Test]:
+def _tests(
+    scenario: Scenario, given: Mapping[int, SteadyTest | TransientTest], signals: Sequence[MeasuredSignal]
+) -> list[AnyTest]:
     if len(signals) != len(given):
         raise ScenarioError.at(
             "identify_stiffness.nonlinear.tests",
             f"lists {len(given)} tests, and {len(signals)} measured signals were given",
             "give one signal per test",
         )
-    tests, problems = [], []
+    tests, problems, first = list[AnyTest](), [], scenario.effective_probes[0].name
     for (index, test), signal in zip(given.items(), signals, strict=True):
         try:
-            tests.append(_test(scenario, index, test, signal))
+            if not (np.all(np.isfinite(signal.y)) and np.all(np.isfinite(signal.x))) or signal.x.size == 0:
+                raise MeasurementError("has values that are not numbers", "remove them")
+            if isinstance(test, TransientTest):
+                tests.append(Transient.of(index, test, signal, test.probe or first))
+            else:
+                tests.append(_steady(scenario, index, test, signal))
         except MeasurementError as fault:
             at = f"identify_stiffness.nonlinear.tests[{index}].file"
             problems.append(Problem(at, f"= {test.file} {fault.message}", fault.remedy))
@@ -228,11 +282,9 @@ def _tests(scenario: Scenario, given: Mapping[int, MeasuredTest], signals: Seque
     return tests
 
 
-def _test(scenario: Scenario, number: int, test: MeasuredTest, signal: MeasuredSignal) -> _Test:
+def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredSignal) -> _Steady:
     excitation: Any = scenario.excitation
     frequency = excitation.frequency if test.frequency is None else test.frequency
-    if not (np.all(np.isfinite(signal.y)) and np.all(np.isfinite(signal.x))) or signal.x.size == 0:
-        raise MeasurementError("has values that are not numbers", "remove them")
     multiple = period_multiple(signal.last(test.last), frequency)
     harmonics = harmonics_of(signal, frequency / multiple, test.harmonics * multiple, test.last)
     largest = float(np.max(np.abs(harmonics.value)))
@@ -245,14 +297,13 @@ def _test(scenario: Scenario, number: int, test: MeasuredTest, signal: MeasuredS
         sigma = np.full(harmonics.order.size, (0.01 if test.noise is None else test.noise) * largest)
     probes = [probe.name for probe in scenario.effective_probes]
     probe = probes[0] if test.probe is None else test.probe
-    return _Test(
+    return _Steady(
         number=number,
         name=test.label,
         probe=probe,
         probe_index=probes.index(probe),
         quantity=test.quantity,
         frequency_hz=frequency,
-        level=float(excitation.level if test.level is None else test.level),
         multiple=multiple,
         harmonics=harmonics,
         sigma=np.maximum(sigma, 1e-12 * largest),
@@ -261,33 +312,28 @@ def _test(scenario: Scenario, number: int, test: MeasuredTest, signal: MeasuredS
     )
 
 
-def _cases(scenario: Scenario, tests: Sequence[_Test]) -> list[Scenario]:
-    """The scenario under the excitation of each test."""
-    highest = max(test.frequency_hz * test.harmonics.order[-1] / test.multiple for test in tests)
-    reduction = scenario.reduction
-    if reduction is None and any(body.reduced_by_default for body in scenario.all_bodies.values()):
+def _prepared(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
+    """The scenario with the modes that steady tests need, and files that tests find whatever they are."""
+    reduction, steady = scenario.reduction, [test for test in tests if isinstance(test, _Steady)]
+    if steady and reduction is None and any(body.reduced_by_default for body in scenario.all_bodies.values()):
+        highest = max(test.frequency_hz * test.harmonics.order[-1] / test.multiple for test in steady)
         # 3.0: times the highest harmonic used: modes of a fit without `reduction`
         reduction = Reduction(highest_frequency=3.0 * highest)
-    harmonic = scenario.excitation
-    assert isinstance(harmonic, Harmonic)
-    without = {"run": None, "reduction": reduction, "sweep": None, "nnm": None}
-    return [
-        scenario.model_copy(update={"excitation": harmonic.at(test.frequency_hz, test.level), **without})
-        for test in tests
-    ]
+    prepared = scenario.model_copy(update={"reduction": reduction, "sweep": None, "nnm": None})
+    return prepared if len(steady) == len(tests) else with_whole_paths(prepared, scenario)
 
 
 @dataclass
 class _Vibrations:
-    """The steady vibration of every test, for any values of the parameters."""
+    """The motion in every test, for any values of the parameters."""
 
-    tests: Sequence[_Test]
-    cases: Sequence[Scenario]
+    tests: list[AnyTest]
+    scenario: Scenario
     numbers: list[Sought]
-    responses: int = 0
-    last: list[SteadyVibration] = field(default_factory=list)
-    guesses: list[SteadyVibration] = field(default_factory=list)
-    compared: list[tuple[Complexes, float]] = field(default_factory=list)  # harmonics and phase lag of each test
+    responses: list[int] = field(default_factory=lambda: [0])  # so many, also those of first parts
+    last: list[Prediction] = field(default_factory=list)
+    guesses: list[tuple[Prediction, Compared]] = field(default_factory=list)
+    compared: list[Compared] = field(default_factory=list)
     shared: SharedBuilds = field(default_factory=SharedBuilds)
 
     def start(self) -> None:
@@ -311,68 +357,102 @@ class _Vibrations:
         self.numbers = [replace(number, shift=max(0.3 * size, abs(number.start))) if number.is_gap else number
                         for number in self.numbers]  # fmt: skip
 
+    def of_first_parts(self) -> list[Fit]:
+        """Fits to the first parts of transients, each from the end of the one before: over a long record the misfit has
+        many minima, since small errors of frequencies and times add up. None where there are no transients."""
+        if not any(isinstance(test, Transient) for test in self.tests):
+            return []
+        parts = [[test.first(share) for test in self.tests] for share in FIRST_PARTS]
+        return [Fit(self.numbers, replace(self, tests=tests, guesses=[]).residuals) for tests in parts]
+
     def residuals(self, x: Floats, beside: bool = False) -> Floats:
-        """Those of all tests; raises `UnpredictableError` where one has no steady vibration."""
-        vibrations, compared, out = [], [], []
-        for t, (test, case) in enumerate(zip(self.tests, self.cases, strict=True)):
-            count, guess = test.harmonics.order.size, self.guesses[t].start if self.guesses else None
-            case = varied(case, self.numbers, x)
-            vibration = steady_vibration(case, guess, multiple=test.multiple, shared=self.shared)
-            self.responses += 1
-            harmonics = _gain(case, test) * vibration.harmonics(test.probe_index, test.quantity, count)
-            phase = test.phase(harmonics)
-            harmonics = harmonics * np.exp(1j * test.harmonics.order * phase)
-            vibrations.append(vibration)
-            compared.append((harmonics, phase))
-            out.append(test.residuals(harmonics))
-        self.last, self.compared = vibrations, compared
+        """Those of all tests; raises `UnpredictableError` where one has no prediction."""
+        scenario = varied(self.scenario, self.numbers, x)
+        predictions, compared, gains = [], [], [test.gain for test in fit_of(scenario).tests]
+        for t, test in enumerate(self.tests):
+            near, before = self.guesses[t] if self.guesses else (None, None)
+            predictions.append(test.predicted(test.case(scenario), near, self.shared))
+            self.responses[0] += 1
+            compared.append(test.compared(predictions[t], gains[test.number], before if beside else None))
+        self.last, self.compared = predictions, compared
         if not beside:  # both sides of a difference start from the motion between: what Newton's method leaves cancels
-            self.guesses = vibrations
-        return np.concatenate(out)
+            self.guesses = list(zip(predictions, compared, strict=True))
+        return np.concatenate([each.residuals for each in compared])
+
+    def jacobian(self, x: Floats) -> tuple[Floats, Floats]:
+        """Derivatives (r, p) of the residuals, those of the priors at the end, and (t, p) of the delays; the last
+        comparison is that at x."""
+
+        def both(at: Floats, beside: bool) -> Floats:
+            return np.concatenate([self.residuals(at, beside), [each.delay for each in self.compared]])
+
+        fit, size = Fit(self.numbers, both), sum(test.size for test in self.tests)
+        jacobian = fit.jacobian(x)
+        self.residuals(x)
+        delays = slice(size, size + len(self.tests))
+        return np.delete(jacobian, delays, axis=0), jacobian[delays]
 
     def take_out_phases(self, jacobian: Floats) -> None:
-        """Take out of derivatives what free phases take up to first order, so that they are those of the parameters."""
-        for test, rows, (harmonics, _) in zip(self.tests, _rows(self.tests), self.compared, strict=True):
+        """Take out of derivatives what delays that are fitted take up to first order, so that they are those of the
+        parameters."""
+        for test, rows, compared in zip(self.tests, _rows(self.tests), self.compared, strict=True):
             if test.free_phase:
-                turned = 1j * test.harmonics.order * harmonics / test.sigma
-                by_phase = np.concatenate([turned.real, turned.imag]) / np.linalg.norm(turned)
-                jacobian[rows] -= np.outer(by_phase, by_phase @ jacobian[rows])
+                by_delay = compared.by_delay / np.linalg.norm(compared.by_delay)
+                jacobian[rows] -= np.outer(by_delay, by_delay @ jacobian[rows])
+
+    def with_delays(
+        self, parts: Sequence[Misfit], by_parameter: Floats, covariance: Floats, scale: float, coverage: float
+    ) -> list[Misfit]:
+        """What tests have of the misfit with the intervals of the delays that are fitted.
+
+        Parameters
+        ----------
+        parts : of the tests.
+        by_parameter : (t, p) derivatives of the delays.
+        covariance, scale : (p, p) of the parameters, and the factor in it.
+        coverage : probability of the intervals.
+        """
+        z, found = NormalDist().inv_cdf(0.5 + coverage / 2), []
+        for test, part, compared, slope in zip(self.tests, parts, self.compared, by_parameter, strict=True):
+            known = slope != 0.0  # others keep their values
+            of_parameters = slope[known] @ covariance[np.ix_(known, known)] @ slope[known]
+            if test.free_phase:
+                wide = z * np.sqrt(scale / np.sum(compared.by_delay**2) + of_parameters)
+                part = part._replace(delay=(compared.delay - wide, compared.delay + wide))
+            found.append(part)
+        return found
 
     def without_contact(self) -> list[str]:
         """Warnings about tests that say nothing of the snubbers."""
         return [
-            f"{test.name}: contact is never made and lost; the vibration is linear and contains little information "
+            f"{test.name}: contact is never made and lost; the motion is linear and contains little information "
             "about the snubber"
             for test, vibration in zip(self.tests, self.last, strict=True)
             if not vibration.touching and vibration.system.snubbers
         ]
 
 
-def _gain(case: Scenario, test: _Test) -> float:
-    section = case.identify_stiffness
-    assert section is not None
-    assert section.nonlinear is not None
-    return section.nonlinear.tests[test.number].gain
-
-
-def _rows(tests: Sequence[_Test]) -> list[slice]:
+def _rows(tests: Sequence[AnyTest]) -> list[slice]:
     """Those of each test in the residuals of all."""
     ends = np.cumsum([0, *(test.size for test in tests)]).tolist()
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
 def _from_starts(
-    fit: Fit, settings: NonlinearFit, progress: Callable[[float], None] | None, stop: Stop
+    fits: Sequence[Fit], settings: NonlinearFit, progress: Callable[[float], None] | None, stop: Stop
 ) -> tuple[list[Best], int]:
-    """The minima found, and the number of starts tried."""
+    """The minima found by the last fit, each from where those before it end, and the number of starts tried."""
     generator = np.random.default_rng(settings.seed)
     solutions: list[Best] = []
     for tried in range(1, settings.starts + 1):
-        start = np.zeros(len(fit.numbers))  # the values of the scenario
+        start = np.zeros(len(fits[-1].numbers))  # the values of the scenario
         if tried > 1:
             start += settings.spread * generator.standard_normal(start.size)
         try:
-            solutions.append(fit.best(start))
+            for rough in fits[:-1]:
+                # 1e-3: a beginning for the next one
+                start = rough.best(start, tolerance=1e-3).x
+            solutions.append(fits[-1].best(start))
         except UnpredictableError:
             continue
         if progress is not None:
@@ -388,14 +468,15 @@ def _from_starts(
     return solutions, tried
 
 
-class _Misfit(NamedTuple):
-    """What a test has of the misfit."""
+def _sharpened(vibrations: _Vibrations, residuals: Floats) -> list[AnyTest]:
+    """The tests with the noise that the best fit tells, see `Test.sharpened`; none where that changes nothing."""
+    tests, count = vibrations.tests, len(vibrations.numbers)
+    parts = zip(tests, _rows(tests), strict=True)
+    sharper = [test.sharpened(float(np.sum(residuals[rows] ** 2)), count) for test, rows in parts]
+    return [] if all(map(is_, sharper, tests)) else sharper
 
-    misfit: float
-    without: float  # the misfit of a fit to the other tests alone
 
-
-def _parts(tests: Sequence[_Test], residuals: Floats, jacobian: Floats) -> list[_Misfit]:
+def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats) -> list[Misfit]:
     """What each test has of the misfit.
 
     Without the rows i of a linear problem the sum of squares is less by ``r_i (1 - H_ii)^-1 r_i``, with the projection
@@ -412,12 +493,15 @@ def _parts(tests: Sequence[_Test], residuals: Floats, jacobian: Floats) -> list[
     parts, whole = [], float(residuals @ residuals)
     for rows in _rows(tests):
         own = residuals[rows]
-        inverse = np.linalg.pinv(np.eye(own.size) - left[rows] @ left[rows].T, rcond=1e-9, hermitian=True)
-        parts.append(_Misfit(float(own @ own), max(whole - float(own @ inverse @ own), 0.0)))
+        directions, share, _ = np.linalg.svd(left[rows], full_matrices=False)  # H_ii has the squared shares
+        along, rest = (directions.T @ own) ** 2, 1.0 - share**2
+        inside = np.divide(along, rest, out=np.zeros_like(along), where=rest > 1e-9)
+        removed = float(own @ own - along.sum() + inside.sum())
+        parts.append(Misfit(float(own @ own), max(whole - removed, 0.0)))
     return parts
 
 
-def _scatter(tests: Sequence[_Test], parts: Sequence[_Misfit], misfit: float, freedom: int) -> tuple[float, list[str]]:
+def _scatter(tests: Sequence[AnyTest], parts: Sequence[Misfit], misfit: float, freedom: int) -> tuple[float, list[str]]:
     """Factor on the covariance: chi^2 per degree of freedom if the noise is unknown or too small for the misfit."""
     known = all(test.noise_known for test in tests)
     wider = widening(misfit, freedom)
@@ -430,7 +514,7 @@ def _scatter(tests: Sequence[_Test], parts: Sequence[_Misfit], misfit: float, fr
             "degrees of freedom); the intervals are widened accordingly"
         )
     worst = min(range(len(tests)), key=lambda k: parts[k].without)
-    rest = freedom - tests[worst].size + tests[worst].free_phase
+    rest = freedom - tests[worst].size + tests[worst].lost
     if rest > 0 and parts[worst].without / rest < 0.5 * misfit / freedom:
         warnings.append(
             f"{tests[worst].name} has {parts[worst].misfit / misfit:.0%} of the misfit of {misfit:.3g}, and without it "
@@ -451,37 +535,15 @@ def _yielding(scenario: Scenario, numbers: Sequence[Sought]) -> list[str]:
     ]
 
 
-def _test_fit(
-    test: _Test, part: _Misfit, before: tuple[Complexes, float], predicted: tuple[Complexes, float]
-) -> TestFit:
-    return TestFit(
-        name=test.name,
-        probe=test.probe,
-        quantity=test.quantity,
-        unit=level_unit(test.quantity.removeprefix("absolute_")),
-        frequency_hz=test.frequency_hz,
-        order=test.harmonics.order / test.multiple,
-        measured=test.harmonics.value,
-        noise=test.sigma,
-        before=before[0],
-        predicted=predicted[0],
-        misfit=part.misfit,
-        misfit_without=part.without,
-        delay_s=float(np.angle(np.exp(1j * predicted[1]))) * test.multiple / (2 * np.pi * test.frequency_hz),
-    )
-
-
+FIRST_PARTS = (0.1, 0.3)  # of transients, to which parameters are fitted first
 _SETTLE = 300  # most periods of transient
 
 
 @dataclass(frozen=True)
-class SteadyVibration:
-    """A periodic response with the period of its excitation, or several of these."""
+class SteadyVibration(Prediction):
+    """A periodic response with the period of its excitation, or several of these: the motion is one period."""
 
-    system: StructuralSystem
-    motion: Trajectory  # over one period of the response
     start: Floats  # (N,) state at t = 0, initial guess for neighbouring parameters
-    touching: bool  # whether contact is made and lost
 
     def harmonics(self, probe: int, quantity: str, count: int) -> Complexes:
         """The first harmonics of a quantity of a probe.
@@ -505,11 +567,6 @@ class SteadyVibration:
         table = exact.output_table(outputs_of(exact, channel.linear))
         # Re sum X e^{i k w t} = Im sum (i X) e^{i k w t}
         return np.asarray(2j / period * fourier_integrals(self.motion, table, omega)[0])
-
-    def extremes(self, quantity: str) -> Extrema:
-        """Those of a quantity of every snubber over the period."""
-        channels = self.system.channels.of_keys(("snubbers", quantity))
-        return Observed(self.motion.flow, channels).extrema(self.motion)
 
 
 def steady_vibration(
@@ -555,7 +612,7 @@ def steady_vibration(
     base = () if system.base_acceleration is None else (system.base_acceleration,)
     exact = ExactFlow(system.dynamics, system.forcing, point.data.duration, base)
     motion = motion_on(exact, point.data)
-    return SteadyVibration(system, motion, point.u[:-1], point.data.event_time.size > 0)
+    return SteadyVibration(system, motion, point.data.event_time.size > 0, point.u[:-1])
 
 
 def _unreached(scenario: Scenario, numbers: Sequence[Sought], penetration: Floats) -> dict[int, str]:
