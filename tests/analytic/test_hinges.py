@@ -1,7 +1,10 @@
 """Stops, play, friction and latches of hinges: closed forms of a rigid arm, own integration of a flexible one."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 from independent import Beam
 from scipy.integrate import solve_ivp
 
@@ -210,3 +213,75 @@ def test_a_flexible_arm_between_a_stop_and_a_latch():
     assert result.probes["tip"].displacement == pytest.approx(motion[:, -2], abs=1e-6 * size)
     other = shaken_arm(stiffness=90.1)
     assert np.abs(other.probes["tip"].displacement - motion[:, -2]).max() > 1e-5 * size
+
+
+def test_time_stepping_meets_the_same_latch():
+    """The shipped boom, softer so that steps are longer, with friction, stop and latch by the reference integrator."""
+    case = yaml.safe_load(Path("configs/deployed_boom.yaml").read_text())
+    case["bodies"]["boom"] |= {"bending_stiffness": "0.2 kN m^2", "elements": 1}
+    case["reduction"] = {"modes": 2}
+    case["run"] |= {"duration": "0.7 s", "impacts": None, "convergence": "off"}
+    exact = run(beamsim.load_scenario(case))
+    case["run"] |= {"method": "reference", "integrator": "DOP853"}
+    stepped = run(beamsim.load_scenario(case))
+    assert stepped.method.startswith("reference")
+    assert exact.events.time.size == 1
+    assert stepped.events.time == pytest.approx(exact.events.time, rel=1e-7)
+    for values, other in (
+        (exact.snubbers["root.end"].force, stepped.snubbers["root.end"].force),
+        (exact.outputs["angle"].value, stepped.outputs["angle"].value),
+    ):
+        assert np.abs(other - values).max() <= 1e-6 * np.abs(values).max()
+    assert stepped.summary["peak_moment_n_m"] == pytest.approx(exact.summary["peak_moment_n_m"], rel=1e-6)
+
+
+@pytest.mark.parametrize("latch", [False, True])
+def test_a_stop_and_a_latch_under_a_swept_sine(latch):
+    """Peak moments of every cycle of a rigid arm against its own equation, integrated apart."""
+    ratio, met, stiffness, level, low, rate = 0.1, 0.03, 400.0, 0.25, 0.3, 0.02
+    stop = {"name": "end", "angle": met, "side": "above", "stiffness": stiffness, "latch": latch}
+    body = {
+        "kind": "beam", "length": LENGTH, "bending_stiffness": 5e6, "mass_per_length": 1.2, "elements": 2,
+        "supports": {"left": "free", "right": "free"}, "point_masses": [{"position": LENGTH, "mass": 0.5}],
+    }  # fmt: skip
+    hinge = {
+        "name": "root", "kind": "hinge", "between": [{"body": "arm", "position": 0}, "base"], "stops": [stop],
+        "rotational_stiffness": SPRING, "rotational_dashpot": 2 * ratio * SPEED * INERTIA,
+    }  # fmt: skip
+    result = beamsim.sweep(beamsim.load_scenario({
+        "bodies": {"arm": body}, "joints": [hinge], "outputs": [ANGLE], "reduction": {"modes": 1},
+        "probes": [{"name": "tip", "at": {"body": "arm", "position": LENGTH}}],
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": level, "frequency": low},
+        "sweep": {"kind": "swept_sine", "from": low, "to": 0.8, "rate": f"{rate} Hz/s", "convergence": "off"},
+    }))  # fmt: skip
+    (curve,) = result.curves.values()
+    first_moment, dashpot, held = 1.2 * LENGTH**2 / 2 + 0.5 * LENGTH, 2 * ratio * SPEED * INERTIA, [False]
+
+    def moment(angle):
+        return stiffness * (angle - met) if held[0] else stiffness * max(angle - met, 0.0)
+
+    def motion(t, y):
+        pushed = first_moment * level * np.sin(2 * np.pi * (low * t + rate * t**2 / 2))
+        return [y[1], -(pushed + dashpot * y[1] + SPRING * y[0] + moment(y[0])) / INERTIA]
+
+    def met_first(_, y):
+        return y[0] - met
+
+    met_first.terminal, met_first.direction = latch, 1.0
+    ends = (-low + np.sqrt(low**2 + 2 * rate * np.arange(1, curve.frequency_hz.size + 1))) / rate
+    times = np.linspace(0.0, ends[-1], 60_001)
+    options = {"rtol": 1e-9, "atol": 1e-12, "max_step": 0.01, "dense_output": True}
+    found = solve_ivp(motion, (0.0, ends[-1]), [0.0, 0.0], events=met_first, **options)
+    angles = found.sol(np.minimum(times, found.t[-1]))[0]
+    since = np.inf
+    if latch:
+        held[0], since = True, float(found.t[-1])
+        after = solve_ivp(motion, (since, ends[-1]), found.y[:, -1], **options)
+        angles[times > since] = after.sol(times[times > since])[0]
+    moments = stiffness * np.where(times > since, np.abs(angles - met), np.maximum(angles - met, 0.0))
+    cycle = np.searchsorted(ends[:-1], times, side="right")
+    peaks = np.array([moments[cycle == k].max() for k in range(ends.size)])
+    envelope = curve.force["root.end"]
+    assert envelope.unit == "N m"
+    assert peaks.max() > 0.5
+    assert envelope.peak == pytest.approx(peaks, abs=2e-3 * peaks.max())
