@@ -259,6 +259,14 @@ def comparison_screen(result: Comparison) -> Screen:
                 "difference": f"{c.difference_db[k]:+.2f} dB" if math.isfinite(c.difference_db[k]) else "",
                 "phase": f"{phase:+.1f} deg" if math.isfinite(phase) else "",
             }  # fmt: skip
+        if (of := c.record) is not None:
+            s = of.summary()
+            rows[-1] |= {
+                "measured peak": amount(of.measured_peak, c.unit, 3),
+                "computed peak": amount(of.predicted_peak, c.unit, 3),
+                "scale": f"{of.scale:.3g}",
+                "response spectra": _largest(s),
+            }
         rows[-1]["histories"] = f"{percent(c.rms_difference)} rms" if math.isfinite(c.rms_difference) else ""
     for each in result.sweeps[: 2 * SHOWN]:
         rows.append({"": f"{each.place} {each.quantity.replace('_', ' ')}, {each.curve}", "FRAC": f"{each.frac:.3f}"})
@@ -289,9 +297,27 @@ def _channels(comparison: Comparison, _: Sequence[Any]) -> Labelled:
         if math.isfinite(c.rms_difference):
             differ = f"histories differ by {percent(c.rms_difference)} rms after {_delay(c)}"
         harmonics = lines("harmonics", _harmonics(c))
-        texts = [f"measured: {c.channel}{begins}", differ, *harmonics]
+        texts = [f"measured: {c.channel}{begins}", differ, *_record(c), *harmonics]
         parts[f"{c.place} {c.quantity.replace('_', ' ')}"] = [text for text in texts if text]
     return parts
+
+
+def _largest(record: Mapping[str, float]) -> str:
+    """The largest difference of the response spectra."""
+    return f"{record['largest_difference_db']:+.2f} dB at {record['largest_frequency_hz']:.4g} Hz"
+
+
+def _record(c: ChannelComparison) -> Iterator[str]:
+    """Peaks, scale and response spectra of a record that does not repeat."""
+    if (of := c.record) is None:
+        return
+    s = of.summary()
+    peaks = f"{amount(of.predicted_peak, c.unit)} predicted, {amount(of.measured_peak, c.unit)} measured"
+    yield f"peaks: {peaks}, ratio {s['peak_ratio']:.4g}"
+    scale = f"{of.scale:.4g} (standard error {of.scale_error:.2g})"
+    yield f"scale: predicted over measured {scale}, correlation {of.correlation:.4f}"
+    ends = f"{of.frequency_hz[0]:.4g} to {of.frequency_hz[-1]:.4g} Hz, Q = {of.quality:g}"
+    yield f"response spectra, {ends}: differ by at most {_largest(s)}"
 
 
 def _harmonics(c: ChannelComparison) -> list[dict[str, Any]]:

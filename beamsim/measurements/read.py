@@ -24,9 +24,21 @@ from beamsim.measurements.signal import (
     split_heading,
     stated,
 )
-from beamsim.scenario.units import ACCELERATION, FORCE, FREQUENCY, LENGTH, TIME, VELOCITY, UnitError, read_level
+from beamsim.scenario.units import (
+    ACCELERATION,
+    ANGLE,
+    FORCE,
+    FREQUENCY,
+    LENGTH,
+    MOMENT,
+    PRESSURE,
+    TIME,
+    VELOCITY,
+    UnitError,
+    read_level,
+)
 
-_MEASURED = (TIME, FREQUENCY, ACCELERATION, VELOCITY, LENGTH, FORCE)
+_MEASURED = (TIME, FREQUENCY, ACCELERATION, VELOCITY, LENGTH, FORCE, MOMENT, ANGLE, PRESSURE)
 _WORD = re.compile(r"\S+(?:\s+[(\[][^)\]]*[)\]])?")  # with its unit
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, SweptComparison
+from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, RecordComparison, SweptComparison
 from beamsim.analyses.compare_modes import ModeComparison
 from beamsim.plots.drawing import (
     DARK,
@@ -52,6 +52,16 @@ def spectra(c: ChannelComparison) -> Chart:
     return Chart(across, ("Level (dB re max)", ""), curves, x_ends=x_ends, y_ends=(top - DEEPEST_DB, top + 6))
 
 
+def response_spectra(c: ChannelComparison, of: RecordComparison) -> Chart:
+    """Response spectra of both records."""
+    curves = [
+        Curve("predicted", of.frequency_hz, of.predicted_response, _PREDICTED),
+        Curve("measured", of.frequency_hz, of.measured_response, _MEASURED),
+    ]
+    across, up = ("Natural frequency of the oscillator", HERTZ), (f"Response spectrum, Q = {of.quality:g}", c.unit)
+    return Chart(across, up, curves, log="xy")
+
+
 def swept_responses(c: SweptComparison) -> Chart:
     """Response over frequency, with the peaks that are compared."""
     curves = [
@@ -82,7 +92,8 @@ def comparison_figures(comparison: Comparison) -> dict[str, Picture]:
     """One picture for each channel, named after place and quantity, and the FDAC."""
     figures = {}
     for c in comparison.channels:
-        figures[f"{c.place}_{c.quantity}"] = Picture(f"{comparison.title}: {c.place}", [histories(c), spectra(c)])
+        panels = [histories(c), spectra(c), *([] if c.record is None else [response_spectra(c, c.record)])]
+        figures[f"{c.place}_{c.quantity}"] = Picture(f"{comparison.title}: {c.place}", panels)
     for swept in comparison.sweeps:
         title = f"{comparison.title}: {swept.place}"
         figures[f"{swept.place}_{swept.quantity}"] = Picture(title, [swept_responses(swept)])

@@ -129,6 +129,7 @@ def test_every_command(tmp_path):
     assert "reaction force" in invoke("info", file).output
     invoke("export", file, "-o", str(tmp_path / "case.csv"))
     invoke("report", file, "-o", str(tmp_path / "case.html"))
+    assert "foot reaction force" in invoke("compare", file, file, "-o", str(tmp_path)).output
     refused = invoke("animate", file).output
     assert "holds no motion of places" in refused
     craig_bampton(tmp_path, vary={"kind": "grid", "parameters": [

@@ -6,7 +6,7 @@ The channels of a measurement are assigned to probes and snubbers by their names
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.compare.records import compare_records
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.run.records import project
 from beamsim.analyses.run.result import RunResult, Spectrum
@@ -23,11 +24,14 @@ from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import channel_named, holds_name, read_signals, unusable
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.outcomes import COMPLETE
-from beamsim.scenario.quantities import level_unit
+from beamsim.scenario.excitation import spoken
+from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.run import SpectrumSettings
+from beamsim.scenario.units import FORCE, MOMENT, Dimension
 from beamsim.typing import Complexes, Floats, Ints
 
-QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity", "force")
+OF_PROBES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
+OF_CONTACTS = {"N": ("force", FORCE), "N m": ("moment", MOMENT)}  # by unit: of snubbers, of stops of hinges
 _SHOWN_PERIODS = 4
 LONGEST_MOTION = 4  # periods of the excitation, of motions that are told apart
 
@@ -77,15 +81,19 @@ def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
     Parameters
     ----------
     result : the run.
-    place : a probe; for a force a snubber.
-    quantity : one of `QUANTITIES`.
+    place : a probe or output; for a force or moment a snubber.
+    quantity : one of `quantities_of` the place.
 
     Returns
     -------
     (nt,) array
         SI units.
     """
-    return np.asarray(getattr(result.snubbers[place] if quantity == "force" else result.probes[place], quantity))
+    if place in result.probes and quantity in OF_PROBES:
+        return np.asarray(getattr(result.probes[place], quantity))
+    if place in result.snubbers and quantity in dict(OF_CONTACTS.values()):
+        return np.asarray(result.snubbers[place].force)
+    return np.asarray(result.outputs[place].value)
 
 
 def _channel(
@@ -93,7 +101,7 @@ def _channel(
     warnings: list[str],
 ) -> ChannelComparison:  # fmt: skip
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
-    unit = level_unit(quantity.removeprefix("absolute_"))
+    unit = quantities_of(result)[place][quantity].unit
     run = _part_of_run(result, place, quantity, excitation, warnings)
     if last is None and np.isfinite(excitation):
         last = float(run.x[-1] - run.x[0]) * (1 + 1e-9)
@@ -116,6 +124,10 @@ def _channel(
     elif not signal.of_frequency:
         delay = _lag(run, record)
     time_p, history_p, time_m, history_m = _aligned(run, record, delay, multiple / excitation)
+    likeness = None
+    if not (np.isfinite(excitation) or signal.of_frequency):
+        settings = None if result.scenario.run is None else result.scenario.run.srs
+        likeness = compare_records(unit, (time_p, history_p), (time_m, history_m), settings)
     return ChannelComparison(
         place=place,
         quantity=quantity,
@@ -137,6 +149,7 @@ def _channel(
         predicted_spectrum=spectra[0],
         measured_spectrum=spectra[1],
         start_s=float(run.x[0]),
+        record=likeness,
     )
 
 
@@ -228,8 +241,10 @@ def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
     grid = np.arange(int(min(float(predicted.x[-1] - predicted.x[0]), length) / step) + 1) * step
     a, b = (np.interp(s.x[0] + grid, s.x, np.asarray(s.y, dtype=float)) for s in (predicted, measured))
     correlation = signal.correlate(a - a.mean(), b - b.mean(), method="fft")
-    lags = signal.correlation_lags(grid.size, grid.size)
-    return float(predicted.x[0] + lags[np.argmax(correlation)] * step - measured.x[0])
+    lags, best = signal.correlation_lags(grid.size, grid.size), int(np.argmax(correlation))
+    before, top, after = correlation[np.clip([best - 1, best, best + 1], 0, correlation.size - 1)]
+    between = 0.5 * (before - after) / min(before - 2 * top + after, -1e-300)  # of samples: the top of a parabola
+    return float(predicted.x[0] + (lags[best] + between) * step - measured.x[0])
 
 
 def _aligned(
@@ -284,6 +299,7 @@ def _compared(channel: ChannelComparison) -> dict[str, Any]:
     return {
         **{name: getattr(channel, name) for name in names},
         "harmonics": [dict(zip(harmonics, row, strict=True)) for row in rows],
+        **({} if channel.record is None else {"record": channel.record.summary()}),
     }
 
 
@@ -297,7 +313,7 @@ def pair_channels(
     unit: str | None = None,
     axis_unit: str | None = None,
 ) -> list[tuple[str, str, MeasuredSignal]]:
-    """The measured channels of a file that belong to the probes and snubbers of a result by name, in SI units.
+    """The measured channels of a file that belong to places of a result by name, in SI units.
 
     With `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or unit says,
     else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
@@ -306,8 +322,8 @@ def pair_channels(
     ----------
     result : a run or a sweep.
     path : of the file.
-    place : probe or snubber; without it and `channel` those of all are paired.
-    quantity : of the channel; without it and `channel` all of `QUANTITIES` are paired.
+    place : probe, snubber or output; without it and `channel` those of all are paired.
+    quantity : of the channel; without it and `channel` all of `quantities_of` the place are paired.
     channel : its name.
     unit, axis_unit : of its values, and of its time or frequency, where the file does not say.
 
@@ -322,39 +338,48 @@ def pair_channels(
         If the file cannot be used or no channel matches.
     """
     signals = read_signals(path, axis_unit)
-    probes, snubbers = _places(result)
-    places = list(dict.fromkeys([*probes, *snubbers]))
-    if place is not None and place not in places:
-        raise ScenarioError.at("", f"--probe {place} is not in the result", f"it has {', '.join(places)}")
+    found = quantities_of(result)
+    known = {q: dimension for of_place in found.values() for q, dimension in of_place.items()}
+    if place is not None and place not in found:
+        raise ScenarioError.at("", f"--probe {place} is not in the result", f"it has {', '.join(found)}")
     if channel is not None or len(signals) == 1:
         signal = channel_named(
             signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
         )
-        compared = quantity or _quantity_of(signal.name, signal.unit or unit or "")
-        at = place or _place_of(signal, snubbers if compared == "force" else probes, path)
-        _known(snubbers if compared == "force" else probes, at, compared)
-        return [(at, compared, in_si(signal, unit, compared, "--unit"))]
+        meant = known if place is None else {**found[place], **known}
+        compared = quantity or _quantity_of(signal.name, signal.unit or unit or "", meant)
+        if compared not in known:
+            message = f"--quantity {compared} is not one of {', '.join(known)}"
+            raise ScenarioError.at("", message, "choose one of these")
+        owners = [name for name, of_place in found.items() if compared in of_place]
+        at = place or _place_of(signal, owners, path)
+        if at not in owners:
+            raise ScenarioError.at("", f"--probe {at} has no {compared}", f"choose from {', '.join(owners)}")
+        return [(at, compared, in_si(signal, unit, found[at][compared], "--unit"))]
     pairs: list[tuple[str, str, MeasuredSignal]] = []
-    for name in places if place is None else [place]:
-        for q in QUANTITIES if quantity is None else [quantity]:
-            if name not in (snubbers if q == "force" else probes):
-                continue
+    for name in found if place is None else [place]:
+        for q in found[name] if quantity is None else found[name].keys() & {quantity}:
+            own = q in (*OF_PROBES, *dict(OF_CONTACTS.values()))  # the channel of an output need not say what it is
+            called = "force" if q == "moment" and all("moment" not in s.name for s in signals) else q  # as in results
             try:
-                signal = channel_named(signals, name, q, path, required=True)
+                signal = channel_named(signals, name, called, path, required=own)
             except ScenarioError:
                 continue
+            if not (own or signal.unit or unit or place):
+                continue
             place_alone = quantity is None and split_heading(signal.name)[0] == name  # its unit says what it is
-            if not place_alone or _quantity_of(signal.name, signal.unit or unit or "") == q:
+            meant = {**found[name], **known}
+            if not place_alone or _quantity_of(signal.name, signal.unit or unit or "", meant) == q:
                 pairs.append((name, q, signal))
     if not pairs:
         names = ", ".join(s.name for s in signals[:12])
         raise ScenarioError.at(
             "",
-            f"{path} has no channel named after a probe ({', '.join(places)}) and a quantity",
+            f"{path} has no channel named after a probe ({', '.join(found)}) and a quantity",
             f"specify them: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
         )
     try:
-        return [(name, q, in_si(signal, unit, q, "--unit")) for name, q, signal in pairs]
+        return [(name, q, in_si(signal, unit, found[name][q], "--unit")) for name, q, signal in pairs]
     except ScenarioError as error:
         several = list(dict.fromkeys(q for _, q, _ in pairs))
         if unit is None or len(several) == 1:
@@ -364,20 +389,18 @@ def pair_channels(
         raise ScenarioError.at(problem.path, problem.message, remedy) from None
 
 
-def _quantity_of(channel: str, unit: str) -> str:
-    """The quantity that a channel's name or unit says."""
-    spoken = channel.lower().replace("_", " ")
-    longest_first = sorted(QUANTITIES, key=len, reverse=True)
-    by_name = next((q for q in longest_first if q.replace("_", " ") in spoken), "")
-    if by_name or not unit:
-        return by_name or "absolute_acceleration"
-    for q in ("absolute_acceleration", "velocity", "force", "displacement"):
+def _quantity_of(channel: str, unit: str, known: Mapping[str, Dimension]) -> str:
+    """The quantity, of those known with their dimensions, that a channel's name or unit says; else the first."""
+    words = channel.lower().replace("_", " ")
+    longest_first = sorted(known, key=len, reverse=True)
+    by_name = next((q for q in longest_first if spoken(q) in words), "")
+    for q, dimension in () if by_name or not unit else known.items():
         try:
-            in_si(MeasuredSignal(channel, np.zeros(0), np.zeros(0)), unit, q, "")
+            in_si(MeasuredSignal(channel, np.zeros(0), np.zeros(0)), unit, dimension, "")
         except ScenarioError:
             continue
         return q
-    return "absolute_acceleration"
+    return by_name or next(iter(known))
 
 
 def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
@@ -396,23 +419,24 @@ def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
     raise ScenarioError.at("", f"{path}: the channel {signal.name} {what}", remedy)
 
 
-def _places(result: RunResult | SweepResult) -> tuple[list[str], list[str]]:
-    """Names of the probes and snubbers of a result."""
+def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimension]]:
+    """By place of a result what can be compared there, with its dimension: probes, then snubbers, then outputs."""
     if isinstance(result, RunResult):
-        return list(result.probes), [name for name, s in result.snubbers.items() if s.force_unit == "N"]
-    curves = result.curves.values()
-    return list(dict.fromkeys(p for c in curves for p in c.displacement)), list(
-        dict.fromkeys(s for c in curves for s in c.force)
-    )
-
-
-def _known(owners: list[str], place: str, quantity: str) -> None:
-    if quantity not in QUANTITIES:
-        raise ScenarioError.at(
-            "", f"--quantity {quantity} is not one of {', '.join(QUANTITIES)}", "choose one of these"
-        )
-    if place not in owners:
-        raise ScenarioError.at("", f"--probe {place} has no {quantity}", f"choose from {', '.join(owners)}")
+        probes, outputs = list(result.probes), dict[str, Any](result.outputs)
+        contacts = {name: s.force_unit for name, s in result.snubbers.items()}
+    else:
+        curves = result.curves.values()
+        probes = [name for c in curves for name in c.displacement]
+        outputs = {name: output for c in curves for name, output in c.outputs.items()}
+        contacts = {name: envelope.unit for c in curves for name, envelope in c.force.items()}
+    of_probe = {q: LEVEL_DIMENSIONS[q.removeprefix("absolute_")] for q in OF_PROBES}
+    found = {name: dict(of_probe) for name in probes}
+    for name, unit in contacts.items():
+        found.setdefault(name, {}).update([OF_CONTACTS[unit]])
+    for name, output in outputs.items():
+        dimension = Dimension(spoken(output.quantity), output.unit, f"1 {output.unit}", output.unit == "m/s^2")
+        found.setdefault(name, {}).setdefault(output.quantity, dimension)
+    return found
 
 
 _PHASES = 720  # grid for the initial guess of Newton's method

@@ -13,11 +13,41 @@ _ORDER = ("order",)
 _TIME = ("time",)
 
 
+@declared(along=("frequency_hz",))
+class RecordComparison:
+    """A record that does not repeat, predicted and measured, while both last."""
+
+    unit: str = attribute("", "unit of the quantity")
+    predicted_peak: float = attribute("{unit}", "largest magnitude of the prediction")
+    measured_peak: float = attribute("{unit}", "largest magnitude of the measurement")
+    scale: float = attribute("1", "predicted over measured: the prediction over this fits the measurement best")
+    scale_error: float = attribute("1", "standard error of the scale, from leaving out tenths of the record")
+    correlation: float = attribute("1", "correlation of both about zero")
+    quality: float = attribute("1", "quality factor of the oscillators")
+    frequency_hz: Floats = axis("Hz", "natural frequency of the oscillators")
+    predicted_response: Floats = dataset("{unit}", "response spectrum of the prediction, maximax")
+    measured_response: Floats = dataset("{unit}", "response spectrum of the measurement, maximax")
+
+    @property
+    @stored(dataset("dB", "20 log10(predicted / measured response spectrum)"))
+    def difference_db(self) -> Floats:
+        """(nf,) of the response spectra."""
+        return np.asarray(20 * np.log10(self.predicted_response / self.measured_response))
+
+    def summary(self) -> dict[str, float]:
+        """The numbers, with the largest difference of the spectra."""
+        names = ("predicted_peak", "measured_peak", "scale", "scale_error", "correlation")
+        at = int(np.argmax(np.abs(self.difference_db)))
+        largest = {"difference_db": float(self.difference_db[at]), "frequency_hz": float(self.frequency_hz[at])}
+        ratio = {"peak_ratio": self.predicted_peak / self.measured_peak}
+        return {name: getattr(self, name) for name in names} | ratio | {f"largest_{k}": x for k, x in largest.items()}
+
+
 @declared(along=_ORDER)
 class ChannelComparison:
     """One quantity at one place, predicted and measured."""
 
-    place: str = attribute("", "name of the probe; that of the snubber for a force")
+    place: str = attribute("", "name of the probe or output; that of the snubber for a force or moment")
     quantity: str = attribute("", "quantity that is compared")
     unit: str = attribute("", "its unit")
     channel: str = attribute("", "channel of the measurement")
@@ -53,6 +83,7 @@ class ChannelComparison:
     predicted_spectrum: Spectrum = group("predicted_spectrum", Spectrum)
     measured_spectrum: Spectrum = group("measured_spectrum", Spectrum)
     start_s: float | None = attribute("s", "start of the part of the run that is compared", default=None)
+    record: RecordComparison | None = group("record", RecordComparison, default=None)  # of histories that do not repeat
 
     @property
     def is_round_off(self) -> Bools:
@@ -142,7 +173,8 @@ class Comparison(Result):
     """Result of ``beamsim compare``."""
 
     SUMMARY = (
-        Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one",
+        Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one; of "
+                 "a record that does not repeat peaks, scale, correlation, largest difference of response spectra",
                  "channels"),
         Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks", "channels"),
     )  # fmt: skip

@@ -19,7 +19,7 @@ import numpy as np
 from beamsim.analyses.assurance import assurance
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison
 from beamsim.analyses.quality import peaks_of
-from beamsim.analyses.sweep.result import Envelope, SweepCurve, SweepResult
+from beamsim.analyses.sweep.result import Envelope, OutputEnvelope, SweepCurve, SweepResult
 from beamsim.measurements.channels import unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE
@@ -127,13 +127,17 @@ def _settled(
     return replace(tracking, begin=begin)
 
 
-def _envelope(curve: SweepCurve, place: str, quantity: str, where: str) -> Envelope:
-    sources = {"force": curve.force, "displacement": curve.displacement, "absolute_acceleration": curve.acceleration}
-    envelope: Envelope | None = sources.get(quantity, {}).get(place)
+def _envelope(curve: SweepCurve, place: str, quantity: str, where: str) -> Envelope | OutputEnvelope:
+    sources: dict[str, dict[str, Any]] = {
+        "force": curve.force, "moment": curve.force, "displacement": curve.displacement,
+        "absolute_acceleration": curve.acceleration,
+    }  # fmt: skip
+    outputs = {name: output for name, output in curve.outputs.items() if output.quantity == quantity}
+    envelope: Envelope | OutputEnvelope | None = sources.get(quantity, {}).get(place) or outputs.get(place)
     if envelope is None:
         raise unusable(
             f"{where}: the sweep holds no {quantity.replace('_', ' ')} of {place}",
-            "compare absolute_acceleration or displacement of a probe, or force of a snubber",
+            "compare absolute_acceleration or displacement of a probe, force of a snubber, or an output",
         )
     return envelope
 
@@ -212,7 +216,7 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
     return replace(signal, x=x, y=np.abs(y) if tracking.reference is None else y, of_frequency=True)
 
 
-def _detected(curve: SweepCurve, envelope: Envelope, detector: Detector, where: str) -> Complexes:
+def _detected(curve: SweepCurve, envelope: Envelope | OutputEnvelope, detector: Detector, where: str) -> Complexes:
     """(C,) what an instrument of that kind shows in each cycle."""
     if detector == "peak":
         return envelope.peak.astype(complex)
