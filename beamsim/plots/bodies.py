@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.result import BodyResult, RunResult
 from beamsim.plots.drawing import DARK, RED, Chart, Curve, Guide, Picture, colour_bar, marked
@@ -18,7 +19,7 @@ from beamsim.system.modes import ModeTable
 from beamsim.typing import Floats
 
 MOST_MODES = 6
-LEVELS = np.arange(-6, 7) / 6  # of the largest deflection
+LEVELS = MaxNLocator(12, symmetric=True)  # of a deflection, round numbers
 _HEIGHT = 0.36  # of the largest deflection or gap, over the distance of rows
 
 
@@ -61,7 +62,8 @@ def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, uni
     metres = scale_for("m", x, y)
     across, up = np.unique(x), np.unique(y)
     seen = across * metres.factor, up * metres.factor, shape[np.lexsort((x, y))].reshape(up.size, across.size)
-    levels = LEVELS * (float(np.abs(shape).max()) or 1.0)
+    largest = float(np.abs(shape).max()) or 1.0
+    levels = np.asarray(LEVELS.tick_values(-largest, largest))
     drawn = ax.contourf(*seen, levels=levels, cmap="RdBu_r", extend="both")
     ax.contour(*seen, levels=levels, colors="0.2", linewidths=np.where(levels == 0.0, 1.4, 0.5))  # dashed below zero
     if unit:

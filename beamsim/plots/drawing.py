@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
@@ -37,6 +39,7 @@ _DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
 )
 
 
+_CARETS: dict[Any, str] = {6: "^", 7: "v"}
 Axis = tuple[str, str | Scale]  # words, and the SI unit or the scale in which it is shown
 
 
@@ -204,7 +207,7 @@ def draw(ax: Axes, chart: Chart) -> None:
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
         )  # fmt: skip
     left_out = f"{len(curves)} of {len(chart.curves)} {chart.of}" if len(chart.curves) > len(curves) else ""
-    legend(ax, left_out or chart.legend, least=1 if near else 2)
+    legend(ax, left_out or chart.legend)
     _name_beside(ax, {name: (at[0] * x.factor, at[1] * y.factor) for name, at in chart.names.items()})
 
 
@@ -250,17 +253,16 @@ def over_frequencies(chart: Chart, frequencies: Floats) -> Chart:
     return chart._replace(x_ends=(low, high), log=chart.log + ("x" if high > WIDE * low > 0.0 else ""))
 
 
-def legend(ax: Axes, title: str = "", *, least: int = 2) -> None:
-    """A legend above the panel, as wide as it, if it has a title or enough entries.
+def legend(ax: Axes, title: str = "") -> None:
+    """A legend above the panel, as wide as it: one curve alone has a name, too.
 
     Parameters
     ----------
     ax : whose labelled lines are listed.
     title : of the legend; beside the panel without one if nothing is labelled.
-    least : entries without a title from which there is a legend.
     """
     labels = ax.get_legend_handles_labels()[1]
-    if len(labels) >= (1 if title else least):
+    if labels:
         ax.legend(
             title=title or None, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small",
             title_fontsize="small", borderaxespad=0.1, handlelength=2.6, ncols=_columns(labels, ax.bbox.width),
@@ -276,7 +278,12 @@ def _columns(labels: Sequence[str], width: float) -> int:
 
 def _legend_below(figure: Figure) -> None:
     """One of each mark that any panel has a label for, below all panels."""
-    shown = {label: mark for ax in figure.axes for mark, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    shown = {
+        label: copy(mark) for ax in figure.axes for mark, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    for mark in shown.values():  # triangles whose tips are at a place would not be beside their texts
+        if isinstance(mark, Line2D) and mark.get_marker() in _CARETS:
+            mark.set_marker(_CARETS[mark.get_marker()])
     if shown:
         figure.legend(
             list(shown.values()), list(shown), loc="outside lower center", frameon=False, fontsize="small",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,12 +14,12 @@ from beamsim.plots.drawing import GREEN, Picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
 from beamsim.plots.style import amount, extent, level_text, round_length
 from beamsim.scenario import Scenario
-from beamsim.scenario.body import MovedSupport
+from beamsim.scenario.body import MovedStop, MovedSupport
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.sweep import LevelPath
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
-from beamsim.structures.places import Distributed, LoadSite, Place, ends_of
-from beamsim.system.parts import driven_supports, exciting_forces
+from beamsim.structures.places import SLOPE, Distributed, LoadSite, Place, ends_of
+from beamsim.system.parts import driven_stops, driven_supports, exciting_forces
 from beamsim.system.structural import SnubberNumbers
 
 MOST_NAMES = 14  # of stops, masses, springs and probes together; more are not readable
@@ -39,7 +39,7 @@ def plot_model(sketch: Sketch, ax: Axes) -> None:
         *((f"mass {amount(mass, 'kg')}", at) for mass, at in sketch.masses()),
         *_springs(sketch, ax),
         *((stop_text(name, stops[name]), at) for name, at in places.items()),
-        *_forces(sketch, ax),
+        *_forces(sketch, ax, places),
         *_probes(sketch, ax),
     ]
     if largest > 0.0:
@@ -118,8 +118,8 @@ def _excitation_text(scenario: Scenario, part: Any, swept: str) -> str:
         words.append(amount(part.duration, "s"))
     if part.on_base:
         at = "the base" + (f" in {part.direction}" if part.direction else "")
-    elif isinstance(part.applied_to, MovedSupport):
-        at = f"support {part.applied_to.support}" if part.applied_to.support else f"joint {part.applied_to.joint}"
+    elif isinstance(part.applied_to, MovedSupport | MovedStop):
+        at = part.applied_to.label
     else:
         at = load_site_in(scenario, part.applied_to).label
     return f"{', '.join(words)}, at {at}"
@@ -169,8 +169,10 @@ def _springs(sketch: Sketch, ax: Axes) -> Iterator[Named]:
     ]
     for spring, site in springs:
         (x, y), *others = (sketch.point(place) for place in ends_of(site))
-        middle = _spring(sketch, ax, (x, y), others, (x, y - 0.25))
-        yield f"{spring.name} ({spring.kind.replace('_', ' ')} spring)", middle
+        within = ends_of(site)[0].direction == SLOPE  # a hinge
+        middle = (x, y) if within else _spring(sketch, ax, (x, y), others, (x, y - 0.25))
+        kind = spring.kind.replace("_", " ") + " spring" * (spring.kind != "friction")
+        yield f"{spring.name} ({kind})", middle
 
 
 def stop_text(name: str, stop: SnubberNumbers) -> str:
@@ -182,24 +184,32 @@ def stop_text(name: str, stop: SnubberNumbers) -> str:
     return f"{name}: {amount(stop.stiffness, f'{push}/{way}')}, {rest}"
 
 
-def _forces(sketch: Sketch, ax: Axes) -> Iterator[Named]:
-    """Arrows where the base moves and where forces act."""
+def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) -> Iterator[Named]:
+    """Arrows where the base, supports and stops (by name where these are) move, and where forces act."""
     arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": GREEN, "linewidth": 1.8}
     if any(part.on_base for _, part in sketch.scenario.excitation.items):
         ax.annotate("", (0.03, 0.04), xytext=(0.03, 0.2), xycoords="axes fraction",
                     arrowprops={**arrow, "arrowstyle": "<|-|>"})  # fmt: skip
         ax.annotate("base", (0.045, 0.12), xycoords="axes fraction", va="center", color=GREEN, fontsize="small")
     for _, part in exciting_forces(sketch.scenario):
-        levels = [_level_text(part, level) for _, level in part.levels()]
         for place in _loaded(load_site_in(sketch.scenario, part.applied_to), sketch):
             x, y = sketch.point(place)
             ax.annotate("", (x, y + 0.04), xytext=(x, y + 0.34), arrowprops=arrow)
-        yield levels[0] if len(levels) == 1 else part.kind.replace("_", " "), (x, y + 0.34)
+        yield _said(part), (x, y + 0.34)
+    moved = [(part, at) for _, part in driven_supports(sketch.scenario) for at in _moved(sketch, part.applied_to)]
+    driven = [part for _, part in driven_stops(sketch.scenario)]
+    for part, (x, y) in [
+        *moved,
+        *((part, at) for part in driven for name, at in stops.items() if part.moves_stop(name)),
+    ]:
+        ax.annotate("", (x, y - 0.08), xytext=(x, y - 0.3), arrowprops={**arrow, "arrowstyle": "<|-|>"})
+        yield _said(part), (x, y - 0.3)
 
-    for _, part in driven_supports(sketch.scenario):
-        for x, y in _moved(sketch, part.applied_to):
-            ax.annotate("", (x, y - 0.08), xytext=(x, y - 0.3), arrowprops={**arrow, "arrowstyle": "<|-|>"})
-            yield _level_text(part, max((level for _, level in part.levels()), key=abs)), (x, y - 0.3)
+
+def _said(part: Any) -> str:
+    """The level of what has one alone, else its kind."""
+    levels = [_level_text(part, level) for _, level in part.levels()]
+    return levels[0] if len(levels) == 1 else str(part.kind).replace("_", " ")
 
 
 def _moved(sketch: Sketch, moved: Any) -> list[tuple[float, float]]:

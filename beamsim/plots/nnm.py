@@ -188,9 +188,10 @@ def orbit_spectrum(result: NormalModeResult) -> Chart:
         curves.append(Curve(name, f[:last], np.where(level > FLOOR, level, np.nan), marks))
     # a drift over the periods of the spectrum above 1e-6 is shown
     drift = f"; unstable: {100 * motion.drift:.3g} % away at their end" if motion.drift > 1e-6 else ""
-    across, up = (f"Frequency in steps of {f[1]:.3g} Hz", HERTZ), ("Amplitude (dB re largest)", "")
-    said = f"{motion.periods} periods{drift}"
-    return Chart(across, up, curves, of="probes", y_ends=(FLOOR, 5.0), legend=said)
+    said = f"spectrum over {motion.periods} periods{drift}"
+    return Chart(
+        ("Frequency", HERTZ), ("Amplitude (dB re largest)", ""), curves, of="probes", y_ends=(FLOOR, 5.0), legend=said
+    )
 
 
 def nnm_figures(result: NormalModeResult) -> dict[str, Picture]:

@@ -223,11 +223,13 @@ class Sketch:
             site, side = self.sites[name], -1.0 if stop.side == "below" else 1.0
             (x, row), *rest = (self.point(place) for place in ends_of(site))
             (_, y), *other = (self.point(place, heights) for place in ends_of(site))
-            if stop.gap_unit == "rad":  # it acts within its hinge
-                places[name] = (x, row)
-                continue
             gap = stop.gap * gaps if math.isfinite(stop.gap) else 0.0
-            if isinstance(site, Link):
+            if stop.gap_unit == "rad":  # beside its hinge, where the body that turns meets it
+                way = 1.0 if self.lines_of(ends_of(site)[0].body)[0].x.mean() >= x else -1.0
+                side, x, rod, apart = side * way, x + 0.04 * way * self.span, [], stop.gap
+                face = y + 0.06 * side
+                places[name] = (x, face + 0.06 * side)
+            elif isinstance(site, Link):
                 (over, high), approach = other[0], stop.side == "approach"
                 stretch = (high - y) - (rest[0][1] - row)
                 apart = gap + (stretch if approach else -stretch)

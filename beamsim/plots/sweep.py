@@ -294,9 +294,8 @@ def contact_levels(result: SweepResult) -> Chart:
     drawn = []
     for name, levels in linear.contact.items():
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
-        if not np.any(levels.predicted > 0.0):  # it just touches at rest: a logarithmic axis has no zero
-            when = "with any motion" if np.any(levels.predicted == 0.0) else "after another"
-            drawn.append(Curve(f"{name}: {what} {when}", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
+        if not np.any(levels.predicted > 0.0):
+            drawn.append(Curve(f"{name}: {what} after another", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
         else:
             drawn.append(Curve(f"{name}: {what}", linear.frequency_hz, levels.predicted))
     grey = {"color": "0.6", "linestyle": "-", "linewidth": 0.8, "zorder": 0}
@@ -417,7 +416,9 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
         panels["outputs"] = [output_peaks(result, name) for name in list(last.outputs)[:MOST_CURVES]]
     if result.linear.contact:
         units = dict.fromkeys(levels.force_unit for levels in result.linear.contact.values())
-        panels["contact_levels"] = [contact_levels(result), *(preload_needed(result, unit) for unit in units)]
+        first = [contact_levels(result)]  # without a curve where a stop just touches: contact changes with any motion
+        shown = first if any(curve.x.size for curve in first[0].curves) else []
+        panels["contact_levels"] = [*shown, *(preload_needed(result, unit) for unit in units)]
     if len(levels) > 1 and probe:
         panels["levels"] = [level_family(result, probe, direction)]
         same = _in_direction(result, direction)[:MOST_LEVELS]

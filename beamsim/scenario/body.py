@@ -315,6 +315,11 @@ class MovedStop(Schema):
     snubber: q.Name
     """The snubber: both stops of a pair move together."""
 
+    @property
+    def label(self) -> str:
+        """What text calls it: stop bumper."""
+        return f"stop {self.snubber}"
+
     rotates: ClassVar[bool] = False
     takes: ClassVar[tuple[Translation, ...]] = TRANSLATION_TAKES
     places: ClassVar[tuple[AtPlace, ...]] = ()

@@ -115,3 +115,39 @@ def test_supports_that_move_are_marked():
     assert "2 mm" in texts(figure)
     (arrow,) = [each for each in figure.axes[0].texts if each.arrow_patch is not None]
     assert arrow.xy[0] == pytest.approx(0.4)
+
+
+def test_what_moves_by_a_record_or_moves_a_stop_is_drawn(tmp_path):
+    """A record has no level; a stop that moves has an arrow below it."""
+    shipped = load_scenario(CONFIGS / "earthquake.yaml")
+    assert texts(sketched(shipped)).count("sampled") == 2
+    stop = {"name": "cam", "position": 0.2, "side": "below", "stiffness": 1e4, "gap": 1e-3}
+    moves = {"kind": "harmonic", "applied_to": {"snubber": "cam"}, "level": "1 mm", "frequency": 9.0}
+    figure = sketched(load_scenario({"beam": BEAM, "snubbers": [stop], "excitation": moves}))
+    assert "at stop cam" in figure.axes[0].get_title(loc="left")
+    assert "1 mm" in texts(figure)
+    ((x, face),) = faces(figure)
+    (arrow,) = (each for each in figure.axes[0].texts if each.arrow_patch is not None)
+    assert arrow.xy[0] == x
+    assert arrow.xy[1] < face
+
+
+@pytest.mark.parametrize(("end", "way"), [(0.0, 1.0), (0.4, -1.0)])
+def test_stops_of_a_hinge_are_beside_it_where_the_body_turns_towards_them(end, way):
+    """A body to the right of its hinge rises with a positive angle, one to the left falls."""
+    body = {"kind": "beam", **BEAM, "supports": {"left": "free", "right": "free"}}
+    stops = [{"name": "up", "angle": "2 deg", "side": "above", "stiffness": 100.0},
+             {"name": "down", "angle": "-3 deg", "side": "below", "stiffness": 100.0}]  # fmt: skip
+    hinge = {"name": "root", "kind": "hinge", "between": [{"body": "arm", "position": end}, "base"], "stops": stops,
+             "rotational_stiffness": 5.0, "friction": {"moment": 0.1}}  # fmt: skip
+    scenario = load_scenario({"bodies": {"arm": body}, "joints": [hinge]})
+    figure = sketched(scenario)
+    (x1, low), (x2, high) = sorted(faces(figure), key=lambda at: at[1])
+    assert low < 0.0 < high
+    assert x1 == x2
+    assert np.sign(x1 - end) == way
+    assert "root.friction (friction)" in texts(figure)
+    markers = {
+        line.get_xydata()[0][1] > 0.0: line.get_marker() for line in figure.axes[0].lines if line.get_label() == "stop"
+    }
+    assert markers == {True: 7, False: 6}
