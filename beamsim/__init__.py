@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.compare_modes import ModeComparison, compare_modes, read_shapes
     from beamsim.analyses.continuation.result import ContinuationResult
-    from beamsim.analyses.designs.analysis import design_study
     from beamsim.analyses.designs.plan import plan_designs
     from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.identify.analysis import identify_stiffness
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
     from beamsim.store.export import export_result
     from beamsim.store.results import open_result, write_result
     from beamsim.store.studies import ensemble
-    from beamsim.trust.checked import continuation, nnm, sweep
+    from beamsim.trust.checked import continuation, design_study, nnm, sweep
     from beamsim.trust.runs import run
 
 _NAMES = {

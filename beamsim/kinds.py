@@ -55,7 +55,7 @@ KINDS = {
     ),
     "designs": Kind(
         "sweep", "a design study by `beamsim sweep`",
-        analysis="beamsim.analyses.designs.analysis:design_study",
+        analysis="beamsim.trust.checked:design_study",
         result="beamsim.analyses.designs.result:DesignsResult",
         screen="beamsim.cli.studies:design_screen",
         views="beamsim.cli.studies:DESIGN_VIEWS",

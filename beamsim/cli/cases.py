@@ -71,7 +71,7 @@ def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], Stru
     ScenarioError
         With every problem found.
     """
-    if scenario.vary is not None:
+    if scenario.study is not None:
         from beamsim.analyses.designs.plan import check_cases, plan_designs  # and with it every analysis
 
         check_cases(plan_designs(scenario))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -78,7 +78,9 @@ def concluded(
     return result
 
 
-def conclude(kind: str, result: Result, target: Path, given: Given, interrupted: Interruption) -> None:
+def conclude(
+    kind: str, result: Result, target: Path, given: Given, interrupted: Interruption, others: Iterable[Path] = ()
+) -> None:
     """Plot and print a result that has been written, and raise the error for the exit code of its outcome.
 
     Parameters
@@ -86,6 +88,7 @@ def conclude(kind: str, result: Result, target: Path, given: Given, interrupted:
     kind, target, given : as of `concluded`.
     result : that was written.
     interrupted : whether a signal stopped the computation, or came while the file was written (no plots are made then).
+    others : files that were written with it.
 
     Raises
     ------
@@ -93,7 +96,7 @@ def conclude(kind: str, result: Result, target: Path, given: Given, interrupted:
         If the result is not complete or reliable, a signal left out its plots, or a limit that is checked is not met.
     """
     with shown_in(result.scenario.display_scales):
-        files = [target]
+        files = [target, *others]
         if not given.no_plots and not interrupted():
             files += _plots(kind, result, target, given, interrupted)
         _print(kind, result, files, given)

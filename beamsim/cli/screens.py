@@ -48,8 +48,10 @@ class Screen:
         lines += aligned(table) if table[0] else []
         lines += self.lines
         notes = f"{counted(len(result.warnings), 'note')} (-v shows them); " if result.warnings else ""
-        plots = f", {counted(len(files) - 1, 'plot')}" if len(files) > 1 else ""
-        return "\n".join([*lines, f"{notes}{files[0]}{plots}"])
+        pictures = [name for name in files[1:] if name.endswith(".png")]
+        others = [name for name in files if name not in pictures]
+        plots = [counted(len(pictures), "plot")] if pictures else []
+        return "\n".join([*lines, f"{notes}{', '.join([*others, *plots])}"])
 
 
 class Numbers:

@@ -9,8 +9,8 @@ from typing import Any
 from beamsim.analyses.designs.result import (
     Coordinate,
     DesignsResult,
-    Objective,
     limited_response,
+    objectives,
     parameter_label,
     responses_of,
 )
@@ -26,7 +26,8 @@ MOST_BEST = 5
 
 _DESIGNS = {
     "grid": "grid of ", "zip": "", "one_at_a_time": "one parameter at a time, ",
-    "latin_hypercube": "Latin-hypercube sample of ", "sobol": "Sobol' sample of ", "draws": "ensemble of ",
+    "optimise": "search of ", "latin_hypercube": "Latin-hypercube sample of ",
+    "sobol": "Sobol' sample of ", "draws": "ensemble of ",
 }  # fmt: skip
 
 
@@ -42,7 +43,12 @@ def design_screen(result: DesignsResult) -> Screen:
     lines = list(_limit_lines(result))
     shown = [(name, s["responses"][name]) for name in _decisive(result) if name in s["responses"]]
     shown = shown or list(s["responses"].items())
-    if "best" in s:
+    if "as_it_is" in s:
+        rows = [{"": "as it is"} | row for row in _best_rows(result, [_first_row(result)])]
+        called = "front" if result.front is not None else "best"
+        rows += [{"": f"{k}. {called}"} | row for k, row in enumerate(_best_rows(result, s.get("best", ())), 1)][:SHOWN]
+        lines += _near_lines(result)
+    elif "best" in s:
         rows = [{"": f"{k}. best"} | row for k, row in enumerate(_best_rows(result, s["best"]), 1)][:SHOWN]
         ranges = [
             f"{_response_label(result, name)} {extent(of['smallest'], of['largest'], result.responses[name].unit)}"
@@ -66,12 +72,32 @@ def design_screen(result: DesignsResult) -> Screen:
     return Screen(_judged(result), rows, lines)
 
 
+def _first_row(result: DesignsResult) -> dict[str, Any]:
+    """The scenario as it is, as the rows of the best designs are."""
+    parameters = {c.path: c.values[0] if not c.numeric else float(c.values[0]) for c in result.coordinates}
+    first: dict[str, Any] = result.summary["as_it_is"]
+    return first | {"parameters": parameters, "value": next(iter(first["values"].values()), math.nan)}
+
+
+def _near_lines(result: DesignsResult) -> Iterator[str]:
+    """How sharply the best design is located, and what is known of the front."""
+    if result.front is not None:
+        yield f"{counted(int(result.front.sum()), 'design')} of the front: none is better in both objectives"
+    units = {c.path: c.unit for c in result.coordinates}
+    near = result.summary.get("near_best", {})
+    if near:
+        ranges = [f"{parameter_label(p)} {extent(of['smallest'], of['largest'], units[p])}" for p, of in near.items()]
+        yield f"within 1 % of the best: {', '.join(ranges)}"
+
+
 def _judged(result: DesignsResult) -> str:
     """How many cases there are and how many meet the limits."""
     s = result.summary
     said = f"{s['solved']} of {result.cases} cases" if s["solved"] < result.cases else counted(result.cases, "case")
     failed = f", {s['failed']} FAILED" if s["failed"] else ""
     passing = f", {_passing(result, s['passing'])}" if "passing" in s else ""
+    if result.kind == "optimise":
+        return f"{counted(result.cases, 'design')} tried, each a {result.analysis.replace('_', ' ')}{failed}{passing}"
     return f"{said}, each a {result.analysis.replace('_', ' ')}{failed}{passing}"
 
 
@@ -123,6 +149,10 @@ def _odds(of: Mapping[str, Any]) -> str:
 def _limit_lines(result: DesignsResult) -> Iterator[str]:
     for name, item in _margins(result, result.summary.get("margins", {})).items():
         at = f" at {item['at']}" if item["at"] else ""
+        if result.kind == "optimise":
+            which = "best design" if "best" in result.summary else "design nearest to the limits"
+            yield f"{name} {item['verdict']} in the {which}: {item['value']}{at}, limit {item['limit']}"
+            continue
         met = f", met with a probability of {item['probability']}" if "probability" in item else ""
         if item["verdict"] == "ok":
             yield f"{name} ok in all cases: at most {item['value']}{at}, limit {item['limit']}{met}"
@@ -148,7 +178,7 @@ def _range_row(result: DesignsResult, name: str, of: Mapping[str, Any]) -> dict[
 def _decisive(result: DesignsResult) -> list[str]:
     """Names of the responses that limits and the objective ask for; without any of the peaks that could have limits."""
     asked = [limited_response(name) for name in result.limits]
-    asked += filter(None, [Objective.of(result.scenario.vary).response])
+    asked += [name for objective in objectives(result.scenario) for name, _ in objective.terms]
     asked = asked or [value.name for value in VALUES if value.followed]
     return list(dict.fromkeys(r.name for name in asked for r in responses_of(result.responses, name)))
 
@@ -176,7 +206,7 @@ def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -
     for name, item in compared.items():
         if "probability" in item:
             rows[limit_label(name)]["probability"] = _odds(item["probability"])
-        if item["verdict"] != OnLimit.MET:
+        if item["verdict"] != OnLimit.MET and result.kind != "optimise":
             rows[limit_label(name)] |= {
                 "cases": f"{item['cases_exceeding'] or 'some'} of {result.cases}", "most with": ", ".join(
                     f"{label} {value}" for label, value in _parameters(result, item["parameters"]).items()
@@ -246,17 +276,17 @@ def _extents(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) 
 def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Labelled:
     """The first of the best cases, one a row."""
     rows = _best_rows(result, best)
-    return Labelled({f"best, {Objective.of(result.scenario.vary).text}": rows})
+    return Labelled({f"best, {result.summary['objective']}": rows})
 
 
 def _best_rows(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
-    objective = Objective.of(result.scenario.vary)
-    asked = next((response.unit for response in responses_of(result.responses, objective.response)), "1")
-    rows = []
+    aims, rows = objectives(result.scenario), []
+    known = [aim.of(result.responses, result.shape) for aim in aims]
     for item in best[:MOST_BEST]:
         row = _parameters(result, item["parameters"])
-        if objective.response:
-            row[objective.text.partition(" ")[2]] = amount(item["value"], asked)
+        for aim, response, value in zip(aims, known, item.get("values", {"": item["value"]}).values(), strict=True):
+            if response is not None:
+                row[aim.label] = amount(value, response.unit)
         if "limit" in item:  # it is known, since the case passes: what is not finite is that of a value of zero
             row["margin"] = margin_text(item["margin"], 1.0 if math.isfinite(item["margin"]) else 0.0)
             row["limit"] = limit_label(item["limit"])
@@ -306,6 +336,8 @@ DESIGN_VIEWS: Views = {
     "cases": _cases,
     "passing": _passing,
     "best": _best,
+    "as_it_is": lambda result, _: _best_rows(result, [_first_row(result)]),
+    "near_best": lambda result, near: [text.partition(": ")[2] for text in _near_lines(result)],
     "tolerances": _tolerances,
     "scatter": _scatter,
     "margins": _margins,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from signal import SIGINT
@@ -11,7 +11,7 @@ from typing import Any
 from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
 from beamsim.analyses.continuation.overlay import with_overlay
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
+from beamsim.analyses.designs.plan import DesignPlan, best_design, check_cases, plan_designs
 from beamsim.analyses.designs.result import DesignsResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded, prepared
@@ -19,6 +19,7 @@ from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
+from beamsim.files import replacing
 from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import Scenario
 from beamsim.store.results import holds, open_result, write_result
@@ -68,7 +69,7 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
 
 def _kind(scenario: Scenario) -> str:
     """Kind of the result, as in `beamsim.kinds.KINDS`."""
-    if scenario.vary is not None:
+    if scenario.study is not None:
         return "designs"
     return "continuation" if scenario.sweep is not None and scenario.sweep.kind == "continuation" else "sweep"
 
@@ -145,7 +146,7 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, *, resume: boo
 
     Parameters
     ----------
-    scenario : with ``vary``.
+    scenario : with ``vary`` or ``optimise``.
     target, given : as of `conclude`.
     resume : whether to keep the cases that are computed already.
     options : workers and scheduler, as of `stored_study`.
@@ -180,7 +181,8 @@ def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
 
 
 def _compute(plan: DesignPlan, target: Path, given: Given, resume: bool, options: dict[str, Any]) -> None:
-    cases = len(plan.cases)
+    count = plan.most * plan.study.realisations.count
+    cases = f"at most {count}" if plan.searches else f"{count}"
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=resume) as journal, interruptible() as interrupted:
         if journal.dropped:
@@ -190,7 +192,7 @@ def _compute(plan: DesignPlan, target: Path, given: Given, resume: bool, options
         try:
             with progress_of(f"{cases} cases", shown=not given.quiet) as progress:
                 result = stored_study(plan, journal, target, progress=progress, stop=interrupted, **options)
-            if len(journal.outcomes) < cases:
+            if not result.finished:
                 raise KeyboardInterrupt
         except BaseException as error:
             if isinstance(error, ResultFileError) or not journal.outcomes:
@@ -201,4 +203,14 @@ def _compute(plan: DesignPlan, target: Path, given: Given, resume: bool, options
                 raise VerdictError(f"interrupted; {kept}", code) from None
             say(f"beamsim: {kept}")
             raise
-        conclude("designs", result, target, given, interrupted)
+        conclude("designs", result, target, given, interrupted, _best_design(result, target) if plan.searches else ())
+
+
+def _best_design(result: DesignsResult, target: Path) -> Iterator[Path]:
+    """Write the best design of a search as a scenario that can be run."""
+    design = best_design(result)
+    if design is not None:
+        path = target.with_name(f"{target.stem}_best.yaml")
+        with replacing(path) as temporary:
+            temporary.write_text(design.to_yaml(), encoding="utf-8")
+        yield path

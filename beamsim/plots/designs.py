@@ -14,9 +14,9 @@ from matplotlib.patheffects import withStroke
 from beamsim.analyses.designs.result import (
     Coordinate,
     DesignsResult,
-    Objective,
     Response,
     is_scalar,
+    objectives,
     parameter_label,
     varies,
 )
@@ -24,6 +24,7 @@ from beamsim.analyses.values import BY_NAME, OUTPUT
 from beamsim.plots.drawing import (
     DARK,
     MOST_CURVES,
+    PALE,
     RED,
     Chart,
     Curve,
@@ -33,6 +34,7 @@ from beamsim.plots.drawing import (
     colour_bar,
     curve_style,
     finish,
+    limit_levels,
     with_unit,
 )
 from beamsim.plots.style import Scale, amount, extent, scale_for
@@ -63,8 +65,8 @@ def shown_quantities(result: DesignsResult) -> list[str]:
     peaks = [q for q in known if q.endswith(_PEAK)]
     ranked = [q for q in SHOWN if q in known] + peaks
     ranked += [q for q in known if q not in (*SHOWN, *peaks) and not q.endswith("_output") and len(ranked) < 3]
-    objective = Objective.of(result.scenario.vary).response
-    limited = [q for q in ranked if f"/{objective}".endswith(f"/{q}") or _limit(result, q) is not None]
+    asked = [f"/{name}" for objective in objectives(result.scenario) for name, _ in objective.terms]
+    limited = [q for q in ranked if any(n.endswith(f"/{q}") for n in asked) or _limit(result, q) is not None]
     ranked = limited + [q for q in ranked if q not in limited]
     return [q for q in ranked if any(varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
 
@@ -310,7 +312,7 @@ def design_figures(result: DesignsResult) -> dict[str, Picture]:
     best = result.summary["best"][0]["case"] if result.summary.get("best") else None
     title = result.title + _judgement(result)
     quantities, dimensions = shown_quantities(result), len(result.coordinates)
-    figures: dict[str, Picture] = {}
+    figures: dict[str, Picture] = _searched(result)
     if causes := _explained(result, quantities):
         shares = [partial(plot_sensitivity, result, name=name) for name in causes]
         size = 1.4 + 0.4 * min(dimensions, MOST_BARS)
@@ -335,6 +337,83 @@ def design_figures(result: DesignsResult) -> dict[str, Picture]:
     columns = min(dimensions, MOST_PARAMETERS)
     cases = [response_scatter(result, k, q) for q in scalar for k in range(columns)]
     figures["scatter"] = _grid(title, cases, columns, 2.4)._replace(outer_labels=True)
+    return figures
+
+
+def plot_search(result: DesignsResult, ax: Axes, objective: Response) -> None:
+    """One objective of every design in the order in which they were tried, and the best one up to there.
+
+    Parameters
+    ----------
+    result : of a search.
+    ax : to draw on.
+    objective : one of those of the result.
+    """
+    scale, largest = scale_for(objective.unit, objective.values), objective.long_name.startswith("largest")
+    values, number = objective.values * scale.factor, np.arange(1, result.cases + 1)
+    meets = np.isfinite(values) & (True if result.passing is None else result.passing)
+    for which, label, style in (
+        (~meets, "beyond a limit", {"marker": "x", "color": RED, "alpha": 0.5}),
+        (meets, "meets every limit" if result.limits else "", {"marker": "o", "color": PALE}),
+    ):
+        if which.any():
+            ax.plot(number[which], values[which], linestyle="none", markersize=3, label=label, **style)
+    best = np.maximum if largest else np.minimum
+    so_far = best.accumulate(np.where(meets, values, -np.inf if largest else np.inf))
+    ax.plot(
+        number, np.where(np.isfinite(so_far), so_far, np.nan), color=DARK, drawstyle="steps-post", label="best so far"
+    )
+    finish(ax, "Number of the design", with_unit(_capital(objective), scale))
+    ax.legend(fontsize="x-small")
+
+
+def plot_front(result: DesignsResult, ax: Axes, x: Response, y: Response) -> None:
+    """Two objectives of all designs that meet every limit, and the front of those that none is better than in both.
+
+    Parameters
+    ----------
+    result : of a search for two objectives.
+    ax : to draw on.
+    x, y : the objectives.
+    """
+    front = np.asarray(result.front)
+    sx, sy = (scale_for(each.unit, each.values) for each in (x, y))
+    meets = ~front & (True if result.passing is None else result.passing)
+    order = np.argsort(x.values[front])
+    ax.plot(x.values[meets] * sx.factor, y.values[meets] * sy.factor, ".", color=PALE, markersize=3, label="dominated")
+    ax.plot(x.values[front][order] * sx.factor, y.values[front][order] * sy.factor, "o-", color=DARK, markersize=3.5,
+            linewidth=0.8, label="front")  # fmt: skip
+    ax.plot(x.values[0] * sx.factor, y.values[0] * sy.factor, "D", color=RED, markersize=5, label="as it is")
+    finish(ax, with_unit(_capital(x), sx), with_unit(_capital(y), sy))
+    ax.legend(fontsize="x-small")
+
+
+def _capital(objective: Response) -> str:
+    """What is to be large or small, as the label of an axis."""
+    text = objective.long_name.partition(" ")[2]
+    return text[:1].upper() + text[1:]
+
+
+def _searched(result: DesignsResult) -> dict[str, Picture]:
+    """The pictures that only searches have: designs in their order, the front, and the run of the best design."""
+    aims = list((result.objectives or {}).values())
+    panels: list[Any] = [partial(plot_search, result, objective=objective) for objective in aims]
+    if result.front is not None:
+        panels.append(partial(plot_front, result, x=aims[0], y=aims[1]))
+    figures = {"search": _grid(result.title, panels, 3, 3.4, 4.6)} if panels else {}
+    runs = {name.replace("_", " "): run for name, run in (result.runs or {}).items()}
+    styles = {"as it is": {"color": PALE, "linestyle": "-"}, "best": {"color": DARK, "linestyle": "-"}}
+    order = sorted(runs)  # the best one in front
+    if runs:
+        probe = runs["best"].probe
+        curves = [Curve(name, runs[name].time, runs[name].displacement, styles[name]) for name in order]
+        charts = [Chart(("Time", "s"), (f"Displacement {probe}", "m"), curves)]
+        forces = [(name, run, run.force) for name in order if (run := runs[name]).force is not None]
+        if forces:
+            levels = limit_levels(result.scenario.limits, "peak_force")
+            lines = [Curve(f"{name}, {run.snubber}", run.time, force, styles[name]) for name, run, force in forces]
+            charts.append(Chart(("Time", "s"), ("Contact force", forces[0][1].unit), lines, levels))
+        figures["best"] = Picture(f"{result.title}, best design", charts, 1, (6.4, 2.7 * len(charts)))
     return figures
 
 

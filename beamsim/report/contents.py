@@ -143,8 +143,8 @@ def _limits(limits: Mapping[str, Mapping[str, str]]) -> Iterator[list[str]]:
 def _question(result: Result, scenario: Scenario) -> Iterator[tuple[str, str]]:
     yield "asked", KINDS[kind_of_class(type(result))].question
     yield "excitation", excitation_text(scenario)
-    if scenario.vary is not None:
-        yield "varied", ", ".join(parameter.path for parameter in scenario.vary.parameters)
+    if scenario.study is not None:
+        yield "varied", ", ".join(parameter.path for parameter in scenario.study.parameters)
 
 
 def _front(figures: Mapping[str, Picture]) -> list[tuple[str, Picture]]:

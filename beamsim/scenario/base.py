@@ -270,11 +270,11 @@ def plain(value: object) -> Any:
             elif given and held is not None and not empty:
                 written[key] = plain(held)
         return written
-    if isinstance(value, tuple):
+    if isinstance(value, (tuple, list)):
         return [plain(item) for item in value]
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, (bool, int, str)):
+    if value is None or isinstance(value, (bool, int, str)):
         return value
     return float(value) if isinstance(value, float) else str(value)
 

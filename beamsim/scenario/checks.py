@@ -1104,10 +1104,12 @@ def _driven_through_contacts(scenario: ScenarioParts) -> Problems:
 
 def _cases(scenario: ScenarioParts) -> Problems:
     """Unknown paths, values that their fields do not accept, too many cases."""
-    vary = scenario.vary
+    vary = scenario.study
     if vary is None:
         return
-    yield from _parameter_problems(scenario, vary.parameters, ("vary", "parameters"))
+    if scenario.vary is not None and scenario.optimise is not None:
+        yield Problem("optimise", "and vary exclude each other", "keep one of the two")
+    yield from _parameter_problems(scenario, vary.parameters, (vary.section, "parameters"))
     if isinstance(vary, Zipped):
         counts = [value_count(parameter) for parameter in vary.parameters]
         if len(set(counts)) > 1:
@@ -1126,7 +1128,7 @@ def _cases(scenario: ScenarioParts) -> Problems:
     count = case_count(vary)
     if count > MOST_CASES:
         yield Problem(
-            "vary",
+            vary.section,
             f"asks for {count:.3g} cases (at most {MOST_CASES:,} are computed)".replace(",", " "),
             "take fewer values of each parameter, or sample: kind: latin_hypercube with samples: 1000",
         )
@@ -1142,11 +1144,11 @@ def _parameter_problems(scenario: ScenarioParts, parameters: Sequence[Any], sect
         except Unfit as error:
             yield error.problem(at)
             continue
-        for place in varied.places:
+        for place in varied.set_by:
             if taken.setdefault(place, index) != index:
                 yield problem(
                     (*at, "path"),
-                    f"= {varied.path} is varied twice, also by {path_text(('vary', 'parameters', taken[place]))}",
+                    f"= {varied.path} is varied twice, also by {path_text((*section, taken[place]))}",
                     "list every parameter once",
                 )
                 break
@@ -1168,17 +1170,15 @@ def _correlation_problems(sample: LatinHypercube | Tolerances, section: Path) ->
         yield problem((*section, "samples"), message, f"take more than {len(paths)}")
 
 
-_TOLERATED: Path = ("vary", "tolerances", "parameters")
-
-
 def _tolerances(scenario: ScenarioParts) -> Problems:
     """Unknown paths, deviations that a field does not accept, whole numbers, numbers that are varied only in part."""
     tolerances = tolerances_of(scenario)
-    if tolerances is None:
+    if tolerances is None or scenario.study is None:
         return
-    problems = list(_parameter_problems(scenario, tolerances.parameters, _TOLERATED))
+    section: Path = (scenario.study.section, "tolerances")
+    problems = list(_parameter_problems(scenario, tolerances.parameters, (*section, "parameters")))
     yield from problems
-    yield from _correlation_problems(tolerances, _TOLERATED[:-1])
+    yield from _correlation_problems(tolerances, section)
     try:
         varied = varied_parameters(scenario)
     except Unfit:
@@ -1187,7 +1187,7 @@ def _tolerances(scenario: ScenarioParts) -> Problems:
         return
     for k, asked in enumerate(tolerances.parameters):
         number = resolve_parameter(scenario, asked)
-        at = path_text((*_TOLERATED, k, "path"))
+        at = path_text((*section, "parameters", k, "path"))
         if number.whole:
             yield Problem(at, f"= {asked.path} is a whole number, which has no tolerance", "vary it: values: [...]")
         for other in varied:

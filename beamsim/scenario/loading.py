@@ -45,11 +45,11 @@ from beamsim.scenario.units import UnitError, units_written
 USED: dict[str, frozenset[str]] = {
     "run": frozenset({"run", "limits"}),
     "sweep": frozenset({"sweep", "limits"}),
-    "vary": frozenset({"vary", "sweep", "run", "limits"}),
+    "vary": frozenset({"vary", "optimise", "sweep", "run", "limits"}),
     "nnm": frozenset({"nnm"}),
     "identify-stiffness": frozenset({"identify_stiffness"}),
 }
-"""Sections that each command uses, of those that not all of them use (``vary``: sweep with this section)."""
+"""Sections that each command uses, of those that not all of them use (``vary``: sweep with many cases)."""
 
 
 def load_scenario(
@@ -96,7 +96,7 @@ def _unused(root: WrittenMapping, command: str) -> frozenset[str]:
     """Sections of the scenario that a command does not use."""
     if command not in USED:
         return frozenset()
-    used = USED["vary" if command == "sweep" and root.get("vary") is not None else command]
+    used = USED["vary" if command == "sweep" and (root.get("vary") or root.get("optimise")) is not None else command]
     return (frozenset().union(*USED.values()) - used) & root.keys()
 
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeVar, get_args, get_origin
+
+from pydantic import ValidationError
 
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import quantities as q
@@ -29,10 +31,12 @@ from beamsim.scenario.base import (
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.quantities import FieldType, LevelValue, PositionType, Share, meant
 from beamsim.scenario.studies import (
+    Catalogue,
     IdentifyStiffness,
     LatinHypercube,
     ListedParameter,
     OneAtATime,
+    Optimise,
     RangedParameter,
     SampledRange,
     Sobol,
@@ -43,7 +47,7 @@ from beamsim.scenario.studies import (
     Zipped,
 )
 from beamsim.scenario.sweep import PositionPath
-from beamsim.scenario.tree import from_python, in_a_body
+from beamsim.scenario.tree import apply_overrides, from_python, in_a_body
 from beamsim.scenario.units import RATIO, UnitError, read_level, read_quantity
 
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
@@ -326,7 +330,8 @@ def _replaced(owner: Any, place: Path, value: object) -> Any:
 
 Value = float | str
 
-_SECTIONS = ("vary", "limits", "title", "identify_stiffness", "nnm")  # no case depends on them
+_SECTIONS = ("vary", "optimise", "limits", "title", "identify_stiffness", "nnm")  # no case depends on them
+AS_IT_IS = "as it is"  # in a catalogue what the scenario has, where that is none of the choices
 _LIST_EXAMPLE = "write for example {path: snubbers.tip.gap, values: [0 mm, 0.1 mm]}"
 
 
@@ -345,17 +350,23 @@ class VariedParameter:
     spacing: str = "linear"
     distribution: str = "uniform"
     whole: bool = False  # only whole numbers
+    choices: Mapping[str, Mapping[Path, Any]] = field(default_factory=dict)  # of a catalogue, what each sets
 
     @property
     def count(self) -> int:
         """Number of values."""
         return len(self.values) or self.points
 
+    @property
+    def set_by(self) -> tuple[Path, ...]:
+        """All places that depend on it."""
+        return (*self.places, *dict.fromkeys(place for changes in self.choices.values() for place in changes))
+
 
 def varied_parameters(scenario: ScenarioParts) -> tuple[VariedParameter, ...]:
     """The varied parameters of a scenario that passed its checks."""
-    assert scenario.vary is not None
-    return tuple(resolve_parameter(scenario, parameter) for parameter in scenario.vary.parameters)
+    assert scenario.study is not None
+    return tuple(resolve_parameter(scenario, parameter) for parameter in scenario.study.parameters)
 
 
 def drawn_parameters(scenario: ScenarioParts, draws: Mapping[str, list[Any]]) -> tuple[VariedParameter, ...]:
@@ -409,12 +420,12 @@ def _number(scenario: ScenarioParts, path: str, places: Sequence[Path]) -> Varie
     )  # fmt: skip
 
 
-def case_count(vary: Vary) -> int:
-    """Number of cases that are solved, each realisation counted."""
+def case_count(vary: Vary | Optimise) -> int:
+    """Number of cases that are solved at most, each realisation counted."""
     if isinstance(vary, Sobol):
         return vary.samples * (len(vary.parameters) + 2)
-    if isinstance(vary, LatinHypercube):
-        count = vary.samples
+    if isinstance(vary, LatinHypercube | Optimise):
+        count = vary.samples if isinstance(vary, LatinHypercube) else vary.most_cases
     else:
         counts = [value_count(parameter) for parameter in vary.parameters]
         if isinstance(vary, OneAtATime):
@@ -425,14 +436,16 @@ def case_count(vary: Vary) -> int:
 
 def value_count(parameter: Any) -> int:
     """Number of values of a listed or ranged parameter."""
-    if isinstance(parameter, ListedParameter):
-        return len(parameter.values)
+    if isinstance(parameter, ListedParameter | Catalogue):
+        return len(parameter.values if isinstance(parameter, ListedParameter) else parameter.choices)
     assert isinstance(parameter, (RangedParameter, TolerancedParameter))
     return parameter.points
 
 
 def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParameter:
     """Resolve a parameter; raises `Unfit`, ``at`` being relative to the parameter."""
+    if isinstance(parameter, Catalogue):
+        return _resolved_catalogue(scenario, parameter)
     places = _places(scenario, parameter.path, ("path",))
     for k, path in enumerate(parameter.also):
         places += _places(scenario, path, ("also", k))
@@ -487,6 +500,46 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
         )
     distribution = getattr(parameter, "distribution", "uniform")
     return replace(number, low=low, high=high, points=points, spacing=spacing, distribution=distribution)
+
+
+def _resolved_catalogue(scenario: ScenarioParts, catalogue: Catalogue) -> VariedParameter:
+    """What each choice changes: where a scenario with these overrides differs from the one without."""
+    written = {key: value for key, value in plain(scenario).items() if key not in _SECTIONS}
+    as_it_is, choices = type(scenario).model_validate(written), dict[str, dict[Path, Any]]()
+    for name, settings in catalogue.choices.items():
+        try:
+            chosen = type(scenario).model_validate(apply_overrides(from_python(written), settings))
+        except ScenarioError as error:
+            problem = error.problems[0]
+            message, remedy = f"{problem.path} {problem.message}", problem.remedy
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = [part for part in first["loc"] if not str(part).startswith("<")]
+            message = f"{path_text(tuple(where))} {first['msg'].removeprefix('Value error, ')}"
+            remedy = getattr(first.get("ctx", {}).get("error"), "remedy", "write what --set takes")
+        else:
+            choices[name] = dict(_differences(as_it_is, chosen, ()))
+            continue
+        raise Unfit(f"cannot be set: {message}", remedy, ("choices", name))
+    if idle := {place[0] for changes in choices.values() for place in changes} & {*_SECTIONS}:
+        raise Unfit(f"set {idle.pop()}, on which no case depends", "set what the structure is made of", ("choices",))
+    nominal = next((name for name, changes in choices.items() if not changes), AS_IT_IS)
+    return VariedParameter(catalogue.name, (), "1", nominal, tuple(choices), choices=choices)
+
+
+def _differences(one: Any, other: Any, place: Path) -> Iterator[tuple[Path, Any]]:
+    """Where two parts of scenarios differ, and what the second one has there."""
+    keys: Iterable[tuple[Any, Any]] = ()
+    if isinstance(one, Schema) and type(one) is type(other):
+        one, other, keys = one.__dict__, other.__dict__, type(one).keys().items()
+    elif isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        keys = zip(one, one, strict=True)
+    elif isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
+        keys = enumerate(range(len(one)))
+    elif one != other:
+        yield place, other
+    for key, name in keys:
+        yield from _differences(one[name], other[name], (*place, key))
 
 
 def _places(scenario: ScenarioParts, path: str, at: Path) -> list[Path]:
@@ -575,7 +628,7 @@ class ToleratedParameter:
 
 def tolerances_of(scenario: ScenarioParts) -> Tolerances | None:
     """The tolerances of a study."""
-    return getattr(scenario.vary, "tolerances", None)
+    return getattr(scenario.study, "tolerances", None)
 
 
 def tolerated_parameters(scenario: ScenarioParts) -> tuple[ToleratedParameter, ...]:

@@ -28,7 +28,7 @@ from beamsim.scenario.plate import Plate, StiffnessPlate
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
 from beamsim.scenario.reporting import AnyOutput, DisplayUnits, Limits, ReactionOutput
 from beamsim.scenario.run import Reduction, Run
-from beamsim.scenario.studies import IdentifyStiffness, Vary
+from beamsim.scenario.studies import IdentifyStiffness, Optimise, Vary
 from beamsim.scenario.sweep import NonlinearMode, Sweep
 
 AnyBody = Annotated[
@@ -88,11 +88,18 @@ class ScenarioParts(Schema):
     """Nonlinear normal mode (`beamsim nnm`)."""
     vary: Vary | None = None
     """Parameters varied from case to case (`beamsim sweep`)."""
+    optimise: Optimise | None = None
+    """Search for the best design (`beamsim sweep`)."""
     limits: Limits | None = None
     """Limits, for margins in the summary and `--check`."""
     units: DisplayUnits | None = None
     """Units of tables, plots and reports, {acceleration: g, length: mm}; by default those in which most quantities are
     written. Result files and --json stay in SI units."""
+
+    @property
+    def study(self) -> Vary | Optimise | None:
+        """The section that asks for many cases."""
+        return self.vary or self.optimise
 
     @property
     def sample_rate(self) -> float:

@@ -17,6 +17,7 @@ from beamsim.scenario.quantities import NotNegativeWhole, NumberOrText, Quantile
 from beamsim.scenario.run import Start
 
 AnyValue = Annotated[float | str, NumberOrText(words=True)]
+Aim = Annotated[Text | tuple[Text, ...] | dict[Text, AnyValue], BY_FORM]
 Spacing = Literal["linear", "logarithmic"]
 
 
@@ -36,6 +37,23 @@ class ListedParameter(_Parameter):
 
     values: Annotated[tuple[AnyValue, ...], Field(min_length=1)]
     """The values, with or without unit; or choices, such as supports."""
+
+
+class Catalogue(Schema):
+    """A choice that sets several keys at once, such as one of the snubbers that can be bought."""
+
+    known_by: ClassVar[tuple[str, ...]] = ("choices",)
+
+    name: Text = "choice"
+    """What is chosen, for tables."""
+    choices: Annotated[dict[Text, dict[Text, Any]], Field(min_length=1)]
+    """By name what each choice sets, as --set does: {hard: {snubbers.tip.stiffness: 200 kN/m, snubbers.tip.gap: 0 mm},
+    soft: {snubbers.tip.stiffness: null, snubbers.tip.force_deflection: [[0 mm, 0 N], [1 mm, 90 N]]}}."""
+
+    @property
+    def path(self) -> str:
+        """What stands for it among the paths of numbers."""
+        return self.name
 
 
 class _Ranged(_Parameter):
@@ -86,11 +104,15 @@ class SampledTolerance(_Toleranced):
 
 
 AnyParameter = Annotated[
-    ListedParameter | TolerancedParameter | RangedParameter,
+    ListedParameter | Catalogue | TolerancedParameter | RangedParameter,
     Variants(
         "names no values",
-        "give path with values: [...], with from, to and points, or with a tolerance",
+        "give path with values: [...], with from, to and points, or with a tolerance; or choices by name",
     ),
+]
+SoughtInRange = Annotated[
+    ListedParameter | Catalogue | SampledRange,
+    Variants("names no range", "give path with from and to, or with values: [...]; or choices by name"),
 ]
 SampledParameter = Annotated[
     SampledTolerance | SampledRange,
@@ -100,6 +122,8 @@ SampledParameter = Annotated[
 
 class _Study(Schema):
     """What all kinds of studies share."""
+
+    section: ClassVar[str] = "vary"
 
     responses: tuple[Text, ...] = ()
     """Responses that are computed, such as peak_force; all by default, of which the bending stress takes longest."""
@@ -214,6 +238,36 @@ class Sobol(_Study):
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters, which are independent of each other."""
+
+
+class Optimise(Schema):
+    """The best design: a search for the numbers with the smallest or largest response that meet every limit."""
+
+    kind: ClassVar[str] = "optimise"
+    section: ClassVar[str] = "optimise"
+
+    parameters: Annotated[tuple[SoughtInRange, ...], Field(min_length=1)]
+    """What may be chosen: numbers with ranges or values, and catalogues."""
+    minimise: Aim = ""
+    """What is to be small: a response as of vary.minimise; responses that are added up, each over the value that counts
+    as one, {peak_force: 40 N, tip/peak_displacement: 1 mm}; or a list of two responses, of which no one design is best.
+    Without it the smallest margin of the limits is to be large."""
+    maximise: Aim = ""
+    """What is to be large; beside minimise it makes two objectives."""
+    tolerances: Tolerances | None = None
+    """Deviations of each design, by which it is judged: the best one is that for what is built."""
+    responses: tuple[Text, ...] = ()
+    """Responses that are computed beside the objectives and those of limits; only these by default."""
+    most_cases: SteppedCount = 400
+    """Number of designs that are tried at most, each with its deviations."""
+    seed: NotNegativeWhole = 0
+    """Seed of the random generator."""
+
+    def check(self) -> None:
+        """Refuse more than two objectives."""
+        count = sum(len(aim) if isinstance(aim, tuple) else bool(aim) for aim in (self.minimise, self.maximise))
+        if count > 2:
+            raise Unfit(f"= {count} objectives, of which two are compared", "add some up: {peak_force: 40 N, ...}")
 
 
 Vary = Annotated[Grid | Zipped | OneAtATime | LatinHypercube | Sobol, BY_FORM]

@@ -15,7 +15,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
@@ -24,6 +23,7 @@ from beamsim.files import check_writable
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.store.results import keep_result, write_result
+from beamsim.trust.checked import design_study
 from beamsim.version import __version__
 
 SAVED_EVERY_S = 30.0  # interval between updates of the result file
@@ -90,7 +90,7 @@ def stored_study(
         raise
     if journal.outcomes:
         keep_result(result, target)
-    if len(journal.outcomes) in (0, len(plan.cases)):
+    if not journal.outcomes or result.finished:
         journal.remove()
     return result
 

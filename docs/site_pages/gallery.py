@@ -105,7 +105,7 @@ def _pictures(entry: Entry, folder: Path) -> list[Path]:
     scenario = beamsim.load_scenario(CONFIGS / f"{entry.config}.yaml")
     kind = entry.kind
     if kind == "sweep":
-        kind = "designs" if scenario.vary is not None else getattr(scenario.sweep, "kind", "sweep")
+        kind = "designs" if scenario.study is not None else getattr(scenario.sweep, "kind", "sweep")
         kind = kind if kind in KINDS else "sweep"
     if kind == "designs":
         result = beamsim.design_study(beamsim.plan_designs(scenario))

@@ -18,7 +18,7 @@ from beamsim.trust.reference import RTOL, against, tolerance_of
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-RUNS = [path for path in PATHS if "run" in asked(path) and shipped(path).vary is None]
+RUNS = [path for path in PATHS if "run" in asked(path) and shipped(path).study is None]
 CASE = {
     "chain": {
         "masses": [1.0, 0.7],

@@ -7,6 +7,7 @@ from shipped import PATHS, shipped
 
 import beamsim
 from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.plan import best_design
 
 CONFIGS = PATHS[0].parent
 
@@ -89,3 +90,49 @@ def test_a_tolerance_alone_is_the_run_with_it():
         run = beamsim.run(beamsim.load_scenario(CONFIGS / "design_tornado.yaml", changes))
         assert run.summary["peak_force_n"]["tip"] == pytest.approx(swing[end], rel=1e-12)
     assert abs(swing["smallest_at"]) == abs(swing["largest_at"]) == 5e-5
+
+
+# --- searches ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_chosen_snubber_hits_less_hard_and_keeps_the_limits():
+    """The best design alone gives what the search says of it."""
+    result = beamsim.design_study(shipped(CONFIGS / "optimise_snubber.yaml"))
+    best, first = result.summary["best"][0], result.summary["as_it_is"]
+    assert best["value"] < 0.75 * first["values"]["peak_force"]
+    assert best["parameters"]["pad"] == "damping rubber"
+    alone = beamsim.run(best_design(result)).summary
+    assert alone["peak_force_n"]["tip"] == pytest.approx(best["value"], rel=1e-9)
+    assert alone["peak_displacement_m"]["tip"] < 0.8e-3
+    assert [item["verdict"] for item in result.summary["margins"].values()] == ["ok", "ok"]
+
+
+@pytest.mark.slow
+def test_a_search_finds_in_600_cases_what_a_grid_of_10000_finds():
+    """Gap and stiffness at which force and displacement, each over its size, are least together: a rugged valley."""
+    limits = {"snubbers.tip.gap": (-0.2e-3, 0.5e-3), "snubbers.tip.stiffness": (20e3, 500e3)}
+    gaps, stiffnesses = np.linspace(-0.2e-3, 0.5e-3, 100), np.geomspace(20e3, 500e3, 100)
+    short = {"run.duration": "0.4 s", "run.sample_rate": "5 kHz", "run.convergence": "off"}
+    scenario = beamsim.load_scenario(CONFIGS / "one_sided_65hz.yaml", short)
+    grid = [axis.ravel() for axis in np.meshgrid(gaps, stiffnesses, indexing="ij")]
+    asked = ["peak_force", "probes/tip/peak_displacement"]
+    table = beamsim.ensemble(scenario, dict(zip(limits, grid, strict=True)), asked).table
+    sums = table["snubbers/tip/peak_force"] / 20.0 + table["probes/tip/peak_displacement"] / 1e-3
+    among = sums.argmin()
+    parameters = [{"path": path, "from": low, "to": high} for path, (low, high) in limits.items()]
+    parameters[1]["spacing"] = "logarithmic"
+    optimise = {
+        "minimise": dict(zip(asked, ("20 N", "1 mm"), strict=True)),
+        "most_cases": 600,
+        "parameters": parameters,
+    }
+    result = beamsim.design_study(beamsim.load_scenario(scenario, {"optimise": optimise}))
+    best = result.summary["best"][0]
+    gap, stiffness = best["parameters"].values()
+    assert result.complete
+    assert result.cases <= 600
+    assert best["value"] <= sums[among]
+    assert best["value"] == pytest.approx(sums[among], rel=0.02)
+    assert abs(gap - grid[0][among]) <= 1.01 * (gaps[1] - gaps[0])
+    assert abs(np.log(stiffness / grid[1][among])) <= 2.0 * np.log(stiffnesses[1] / stiffnesses[0])

@@ -22,5 +22,7 @@ def asked(path):
     """The commands that a config has a section for: of its own, or where it has none, of the file that it extends."""
     scenario, own = shipped(path), yaml.safe_load(path.read_text(encoding="utf-8"))
     sections = [section for section in COMMANDS if getattr(scenario, section) is not None]
-    sections = [section for section in sections if section in own] or ([] if "vary" in own else sections)
-    return [COMMANDS[section] for section in sections if not (section == "sweep" and scenario.vary is not None)]
+    sections = [section for section in sections if section in own] or (
+        [] if {"vary", "optimise"} & own.keys() else sections
+    )
+    return [COMMANDS[section] for section in sections if not (section == "sweep" and scenario.study is not None)]

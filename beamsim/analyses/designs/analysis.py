@@ -44,8 +44,8 @@ def design_study(
 
     Parameters
     ----------
-    scenario : with ``vary``; or its plan from `plan_designs`, already checked by `check_cases`. Each case is a sweep if
-        there is a section ``sweep``, else a run.
+    scenario : with ``vary`` or ``optimise``; or its plan from `plan_designs`, already checked by `check_cases`. Each
+        case is a sweep if there is a section ``sweep``, else a run.
     workers : number of processes on this machine; by default the number of processors.
     scheduler : address of a Dask scheduler whose workers are used instead.
     known : outcomes of an earlier, unfinished study.
@@ -71,13 +71,34 @@ def design_study(
     else:
         plan = plan_designs(scenario)
         check_cases(plan)
-    rows = [case.values for case in plan.cases if not case.realisation]
-    with Evaluator(
-        plan.study, workers=workers, scheduler=scheduler, known=known, each=each, progress=progress, stop=stop,
-        most=len(rows),
-    ) as evaluate:  # fmt: skip
-        evaluate(rows)
-    return gather(plan, evaluate.outcomes, clock.perf_counter() - begin)
+    ended: Outcome | None = None
+    known, total = tuple(known), plan.most * plan.study.realisations.count
+
+    def solved(outcome: CaseOutcome) -> None:
+        if each is not None:
+            each(outcome)
+        if progress is not None:
+            progress(len(evaluate.outcomes) / total)
+
+    if progress is not None:
+        progress(len(known) / total)
+    options: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "stop": stop, "most": plan.most}
+    with Evaluator(plan.study, known=known, each=solved, **options) as evaluate:
+        if plan.searches:
+            ended = named("beamsim.analyses.designs.search:search")(plan, evaluate)
+        else:
+            evaluate([case.values for case in plan.cases if not case.realisation])
+    if evaluate.ended == "most_cases":
+        ended = unsettled(plan.most)
+    return gather(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
+
+
+def unsettled(tried: int) -> Outcome:
+    """The outcome of a search that ended while better designs were still found."""
+    sentence = f"the search ended after {tried} designs while it still found better ones"
+    return Outcome.of(
+        OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy="give more most_cases", tried=tried
+    )
 
 
 class Ended(Exception):
@@ -96,7 +117,6 @@ class Evaluator:
     study : that the cases belong to.
     workers, scheduler, known, stop : as of `design_study`.
     each : called with every new outcome, in the order of completion.
-    progress : called with the share of the allowed cases that are known.
     most : number of cases that are allowed, each with all of its realisations.
 
     Raises
@@ -109,8 +129,8 @@ class Evaluator:
 
     def __init__(
         self, study: Study, *, workers: int | None = None, scheduler: str | None = None,
-        known: Iterable[CaseOutcome] = (), each: Callable[[CaseOutcome], None] | None = None,
-        progress: Callable[[float], None] | None = None, stop: Stop = never, most: int,
+        known: Iterable[CaseOutcome] = (), each: Callable[[CaseOutcome], None] | None = None, stop: Stop = never,
+        most: int,
     ) -> None:  # fmt: skip
         if workers is not None and workers < 1:
             raise ScenarioError.at("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
@@ -119,7 +139,7 @@ class Evaluator:
         self.outcomes: dict[int, CaseOutcome] = {}  # of these, by index: realisations of a case follow each other
         self.ended = ""  # "interrupted", or "most_cases" where more were asked for than are allowed
         self._known = {outcome.index: outcome for outcome in known}
-        self._each, self._progress, self._stop = each, progress, stop
+        self._each, self._stop = each, stop
         self._asked_workers, self._scheduler = workers, scheduler
         self._open = ExitStack()
         self._solved: Callable[[Sequence[Case]], Iterator[CaseOutcome]] | None = None  # once there are workers
@@ -144,14 +164,12 @@ class Evaluator:
             outcome.index: outcome for outcome in known if outcome.given == self.rows[outcome.index // count]
         }
         missing = [case for case in cases if case.number not in self.outcomes]
-        self._report()
-        for outcome in self._workers(len(missing))(missing) if missing else ():
+        for outcome in self._workers()(missing) if missing else ():
             if outcome.outcome.interrupted:
                 continue
             self.outcomes[outcome.index] = outcome
             if self._each is not None:
                 self._each(outcome)
-            self._report()
         if any(case.number not in self.outcomes for case in cases):
             self.ended = "interrupted"
         elif len(batch) < len(rows):
@@ -160,14 +178,11 @@ class Evaluator:
             raise Ended
         return [[self.outcomes[k * count + r] for r in range(count)] for k in batch]
 
-    def _report(self) -> None:
-        if self._progress is not None:
-            self._progress(len(self.outcomes) / (self.most * self.study.realisations.count))
-
-    def _workers(self, most: int) -> Callable[[Sequence[Case]], Iterator[CaseOutcome]]:
-        """What solves cases in the order of completion; there are no more workers than the first ones need."""
+    def _workers(self) -> Callable[[Sequence[Case]], Iterator[CaseOutcome]]:
+        """What solves cases in the order of completion; there are no more workers than cases that are not known."""
         if self._solved is None:
-            count = max(1, min(self._asked_workers or default_workers(), most))
+            unknown = self.most * self.study.realisations.count - len(self._known)
+            count = max(1, min(self._asked_workers or default_workers(), unknown))
             if self._scheduler is None and (self.study.analysis in THREADED or count == 1):
                 ended = Event()
                 solver = CaseSolver(self.study, lambda: self._stop() or ended.is_set())

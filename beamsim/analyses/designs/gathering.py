@@ -23,6 +23,7 @@ from beamsim.analyses.designs.result import (
     is_scalar,
     judging,
     limited_response,
+    objectives,
     responses_of,
     varies,
     worst_of,
@@ -38,7 +39,9 @@ from beamsim.typing import Bools, Floats
 SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have statistics
 
 
-def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0) -> DesignsResult:
+def gather(
+    plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None
+) -> DesignsResult:
     """The result of the cases that are solved.
 
     Parameters
@@ -46,12 +49,15 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
     plan : of the study.
     outcomes : by index; may be those of some cases only.
     wall_time_s : of the study, s.
+    ended : how a search ended; None while it goes on.
 
     Returns
     -------
     DesignsResult
     """
     realisations = plan.study.realisations
+    if plan.searches:
+        plan, outcomes = asked_for(plan, outcomes)
     count, shape = realisations.count, (*plan.shape, realisations.count)
     realised = _responses(plan, outcomes)
     responses = {
@@ -68,15 +74,24 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
     drawn = _drawn(plan, known)
     margins, worst, met, meets = _margins(plan, realised, limits, outcomes, drawn)
     passing = solved & met
-    objective, values = Objective.of(plan.scenario.vary), None
-    asked = [r for r in responses_of(realised, objective.response) if is_scalar(r, shape)]
-    unknown = bool(objective.response) and not asked
-    if objective.response and asked:
-        values, _ = worst_of(asked, large_is_good=objective.largest)
-        values = values[judging(values, count, realisations.quantile, large_is_good=objective.largest)]
+    aims = objectives(plan.scenario)
+    objective, judged = aims[0], [_judged(plan, aim, realised) for aim in aims]
+    known_aims = {response.name: response for response in judged if response is not None}
+    values = None if judged[0] is None else judged[0].values.ravel()
+    unknown = any(aim.terms and response is None for aim, response in zip(aims, judged, strict=True))
+    eligible, front = passing & _allowed(plan), None
+    if len(known_aims) > 1:
+        front = eligible & efficient(
+            np.array([(-1.0 if a.largest else 1.0) * r.values for a, r in zip(aims, known_aims.values(), strict=True)]),
+            eligible,
+        )
+        eligible = front
     # the best of many parts is no choice
-    chosen = plan.kind not in (*SAMPLES, "one_at_a_time") or bool(objective.response)
-    best = best_cases(values, margins, passing, largest=objective.largest) if chosen and not unknown else []
+    chosen = plan.kind not in (*SAMPLES, "one_at_a_time") or bool(objective.terms)
+    best = best_cases(values, margins, eligible, largest=objective.largest) if chosen and not unknown else []
+    if plan.searches:
+        ended = _search_ended(plan, ended, failures, found=bool(best))
+        worst = _margins_of_one(plan, outcomes, best[0]["case"] if best else _least_violating(margins))
     shares = meets.mean(axis=-1) if limits and count > 1 else None
     sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
     stored = {
@@ -88,7 +103,7 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
         scenario=plan.scenario,
         analysis=plan.study.analysis,
         kind=plan.kind,
-        outcome=_outcome(solved.size, missing, failures),
+        outcome=_outcome(solved.size, missing, failures) if ended is None else ended,
         coordinates=plan.coordinates,
         solved=solved,
         responses=responses,
@@ -106,15 +121,20 @@ def gather(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: f
             *_about_tables(plan, realised),
         ),
         wall_time_s=wall_time_s,
+        objectives=known_aims if plan.searches else None,
+        front=front if plan.searches else None,
         fingerprint=plan.fingerprint,
     ).with_summary(
         solved=solved.size - missing - len(failures),
         failed=len(failures),
         responses=_extremes(plan, responses),
         passing=int(passing.sum()) if limits else None,
-        objective=objective.text if best else None,
+        objective=" and ".join(aim.text for aim in aims) if best else None,
+        as_it_is=_as_it_is(margins, known_aims) if plan.searches and solved.any() else None,
+        near_best=_near_best(plan, values, eligible, best) if plan.searches and front is None else None,
         best=[
-            {**item, **({} if shares is None else {"passing_share": float(shares.flat[item["case"]])}),
+            {**item, **({} if front is None else {"values": _values_at(known_aims, item["case"])}),
+             **({} if shares is None else {"passing_share": float(shares.flat[item["case"]])}),
              "parameters": _named(plan, item["case"])}
             for item in best
         ] or None,
@@ -202,6 +222,134 @@ def _scatter(
     return {"case": case, "responses": ranges, **met}
 
 
+def asked_for(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> tuple[DesignPlan, dict[int, CaseOutcome]]:
+    """The cases that a search has asked for, up to the first that is not known with all of its realisations."""
+    count = plan.study.realisations.count
+    number = next(k for k in range(len(outcomes) + 1) if any(k * count + r not in outcomes for r in range(count)))
+    kept = {k: outcomes[k] for k in range(number * count)}
+    return plan.of([kept[k * count].given for k in range(number)]), kept
+
+
+def costs(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> tuple[Floats, Floats]:
+    """What a search makes small, and by how much limits are exceeded.
+
+    Parameters
+    ----------
+    plan : of a search.
+    outcomes : of some cases, from 0.
+
+    Returns
+    -------
+    (objectives, cases) array
+        Infinite where a case has no value.
+    (cases,) array
+        Largest share by which a limit is exceeded, 0 where each is met; infinite where that is not known.
+    """
+    plan, outcomes = asked_for(plan, outcomes)
+    realised = _responses(plan, outcomes)
+    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
+    margins, _, met, _ = _margins(plan, realised, limits, outcomes, np.zeros(len(plan.cases), dtype=bool))
+    least = np.min([margin.values for margin in margins.values()], axis=0) if margins else np.full(plan.shape, np.inf)
+    beyond = np.where(met, 0.0, np.nan_to_num(1.0 / (1.0 + least) - 1.0, nan=np.inf))
+    aims = objectives(plan.scenario)
+    values = [
+        (-1.0 if aim.largest else 1.0) * (least if response is None else response.values)
+        for aim, response in ((aim, _judged(plan, aim, realised)) for aim in aims)
+    ]
+    known = np.isfinite(np.array(values)) | (np.array(values) == -np.inf)
+    return np.where(known, values, np.inf), beyond
+
+
+def _judged(plan: DesignPlan, objective: Objective, realised: Mapping[str, Response]) -> Response | None:
+    """An objective of every case, as the realisations judge it; None where there is none, or it is not known."""
+    realisations = plan.study.realisations
+    response = objective.of(realised, (*plan.shape, realisations.count))
+    if response is None:
+        return None
+    values = response.values.ravel()
+    chosen = judging(values, realisations.count, realisations.quantile, large_is_good=objective.largest)
+    return replace(response, values=values[chosen].reshape(plan.shape))
+
+
+def _allowed(plan: DesignPlan) -> Bools:
+    """Which cases may be chosen: of a search those within the ranges, which the scenario as it is may not be."""
+    allowed = np.ones(plan.shape, dtype=bool)
+    if plan.searches and plan.cases:
+        pairs = zip(plan.study.varied, plan.cases[0].values, strict=True)
+        allowed[0] = all(v in p.values if p.values else p.low <= float(v) <= p.high for p, v in pairs)
+    return allowed
+
+
+def efficient(values: Floats, among: Bools) -> Bools:
+    """Which points no other one is better than in one coordinate and at least as good in all others.
+
+    Parameters
+    ----------
+    values : (coordinates, n), to be small.
+    among : (n,) which points are compared.
+    """
+    points = np.where(among, values, np.inf)
+    better = (points[:, :, None] <= points[:, None, :]).all(axis=0) & (points[:, :, None] < points[:, None, :]).any(
+        axis=0
+    )
+    return np.asarray(~better.any(axis=0) & np.isfinite(points).all(axis=0))
+
+
+def _search_ended(plan: DesignPlan, ended: Outcome | None, failures: Sequence[CaseFailure], *, found: bool) -> Outcome:
+    """How a search ended, with what it did not find."""
+    done, most = len(plan.cases) // plan.study.realisations.count, plan.most
+    if ended is None:
+        sentence = f"the search has tried {done} of at most {most} designs"
+        return Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", sentence, done=done, cases=most)
+    if found or not done:
+        return ended
+    reason = f"; the first of {len(failures)} that failed: {failures[0].outcome.text}" if failures else ""
+    return Outcome.of(
+        OutcomeKind.INCOMPLETE, "no_feasible_design", f"none of {done} designs meets every limit{reason}", ended,
+        remedy="give wider ranges, other limits, or more most_cases", done=done,
+    )  # fmt: skip
+
+
+def _least_violating(margins: Mapping[str, Response]) -> int:
+    """Number of the case with the largest smallest margin; 0 without limits."""
+    each = np.array([np.nan_to_num(margin.values, nan=-1.0) for margin in margins.values()])
+    return int(each.min(axis=0).argmax()) if each.size else 0
+
+
+def _margins_of_one(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], case: int) -> dict[str, Any]:
+    """The margins of one case alone."""
+    count = plan.study.realisations.count
+    if case * count not in outcomes:
+        return {}
+    own, limits = {r: outcomes[case * count + r] for r in range(count)}, plan.scenario.limits
+    alone = plan.of([own[0].given])
+    given = {} if limits is None else limits.given
+    _, found, _, _ = _margins(alone, _responses(alone, own), given, own, np.zeros(count, dtype=bool))
+    return {name: item | {"case": case} for name, item in found.items()}
+
+
+def _values_at(values: Mapping[str, Response], case: int) -> dict[str, float]:
+    return {name: float(response.values[case]) for name, response in values.items()}
+
+
+def _as_it_is(margins: Mapping[str, Response], values: Mapping[str, Response]) -> dict[str, Any]:
+    """What a search finds of the scenario as it is, its first case."""
+    worst = min(margins, key=lambda name: np.nan_to_num(margins[name].values[0], nan=-1.0), default=None)
+    least = {} if worst is None else {"margin": float(margins[worst].values[0]), "limit": worst}
+    return {"values": _values_at(values, 0), **least}
+
+
+def _near_best(
+    plan: DesignPlan, values: Floats | None, passing: Bools, best: Sequence[Mapping[str, Any]]
+) -> dict[str, Any] | None:
+    """By number its range in the designs that are nearly as good as the best one."""
+    if values is None or not best:
+        return None
+    near = passing & (np.abs(values - best[0]["value"]) <= 0.01 * abs(best[0]["value"]))
+    known = {c.path: c.values[near] for c in plan.coordinates if c.numeric}
+    return {path: {"smallest": float(of.min()), "largest": float(of.max())} for path, of in known.items()}
+
+
 def _about_choice(
     plan: DesignPlan, objective: Objective, responses: Mapping[str, Response], gaps: Sequence[str],
     limits: Mapping[str, float], *, unknown: bool,
@@ -209,8 +357,7 @@ def _about_choice(
     """What the choice of a case and the indices lack."""
     if unknown and responses:
         scalar = [name for name, response in responses.items() if is_scalar(response, plan.shape)]
-        key = "maximise" if objective.largest else "minimise"
-        yield f"vary.{key} = {objective.response}: no case has such a response; they have {', '.join(scalar)}"
+        yield f"{objective.text}: no case has such a response; they have {', '.join(scalar)}"
     for name in limits if responses else ():
         if not any(is_scalar(r, plan.shape) for r in responses_of(responses, limited_response(name))):
             yield f"limits.{name}: no case has a response that is compared with it, so no case meets every limit"
@@ -225,7 +372,7 @@ def _by_parameter(plan: DesignPlan, indices: SobolIndices) -> dict[str, dict[str
 
 def _about_seeds(plan: DesignPlan) -> list[str]:
     """What the scatter between the seeds of a random input means."""
-    if not varies_seed(plan.study.places):
+    if not varies_seed(plan.study.varied):
         return []
     if getattr(plan.study.case.excitation, "amplitudes", None) == "random":
         return [

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.result import Coordinate, Objective, Tolerance, limited_response
+from beamsim.analyses.designs.result import Coordinate, DesignsResult, Tolerance, limited_response, objectives
 from beamsim.analyses.values import BY_NAME
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
@@ -23,6 +23,7 @@ from beamsim.scenario.parameters import (
     Value,
     VariedParameter,
     drawn_parameters,
+    replaced,
     tolerances_of,
     tolerated_parameters,
     value_at,
@@ -30,7 +31,7 @@ from beamsim.scenario.parameters import (
     with_values,
 )
 from beamsim.scenario.scenario import named_files
-from beamsim.scenario.studies import Correlation, LatinHypercube, OneAtATime, Sobol
+from beamsim.scenario.studies import Correlation, LatinHypercube, OneAtATime, Optimise, Sobol
 from beamsim.typing import Floats
 
 MOST_CHECKED = 400  # cases checked before the first is solved
@@ -67,7 +68,11 @@ class Realisations:
         """The numbers of a realisation by place; each deviates from what it is in the case, or follows from there."""
         values: dict[Path, float] = {}
         for parameter, deviation in zip(self.parameters, self.deviations[realisation], strict=True):
-            nominal = float(value_at(case, parameter.number.places[0]))
+            written = value_at(case, parameter.number.places[0])
+            if written is None:
+                message = "has a tolerance, and no value in this case"
+                raise ScenarioError.at(parameter.number.path, message, "leave out the tolerance, or such choices")
+            nominal = float(written)
             value = nominal + float(deviation) * parameter.reach(nominal)
             values |= dict.fromkeys(parameter.number.places, value)
         return values
@@ -109,18 +114,40 @@ class Study:
 
     analysis: str
     case: Scenario  # as it was written
-    places: tuple[tuple[Path, ...], ...]  # of each varied parameter
+    varied: tuple[VariedParameter, ...]
     realisations: Realisations
     asked: tuple[str, ...]  # responses; empty for all
     fingerprint: str
 
     def scenario(self, case: Case) -> Scenario:
         """The scenario of a case; raises a ScenarioError if it is invalid."""
-        given = {place: value for at, value in zip(self.places, case.values, strict=True) for place in at}
-        scenario = with_values(self.case, given)
+        scenario = with_parameters(self.case, self.varied, case.values)
         if case.realisation:
             scenario = with_values(scenario, self.realisations.values(scenario, case.realisation))
         return scenario.rechecked()
+
+
+def with_parameters(scenario: Scenario, varied: Iterable[VariedParameter], values: Iterable[Value]) -> Scenario:
+    """The scenario with these values of varied parameters, the choices of catalogues before the numbers."""
+    given = dict[Path, Value]()
+    for parameter, value in zip(varied, values, strict=True):
+        scenario = replaced(scenario, parameter.choices.get(str(value), {}))
+        given |= dict.fromkeys(parameter.places, value)
+    return with_values(scenario, given)
+
+
+def best_design(result: DesignsResult) -> Scenario | None:
+    """The scenario with the numbers of the best case, without the study; None where there is none."""
+    if not result.summary.get("best"):
+        return None
+    values = result.summary["best"][0]["parameters"].values()
+    alone = without_study(result.scenario, f"{result.scenario.title}, best design".removeprefix(", "))
+    return with_parameters(alone, varied_parameters(result.scenario), values).rechecked()
+
+
+def without_study(scenario: Scenario, title: str) -> Scenario:
+    """One case alone, with the paths of files from the root."""
+    return with_whole_paths(scenario.model_copy(update={"vary": None, "optimise": None, "title": title}), scenario)
 
 
 @dataclass(frozen=True)
@@ -132,7 +159,24 @@ class DesignPlan:
     coordinates: tuple[Coordinate, ...]
     shape: tuple[int, ...]
     study: Study
-    cases: tuple[Case, ...]
+    cases: tuple[Case, ...]  # of a search only the first one, the scenario as it is
+    most: int  # number of cases that are solved at most, each with its realisations
+
+    @property
+    def searches(self) -> bool:
+        """Whether a search asks for the cases one after the other, so that none is known beforehand."""
+        return self.kind == "optimise"
+
+    def of(self, rows: Sequence[tuple[Value, ...]]) -> DesignPlan:
+        """The same plan for cases with these values of the varied parameters."""
+        columns = [[row[k] for row in rows] for k in range(len(self.study.varied))]
+        cases = tuple(
+            Case(k * self.study.realisations.count + r, row, r)
+            for k, row in enumerate(rows)
+            for r in range(self.study.realisations.count)
+        )
+        coordinates = tuple(map(_coordinate, self.study.varied, columns))
+        return replace(self, cases=cases, shape=(len(rows),), coordinates=coordinates)
 
     @property
     def fingerprint(self) -> str:
@@ -148,7 +192,7 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
     ScenarioError
         If ``vary`` is missing, or there is no analysis for the cases.
     """
-    vary = scenario.vary
+    vary = scenario.study
     if vary is None:
         raise ScenarioError.at(
             "vary", "is missing", "add `vary: {kind: grid, parameters: [{path: ..., values: [...]}]}`"
@@ -160,13 +204,22 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
         columns = sobol(varied, vary.samples, vary.seed)
     elif isinstance(vary, OneAtATime):
         columns = one_at_a_time(varied)
+    elif isinstance(vary, Optimise):
+        columns = [[p.nominal] for p in varied]
     else:
         columns = [listed_values(parameter) for parameter in varied]
-    for key in ("minimise", "maximise"):
-        if name := getattr(vary, key):
-            _check_response(scenario, name, f"vary.{key}")
-    objective = Objective.of(vary).response
-    asked = _asked(scenario, vary.responses, "vary.responses", objective)
+    aims = [(key, aim) for key in ("minimise", "maximise") if (aim := getattr(vary, key))]
+    needed = [(key, name) for key, aim in aims for name in ((aim,) if isinstance(aim, str) else aim)]
+    for key, name in needed:
+        _check_response(scenario, name, f"{vary.section}.{key}")
+    if isinstance(vary, Optimise) and not needed and scenario.limits is None:
+        raise scenario.located(ScenarioError.at(
+            "optimise.minimise", "is missing, and there are no limits", "give what is to be small: minimise: peak_force"
+        ))  # fmt: skip
+    objectives(scenario)  # whose values that count as one may be none
+    names = tuple(name for _, name in needed)
+    given = vary.responses or (names if isinstance(vary, Optimise) else ())
+    asked = _asked(scenario, given, f"{vary.section}.responses", names)
     return _plan(scenario, vary.kind, varied, columns, asked, Realisations.of(scenario))
 
 
@@ -261,15 +314,18 @@ def _check_response(scenario: Scenario, name: str, where: str) -> None:
             raise scenario.located(ScenarioError.at(where, f"= {name} names no response: no {place}", remedy))
 
 
-def _asked(scenario: Scenario, responses: Sequence[str], where: str, objective: str = "") -> tuple[str, ...]:
-    """The responses asked for, the objective, and those that limits are compared with; empty for all."""
+def _asked(
+    scenario: Scenario, responses: Sequence[str], where: str, objectives: tuple[str, ...] = ()
+) -> tuple[str, ...]:
+    """The responses asked for, the objectives, and those that limits are compared with; empty for all."""
     for k, name in enumerate(responses):
         _check_response(scenario, name, f"{where}[{k}]")
     if not responses:
         return ()
     limits = () if scenario.limits is None else scenario.limits.given
-    needed = (objective,) if objective else ()
-    return tuple(dict.fromkeys((*responses, *needed, *(limited_response(name).rpartition("/")[2] for name in limits))))
+    return tuple(
+        dict.fromkeys((*responses, *objectives, *(limited_response(name).rpartition("/")[2] for name in limits)))
+    )
 
 
 def analysis_of(scenario: Scenario) -> str:
@@ -294,21 +350,24 @@ def _plan(
     asked: tuple[str, ...],
     realisations: Realisations,
 ) -> DesignPlan:
-    places = tuple(parameter.places for parameter in varied)
-    case = _case(scenario, varies_seed(places))
+    places = [[parameter.places, sorted(map(str, parameter.choices.items()))] for parameter in varied]
+    case = _case(scenario, varies_seed(varied))
     analysis = analysis_of(scenario)
     contents = {key: record.get("sha256") for key, record in scenario.file_records(since=math.inf).items()}
-    all_of_it = [analysis, kind, plain(case), places, columns, asked, realisations.as_data(), contents]
+    search = plain(scenario.optimise)
+    all_of_it = [analysis, kind, search, plain(case), places, columns, asked, realisations.as_data(), contents]
     fingerprint = hashlib.sha256(json.dumps(all_of_it, sort_keys=True).encode()).hexdigest()
     rows = product(*columns) if kind == "grid" else zip(*columns, strict=True)
     each = product(rows, range(realisations.count))
+    cases = tuple(Case(k, values, realisation) for k, (values, realisation) in enumerate(each))
     return DesignPlan(
         scenario=scenario,
         kind=kind,
         coordinates=tuple(map(_coordinate, varied, columns)),
         shape=tuple(len(c) for c in columns) if kind == "grid" else (len(columns[0]),),
-        study=Study(analysis, with_whole_paths(case, scenario), places, realisations, asked, fingerprint),
-        cases=tuple(Case(k, values, realisation) for k, (values, realisation) in enumerate(each)),
+        study=Study(analysis, with_whole_paths(case, scenario), varied, realisations, asked, fingerprint),
+        cases=cases,
+        most=len(cases) // realisations.count if scenario.optimise is None else scenario.optimise.most_cases,
     )
 
 
@@ -317,7 +376,7 @@ def _case(scenario: Scenario, seed_varies: bool) -> Scenario:
     # a sweep computes stress and gap only if there are limits on them, and the changes of values count to verdicts
     judged = scenario.sweep is not None or (scenario.run is not None and scenario.run.convergence == "on")
     judged |= scenario.limits is not None and any(scenario.limits.given_curves())
-    unused = ("vary", "identify_stiffness", "nnm", *(() if judged else ("limits",)))
+    unused = ("vary", "optimise", "identify_stiffness", "nnm", *(() if judged else ("limits",)))
     case = scenario.model_copy(update={**dict.fromkeys(unused), "title": ""}).with_source(scenario.source)
     for name in ("run", "sweep"):
         section = getattr(case, name)
@@ -334,9 +393,9 @@ def with_whole_paths(case: Scenario, scenario: Scenario) -> Scenario:
     return with_values(case, files)
 
 
-def varies_seed(places: Iterable[Iterable[Path]]) -> bool:
+def varies_seed(varied: Iterable[VariedParameter]) -> bool:
     """Whether the study draws several realisations of a random input, whose scatter it shows."""
-    return any(place == ("excitation", "seed") for of_parameter in places for place in of_parameter)
+    return any(place == ("excitation", "seed") for parameter in varied for place in parameter.places)
 
 
 def _coordinate(parameter: VariedParameter, column: list[Value]) -> Coordinate:
@@ -404,7 +463,7 @@ def latin_hypercube(
     from scipy.stats.qmc import LatinHypercube
 
     cube = LatinHypercube(len(varied), rng=np.random.default_rng(seed)).random(samples)
-    return _distributed(varied, _correlated([p.path for p in varied], cube, correlations) if correlations else cube)
+    return distributed(varied, _correlated([p.path for p in varied], cube, correlations) if correlations else cube)
 
 
 def _correlated(paths: list[str], cube: Floats, correlations: Sequence[Correlation]) -> Floats:
@@ -456,10 +515,10 @@ def sobol(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[
         mixed = a.copy()
         mixed[:, k] = b[:, k]
         parts.append(mixed)
-    return _distributed(varied, np.concatenate(parts))
+    return distributed(varied, np.concatenate(parts))
 
 
-def _distributed(varied: tuple[VariedParameter, ...], cube: Floats) -> list[list[Value]]:
+def distributed(varied: tuple[VariedParameter, ...], cube: Floats) -> list[list[Value]]:
     """Map each column of the unit cube by the inverse distribution of its parameter."""
     from scipy.stats import truncnorm
 
@@ -471,6 +530,10 @@ def _distributed(varied: tuple[VariedParameter, ...], cube: Floats) -> list[list
         elif parameter.distribution == "normal":
             deviation = truncnorm.ppf(u, -3.0, 3.0) / 3.0  # three standard deviations are the tolerance
             values = 0.5 * (low + high) + 0.5 * (high - low) * deviation
+        elif parameter.values:
+            places = np.minimum(np.floor(u * len(parameter.values)), len(parameter.values) - 1).astype(int)
+            columns.append([parameter.values[k] for k in places])
+            continue
         elif parameter.whole:
             values = np.minimum(np.floor(low + u * (high - low + 1.0)), high)
         else:

@@ -6,17 +6,22 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.result import Result
+from beamsim.analyses.designs.responses import describe
+from beamsim.analyses.result import CONVERGENCE, Result
+from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import limited
+from beamsim.errors import ScenarioError
 from beamsim.fields import JSON, Axes, Counter, Entry, as_text, attribute, axis, dataset, declared, key, members, stored
 from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import Value
-from beamsim.scenario.studies import Vary
+from beamsim.scenario.units import Dimension, UnitError, read_quantity
+from beamsim.system.outputs import output_units
 from beamsim.typing import Bools, Floats, Ints
 
 _GROUP = "designs"
@@ -129,6 +134,27 @@ class RealisedResponse(Response):
     )
 
 
+@declared(along=("time",))
+class RunOfDesign:
+    """What the run of a design shows: the motion of the first probe and the force of the stop that is hit hardest."""
+
+    name: str = key("which design: as_it_is or best")
+    probe: str = attribute("", "name of the probe")
+    time: Floats = axis("s", "time")
+    displacement: Floats = dataset("m", "displacement of {probe} relative to the base")
+    snubber: str = attribute("", "name of the snubber, empty without one", default="")
+    force: Floats | None = dataset("{unit}", "contact force of {snubber}", default=None)
+    unit: str = attribute("", "unit of the force", name="force_unit", default="N")
+
+    @classmethod
+    def of(cls, name: str, run: RunResult) -> Self:
+        """That of a run."""
+        probe = next(iter(run.probes.values()))
+        hit = max(run.snubbers.values(), key=lambda snubber: float(np.max(snubber.force)), default=None)
+        force: dict[str, Any] = {} if hit is None else {"snubber": hit.name, "force": hit.force, "unit": hit.force_unit}
+        return cls(name=name, probe=probe.name, time=run.time, displacement=probe.displacement, **force)
+
+
 _PARAMETER = Counter("parameter", "number of the varied parameter")
 
 
@@ -175,6 +201,10 @@ _SUMMARY = (
     Entry("failed", "1", "cases that failed"),
     Entry("passing", "1", "cases that meet every limit", "passing"),
     Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin"),
+    Entry("as_it_is", "", "of a search: value of each objective of the scenario as it is, and its smallest margin and "
+             "the limit", "as it is"),
+    Entry("near_best", "", "of a search for one objective: by number its smallest and largest value in the designs "
+             "that meet every limit and are within 1 % of the best one", "within 1 %"),
     Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "
              "parameters, smallest margin and its limit", "best"),
     Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "
@@ -186,6 +216,7 @@ _SUMMARY = (
              "number of cases beyond the limit, and of a sample the probability that it is met", "limits"),
     Entry("probability", "", "of a sample: share of the cases that meet every limit, with the ends of the 95 % "
              "interval of its probability", "probability"),
+    *CONVERGENCE,
     Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, standard deviation, the "
              "5 %, 50 % and 95 % quantiles with their 95 % intervals, and the populations of values that are in "
              "several", "responses"),
@@ -239,7 +270,22 @@ class DesignsResult(Result):
     realised: dict[str, RealisedResponse] = members(
         f"{_GROUP}/realisations", RealisedResponse, called="<response>", default_factory=dict
     )
+    objectives: dict[str, Response] | None = members(  # of a search
+        f"{_GROUP}/objectives", Response, called="<objective>", default=None
+    )
+    front: Bools | None = dataset(  # of a search for two objectives
+        "1", "whether no design that meets every limit is better in one objective and not worse in the other",
+        name=f"{_GROUP}/front", flags=("dominated", "of the front"), default=None,
+    )  # fmt: skip
+    runs: dict[str, RunOfDesign] | None = members(
+        f"{_GROUP}/runs", RunOfDesign, called="<design>", default=None
+    )  # of a search: of the scenario as it is, and of the best design
     fingerprint: str = attribute("", "hash of all that the responses depend on", at=_GROUP, default="")
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is left to be computed."""
+        return not (self.outcome.interrupted or self.outcome.all_of("cases_missing"))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -292,8 +338,8 @@ class DesignsResult(Result):
         responses : one quantity at one or several places, each one number a case; within tolerances a case has in each
             realisation the value at the worst place, and of these the one at the quantile of the study.
         """
-        objective = Objective.of(self.scenario.vary)
-        asked = {response.name for response in responses_of(self.responses, objective.response)}
+        objective = objectives(self.scenario)[0]
+        asked = {r.name for name, _ in objective.terms for r in responses_of(self.responses, name)}
         good = objective.largest and all(response.name in asked for response in responses)
         each = [self.realised.get(response.name, response) for response in responses]
         values, _ = worst_of(each, large_is_good=good)
@@ -331,22 +377,65 @@ def limited_response(limit: str) -> str:
 class Objective(NamedTuple):
     """What makes a case better than another."""
 
-    response: str = ""  # a quantity, whose worst place counts, or the name of a response; empty: the smallest margin
+    # quantities, whose worst place counts, or names of responses, by value that counts as one where they are added up;
+    # none: the smallest margin
+    terms: tuple[tuple[str, float], ...] = ()
     largest: bool = True  # whether large values are better
-
-    @classmethod
-    def of(cls, vary: Vary | None) -> Objective:
-        """What a study asks for; without an objective the smallest margin of a case shall be large."""
-        if vary is None or not (vary.minimise or vary.maximise):
-            return cls()
-        return cls(vary.minimise or vary.maximise, bool(vary.maximise))
 
     @property
     def text(self) -> str:
         """For people."""
-        if not self.response:
-            return "largest margin"
-        return f"{'largest' if self.largest else 'smallest'} {self.response.replace('/', ' ').replace('_', ' ')}"
+        return f"{'largest' if self.largest else 'smallest'} {self.label}"
+
+    @property
+    def label(self) -> str:
+        """What is to be large or small."""
+        return " + ".join(name.replace("/", " ").replace("_", " ") for name, _ in self.terms) or "margin"
+
+    def of(self, responses: Mapping[str, Response], shape: tuple[int, ...]) -> Response | None:
+        """Its value of every case and realisation; None where one of its responses is not known in any.
+
+        Parameters
+        ----------
+        responses : by name.
+        shape : of their values, those of modes apart.
+        """
+        total, unit = np.zeros(int(np.prod(shape))), "1"
+        for name, one in self.terms:
+            asked = [response for response in responses_of(responses, name) if is_scalar(response, shape)]
+            if not asked:
+                return None
+            total = total + worst_of(asked, large_is_good=self.largest)[0] / one
+            unit = asked[0].unit if len(self.terms) == 1 else "1"
+        return Response(self.label.replace(" ", "_"), total.reshape(shape), unit, self.text) if self.terms else None
+
+
+def objectives(scenario: Scenario) -> tuple[Objective, ...]:
+    """What a study asks for, one or two; without that the smallest margin of a case shall be large.
+
+    Raises
+    ------
+    ScenarioError
+        If a value that counts as one is none of its response.
+    """
+    units, found = output_units(scenario), list[Objective]()
+    for goal in ("minimise", "maximise"):
+        aim = getattr(scenario.study, goal, "")
+        each = [{aim: None}] if isinstance(aim, str) else [aim] if isinstance(aim, dict) else [{a: None} for a in aim]
+        for terms in (terms for terms in each if terms != {"": None}):
+            ones = []
+            for name, one in terms.items():
+                unit = describe(name, units)[0].removeprefix("1")
+                dimension = Dimension(name.replace("_", " "), unit, f"1 {unit}".rstrip(), gravity=unit == "m/s^2")
+                try:
+                    ones.append((name, 1.0 if one is None else read_quantity(one, dimension)))
+                    if not ones[-1][1] > 0.0:
+                        raise UnitError("must be positive", "give the value that counts as one")
+                except UnitError as error:
+                    at = f"optimise.{goal}.{name}"
+                    raise scenario.located(ScenarioError.at(at, f"= {one} {error.message}", error.remedy)) from None
+            found.append(Objective(tuple(ones), goal == "maximise"))
+    return tuple(found) or (Objective(),)
 
 
 def judging(values: Floats, realisations: int, quantile: float, *, large_is_good: bool) -> Ints:

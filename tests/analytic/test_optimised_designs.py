@@ -1,0 +1,136 @@
+"""Best designs of a mass that runs into stops, in closed form.
+
+A mass m with the velocity v presses a stop of the stiffness k by x = v sqrt(m / k) with the force F = v sqrt(m k): the
+product of both is m v^2 whatever the stiffness. The weak spring that holds the mass adds to k where it matters. An
+equal stop behind the mass catches it when it comes back.
+"""
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.designs.plan import best_design
+
+MASS, SPEED, HELD = 2.0, 0.5, 10.0
+CASE = {
+    "chain": {"masses": [MASS], "springs": [HELD]},
+    "snubbers": [{"name": side, "mass": 1, "side": side, "gap": 0.0, "stiffness": 2e4} for side in ("above", "below")],
+    "run": {"duration": "0.1 s", "start": {"displacement": [0.0], "velocity": [f"{SPEED} m/s"]}},
+}
+STIFFNESS = {"path": "snubbers[*].stiffness", "from": "1 kN/m", "to": "100 kN/m", "spacing": "logarithmic"}
+FORCE, DEPTH = "peak_force", "peak_displacement"
+WHERE = "snubbers[*].stiffness"
+
+
+def searched(optimise, **others):
+    case = CASE | {"optimise": {"most_cases": 160} | optimise} | others
+    return beamsim.design_study(beamsim.load_scenario(case), workers=1)
+
+
+def best(result):
+    return result.summary["best"][0]
+
+
+def closed(stiffness):
+    """Largest force and displacement, with the spring that holds the mass."""
+    depth = SPEED * np.sqrt(MASS / (stiffness + HELD))
+    return stiffness * depth, depth
+
+
+def test_a_limit_that_binds_gives_the_stiffness_in_closed_form():
+    """The smallest force is that of the softest stop that the mass presses no deeper than the limit."""
+    limit = 4e-3
+    stiffness = MASS * SPEED**2 / limit**2 - HELD
+    result = searched({"minimise": FORCE, "parameters": [STIFFNESS]}, limits={"peak_displacement": limit})
+    assert result.complete
+    assert result.cases <= 160
+    assert best(result)["parameters"][WHERE] == pytest.approx(stiffness, rel=2e-3 * np.log(100.0))
+    assert best(result)["value"] == pytest.approx(closed(stiffness)[0], rel=5e-3)
+    assert 0.0 <= best(result)["margin"] < 5e-3
+    verdict = result.summary["margins"]["peak_displacement"]
+    assert (verdict["verdict"], verdict["case"]) == ("ok", best(result)["case"])
+    assert result.summary["as_it_is"]["values"]["peak_force"] == pytest.approx(closed(2e4)[0], rel=1e-6)
+
+
+def test_values_that_count_as_one_add_up_responses_of_different_units():
+    """F / F0 + x / x0 is smallest where both are equal: k = F0 / x0."""
+    aim = {FORCE: "60 N", DEPTH: "10 mm"}
+    result = searched({"minimise": aim, "parameters": [STIFFNESS]})
+    assert best(result)["parameters"][WHERE] == pytest.approx(60.0 / 10e-3, rel=0.02)  # flat: second order in k
+    force, depth = closed(60.0 / 10e-3)
+    assert best(result)["value"] == pytest.approx(force / 60.0 + depth / 10e-3, rel=1e-4)
+    near = result.summary["near_best"][WHERE]
+    for end in (near["smallest"], near["largest"]):
+        f, x = closed(end)
+        assert f / 60.0 + x / 10e-3 <= 1.01 * best(result)["value"] * (1.0 + 1e-6)
+
+
+def test_without_an_objective_the_smallest_margin_is_largest():
+    """Limits with the same share of the force and of the displacement: k = F0 / x0 again, a kink of the objective."""
+    limits = {"peak_force": "90 N", "peak_displacement": "15 mm"}
+    result = searched({"parameters": [STIFFNESS]}, limits=limits)
+    assert best(result)["parameters"][WHERE] == pytest.approx(90.0 / 15e-3, rel=5e-3)
+    assert result.summary["objective"] == "largest margin"
+
+
+def test_the_best_design_within_tolerances_is_the_one_that_meets_the_limit_in_each_realisation():
+    limit = 4e-3
+    tolerances = {"samples": 4, "parameters": [{"path": WHERE, "tolerance": "20 %"}]}
+    optimise = {"minimise": FORCE, "parameters": [STIFFNESS], "tolerances": tolerances}
+    result = searched(optimise, limits={"peak_displacement": limit})
+    softest = 1.0 + 0.2 * result.tolerances[0].deviations.min()
+    hardest = 1.0 + 0.2 * result.tolerances[0].deviations.max()
+    stiffness = (MASS * SPEED**2 / limit**2 - HELD) / softest
+    assert softest < 0.95
+    assert best(result)["parameters"][WHERE] == pytest.approx(stiffness, rel=0.01)
+    assert best(result)["value"] == pytest.approx(closed(hardest * stiffness)[0], rel=0.01)
+
+
+def test_a_front_has_designs_of_which_none_is_better_in_both():
+    """Every stiffness is on the front, whose product of force and displacement is m v^2; damping is not."""
+    pytest.importorskip("pymoo")
+    damping = {"path": "snubbers[*].damping.coefficient", "from": "0 N s/m", "to": "50 N s/m"}
+    dashpot = [stop | {"damping": {"kind": "viscous", "coefficient": "5 N s/m"}} for stop in CASE["snubbers"]]
+    optimise = {"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS], "most_cases": 120}
+    result = searched(optimise)
+    force, depth = (response.values for response in result.objectives.values())
+    np.testing.assert_allclose(force * depth, MASS * SPEED**2, rtol=2e-2)
+    assert result.front.sum() > 0.9 * result.cases
+    both = searched(optimise | {"parameters": [STIFFNESS, damping], "most_cases": 120}, snubbers=dashpot)
+    force, depth = (response.values for response in both.objectives.values())
+    better = (
+        (force[:, None] <= force) & (depth[:, None] <= depth) & ((force[:, None] < force) | (depth[:, None] < depth))
+    )
+    np.testing.assert_array_equal(both.front, ~better.any(axis=0))
+    assert 0 < both.front.sum() < both.cases
+
+
+def test_the_best_of_a_catalogue_sets_all_that_the_choice_sets():
+    """Tables and numbers of products; the table is that of a linear stop, so that closed forms hold of it as well."""
+    table = [[0.0, 0.0], [0.1, 800.0]]
+    choices = {
+        "hard": {WHERE: "40 kN/m"},
+        "table": {WHERE: None, "snubbers[*].force_deflection": table},
+        "soft": {WHERE: "2 kN/m", "snubbers[*].gap": "1 mm"},
+        "as drawn": {},
+    }
+    optimise = {"minimise": FORCE, "parameters": [{"name": "product", "choices": choices}], "most_cases": 40}
+    result = searched(optimise, limits={"peak_displacement": "9 mm"})
+    assert best(result)["parameters"] == {"product": "table"}  # the soft one is pressed beyond the limit
+    assert best(result)["value"] == pytest.approx(closed(8e3)[0], rel=1e-6)
+    assert result.cases == 4  # each once
+    assert result.summary["as_it_is"]["values"]["peak_force"] == pytest.approx(closed(2e4)[0], rel=1e-6)
+    alone = best_design(result)
+    assert alone.snubbers[0].force_deflection == ((0.0, 0.0), (0.1, 800.0))
+    assert beamsim.run(beamsim.load_scenario(alone.to_yaml())).summary["peak_force_n"]["above"] == pytest.approx(
+        best(result)["value"], rel=1e-9
+    )
+
+
+def test_what_cannot_be_met_is_said():
+    result = searched({"minimise": FORCE, "parameters": [STIFFNESS], "most_cases": 40}, limits={"peak_force": "1 N"})
+    assert "best" not in result.summary
+    assert result.outcome.code == "no_feasible_design"
+    margin = result.summary["margins"]["peak_force"]  # of the design that comes nearest
+    assert margin["verdict"] == "exceeded"
+    assert margin["value"] == pytest.approx(closed(1e3)[0], rel=0.05)

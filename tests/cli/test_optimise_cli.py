@@ -1,0 +1,145 @@
+"""`beamsim sweep` with `optimise:`: files, exit codes, going on after being killed, the same with any workers."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.designs.analysis import CaseSolver
+from beamsim.store.studies import journal_path
+from tests.helpers.commands import invoke
+
+CASE = """\
+title: Stop of a mass
+chain: {masses: [2 kg], springs: [10 N/m]}
+snubbers: [{name: stop, mass: 1, side: above, gap: 0 mm, stiffness: 20 kN/m}]
+run: {duration: 50 ms, start: {displacement: [0], velocity: [0.5 m/s]}}
+limits: {peak_force: 120 N, peak_displacement: 30 mm}
+optimise:
+  minimise: {peak_force: 60 N, peak_displacement: 10 mm}
+  most_cases: 60
+  parameters:
+    - {path: snubbers.stop.stiffness, from: 1 kN/m, to: 100 kN/m, spacing: logarithmic}
+    - {path: snubbers.stop.gap, from: 0 mm, to: 2 mm}
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("case.yaml").write_text(CASE)
+
+
+def same_tables(one, other):
+    one, other = (beamsim.open_result(path) for path in (one, other))
+    assert one.table.keys() == other.table.keys()
+    for name, column in one.table.items():
+        np.testing.assert_array_equal(column, other.table[name], err_msg=name)
+    assert one.summary["best"] == other.summary["best"]
+    assert one.status == other.status
+
+
+def test_the_best_design_is_written_as_a_scenario_and_drawn():
+    done = invoke("sweep", "case.yaml", "--workers", 1, "--json")
+    summary = json.loads(done.stdout)
+    best = summary["best"][0]
+    assert done.exit_code == 0, done.output
+    assert summary["files"] == ["case.h5", "case_best.yaml", "case_search.png", "case_best.png", "case_scatter.png"]
+    assert all(Path(name).stat().st_size > 0 for name in summary["files"])
+    alone = json.loads(invoke("run", "case_best.yaml", "--json", "--no-plots").stdout)
+    force, displacement = alone["peak_force_n"]["stop"], max(alone["peak_displacement_m"].values())
+    assert force / 60.0 + displacement / 10e-3 == pytest.approx(best["value"], rel=1e-6)
+    assert alone["margins"]["peak_force"]["verdict"] == summary["margins"]["peak_force"]["verdict"] == "ok"
+    stored = beamsim.open_result("case.h5")
+    assert stored.runs.keys() == {"best", "as_it_is"}
+    assert stored.runs["best"].force.max() == pytest.approx(force, rel=1e-2)  # between samples
+    shown = invoke("info", "case.h5").stdout
+    for text in ("as it is", "within 1 %", "convergence", "search of"):
+        assert text in shown
+
+
+def test_two_workers_find_what_one_finds():
+    assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-o", "one.h5").exit_code == 0
+    assert invoke("sweep", "case.yaml", "--workers", 2, "--no-plots", "-o", "two.h5").exit_code == 0
+    same_tables("one.h5", "two.h5")
+    other = invoke("sweep", "case.yaml", "--set", "optimise.seed=1", "--no-plots", "-o", "other.h5")
+    assert other.exit_code == 0
+    assert not np.array_equal(
+        *(beamsim.open_result(f"{name}.h5").coordinates[0].values[:20] for name in ("one", "other"))
+    )
+
+
+def test_an_interrupted_search_goes_on_where_it_was(monkeypatch):
+    assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-o", "whole.h5").exit_code == 0
+    solved, whole = [], beamsim.open_result("whole.h5").cases
+
+    def solve(self, case, real=CaseSolver.solve):
+        solved.append(case.number)
+        if len(solved) == 25:  # amid a generation
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.3)
+        return real(self, case)
+
+    monkeypatch.setattr(CaseSolver, "solve", solve)
+    done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
+    assert done.exit_code == 130, done.output
+    assert "24 of at most 60 cases are in case.h5; --resume computes the others" in done.output
+    assert "has tried 24 of at most 60 designs" in beamsim.open_result("case.h5").status
+    again = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--resume")
+    assert again.exit_code == 0, again.output
+    assert sorted(solved) == sorted([24, *range(whole)])  # only the one that was under way is solved twice
+    same_tables("whole.h5", "case.h5")
+    assert not journal_path(Path("case.h5")).exists()
+    assert "nothing to compute" in invoke("sweep", "case.yaml", "--resume").output
+
+
+@pytest.mark.slow
+def test_a_killed_search_goes_on_where_it_was():
+    assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-o", "whole.h5").exit_code == 0
+    command = [sys.executable, "-m", "beamsim", "sweep", "case.yaml", "--workers", "2", "--no-plots"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        journal = journal_path(Path("case.h5"))
+        while process.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") > 20):
+            time.sleep(0.002)
+        process.kill()
+    assert journal.read_bytes().count(b"\n") > 20
+    assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--resume").exit_code == 0
+    same_tables("whole.h5", "case.h5")
+
+
+@pytest.mark.slow
+def test_cases_that_are_sweeps_are_solved_by_processes():
+    shaken = CASE.replace("run: {duration: 50 ms, start: {displacement: [0], velocity: [0.5 m/s]}}", (
+        "excitation: {kind: harmonic, applied_to: base, level: 1, frequency: 5 Hz}\n"
+        "sweep: {kind: stepped, from: 8 Hz, to: 12 Hz, points: 3}"
+    ))  # fmt: skip
+    Path("case.yaml").write_text(shaken.replace("most_cases: 60", "most_cases: 20"))
+    for workers in (1, 2):
+        done = invoke("sweep", "case.yaml", "--workers", workers, "--no-plots", "-o", f"{workers}.h5")
+        assert done.exit_code in (0, 3), done.output
+    same_tables("1.h5", "2.h5")
+
+
+def test_exit_codes_say_whether_a_design_meets_the_limits():
+    assert invoke("sweep", "case.yaml", "--check", "--no-plots").exit_code == 0
+    sets = ["--set", "limits.peak_force=1 N", "--set", "optimise.most_cases=20", "--no-plots"]
+    without = invoke("sweep", "case.yaml", *sets)
+    assert without.exit_code == 3
+    assert "none of 20 designs meets every limit" in without.output
+    checked = invoke("sweep", "case.yaml", *sets, "--check")
+    assert checked.exit_code == 4
+    assert "exceeds limits.peak_force" in checked.output
+
+
+def test_a_search_that_may_try_too_few_designs_says_so():
+    done = invoke("sweep", "case.yaml", "--set", "optimise.most_cases=18", "--no-plots")
+    assert done.exit_code == 0
+    assert "NOT CONVERGED" in done.output
+    assert "ended after 18 designs while it still found better ones" in done.output
