@@ -46,6 +46,8 @@ def run_screen(result: RunResult) -> Screen:
         largest = [f"{of.name} {words(of.quantity)} {text}" for of in signals if (text := _expected_peak(of))]
         if largest:
             lines.append(f"largest in {amount(random.test_duration_s, 's')} of test: {first_of(largest, SHOWN)}")
+    changing = [(name, of) for name, of in sensitivity_texts(result).items() if name.startswith(("peak f", "peak d"))]
+    lines += [f"{name}: {first_of(of, SHOWN)}" for name, of in changing[:SHOWN]]
     for name, body in s.get("fatigue", {}).items():
         interval = f" ({body['damage_low']:.2g} to {body['damage_high']:.2g}, 95 %)" if "damage_low" in body else ""
         lines.append(f"damage of {name} {body['damage']:.2g}{interval}")
@@ -56,6 +58,17 @@ def run_screen(result: RunResult) -> Screen:
         diverge = "" if until >= result.time[-1] else f" until {until:.4g} s, where the contact sequences diverge"
         lines.append(f"{compared['method']}: displacements differ by at most {apart}{diverge}")
     return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+
+
+def sensitivity_texts(result: RunResult) -> dict[str, list[str]]:
+    """By value how it changes with the tolerance of each number, the largest change first."""
+    texts: dict[str, list[str]] = {}
+    for row in sorted(result.sensitivities, key=lambda row: -abs(row.change)):
+        _, *place, quantity = ("", *row.response.split("/"))[-3:]
+        change = f"{'-' if row.change < 0.0 else '+'}{amount(abs(row.change), row.value_unit, 3)}"
+        of_value = texts.setdefault(" of ".join([words(quantity), *place]), [])
+        of_value.append(f"{row.path} +{amount(row.tolerance, row.number_unit, 3)}: {change}")
+    return texts
 
 
 def _matched(_: RunResult, of: Mapping[str, float]) -> str:
@@ -280,6 +293,7 @@ RUN_VIEWS: Views = {
     "gap_m": together("gap_m", "static_force_n", "blocked_force_n", "stiffness_ratio"),
     "peak_moment_n_m": together("peak_moment_n_m"),
     "gap_rad": together("gap_rad", "static_moment_n_m", "blocked_moment_n_m"),
+    "sensitivities": lambda result, _: {name: ", ".join(of) for name, of in sensitivity_texts(result).items()},
     "spectral_lines": _spectral_lines,
     "impacts": _impacts,
     "matched": _matched,

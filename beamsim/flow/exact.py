@@ -285,6 +285,15 @@ class ExactFlow:
         output.direct[:, 0] = values
         return output
 
+    def is_like(self, other: ExactFlow) -> bool:
+        """Whether another flow has as many coordinates, contacts with as many phases, and sources on as many pieces."""
+        sizes = [
+            (each.system.size, [(len(law.phases), law.internal_states) for law in each.system.contacts.laws],
+             each.sources.power.tolist(), each.sources.channel.tolist(), each.sources.start.size)
+            for each in (self, other)
+        ]  # fmt: skip
+        return sizes[0] == sizes[1]
+
     @property
     def size(self) -> int:
         """N, of the state vector."""

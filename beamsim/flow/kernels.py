@@ -89,6 +89,32 @@ def _exp(re: float, im: float, tau: float) -> complex:
 
 
 @kernel
+def _shift(inputs, amplitude, piece, t, shifted):
+    """Amplitudes of the inputs, or changes of them, about another time than the start of their piece.
+
+    Parameters
+    ----------
+    inputs : Inputs.
+    amplitude : (P, F) about the starts of the pieces.
+    piece : of the inputs.
+    t : s.
+    shifted : (F,) or more; the first F are written.
+    """
+    shift = t - inputs.start[piece]
+    for f in range(inputs.exponent.size):
+        total = amplitude[piece, f]
+        factor = 1.0
+        for q in range(f + 1, inputs.group_last[f] + 1):
+            step = q - f
+            factor = factor * shift * (inputs.power[f] + step) / step
+            total += factor * amplitude[piece, q]
+        nu = inputs.exponent[f]
+        if shift != 0.0 and nu != 0.0:
+            total *= _exp(nu.real, nu.imag, shift)
+        shifted[f] = total
+
+
+@kernel
 def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):
     """Amplitudes of all sources at the start (time t, state y) of a segment in state s; ``rest`` (N,) is for work.
 
@@ -103,18 +129,7 @@ def _fill_sources(tables, s, inputs, piece, t, y, rest, zeta):
     zeta : (F + Z,) of the inputs, then of the free motions; written.
     """
     F = inputs.exponent.size
-    shift = t - inputs.start[piece]
-    for f in range(F):
-        total = inputs.amplitude[piece, f]
-        factor = 1.0
-        for q in range(f + 1, inputs.group_last[f] + 1):
-            step = q - f
-            factor = factor * shift * (inputs.power[f] + step) / step
-            total += factor * inputs.amplitude[piece, q]
-        nu = inputs.exponent[f]
-        if shift != 0.0 and nu != 0.0:
-            total *= _exp(nu.real, nu.imag, shift)
-        zeta[f] = total
+    _shift(inputs, inputs.amplitude, piece, t, zeta)
     for k in range(y.size):
         rest[k] = y[k]
     for q in range(tables.n_terms[s]):

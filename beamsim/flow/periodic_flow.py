@@ -223,50 +223,13 @@ class ContactDirection:
 
 
 @dataclass(frozen=True)
-class StructureDirection:
-    """A parameter p along which the structure's matrices and loads change: their derivatives by p.
+class DampingDirection:
+    """A parameter p along which the structure's damping changes: its derivative by p."""
 
-    The mass matrix is one at p = 0.
-    """
-
-    stiffness: Floats  # (n, n) symmetric, 1/s^2
     damping: Floats  # (n, n) symmetric, 1/s
-    mass: Floats  # (n, n) symmetric
-    load: Floats  # (n,) constant loads
-
-    @classmethod
-    def of(
-        cls,
-        size: int,
-        stiffness: Any = 0.0,
-        damping: Any = 0.0,
-        mass: Any = 0.0,
-        load: Any = 0.0,
-    ) -> StructureDirection:
-        """A direction from what changes; the rest does not.
-
-        Parameters
-        ----------
-        size : n.
-        stiffness, damping, mass : (n, n), or their diagonals (n,), per unit of the parameter.
-        load : (n,) constant loads per unit of the parameter.
-
-        Returns
-        -------
-        The direction, with whole matrices.
-        """
-
-        def matrix(value: Any) -> Floats:
-            value = np.asarray(value, dtype=float)
-            return np.array(value if value.ndim == 2 else np.diag(np.broadcast_to(value, size)))
-
-        return cls(
-            matrix(stiffness), matrix(damping), matrix(mass),
-            np.array(np.broadcast_to(np.asarray(load, dtype=float), size)),
-        )  # fmt: skip
 
 
-Direction = ContactDirection | StructureDirection
+Direction = ContactDirection | DampingDirection
 Parameter = Frequency | Level | Direction
 
 
@@ -300,8 +263,8 @@ class Passage:
         return np.asarray(values[np.lexsort((-values.imag, -np.abs(values)))])
 
 
-def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:
-    """The system with its contacts' numbers moved along a direction.
+def moved_system(system: PiecewiseLinearSystem, direction: Direction, amount: float) -> PiecewiseLinearSystem:
+    """The system with its numbers moved along a direction.
 
     Parameters
     ----------
@@ -313,6 +276,8 @@ def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amo
     -------
     The other system.
     """
+    if isinstance(direction, DampingDirection):
+        return replace(system, damping=system.damping + amount * direction.damping)
     c = system.contacts
     moved = replace(c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape)
     if direction.along is not None:
@@ -471,7 +436,7 @@ class PeriodicFlow(ABC):
         for i, p in enumerate(parameters):
             if isinstance(p, ContactDirection):
                 by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ passage.end[:n])
-            elif sign and self.base_moves and not isinstance(p, StructureDirection):
+            elif sign and self.base_moves and not isinstance(p, DampingDirection):
                 _, base, _, dbase = self.loads.at(self.omega, self.level)
                 moving = dbase + 1j * self.loads.multiple * t * base
                 if isinstance(p, Level):

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.flow.compiled import kernel, summing
-from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _moments, _state_at
+from beamsim.flow.kernels import _exp, _fill_basis, _fill_sources, _moments, _shift, _state_at
 
+AT_ZERO = 1e-9  # of the terms of a guard, that counts as zero at an event
 ROUND_OFF = 1e-14  # of the terms that make up two rates: a smaller difference of them is none
 
 
@@ -18,10 +19,14 @@ class Factors(NamedTuple):
     The first of each array is that of the flow; the others are what each of P parameters changes.
     """
 
-    rates: Any  # (1 + P, G, N, V) the state's time derivative
-    after: Any  # (1 + P, G + 1, N + 1, V) state and guard of the events between segments; ends have no guard
-    amplitude: Any  # (P, F) changes of the inputs' amplitudes about t = 0
+    rates: Any  # (1 + P, K, N, V) the state's time derivative in K contact states
+    after: Any  # (1 + P, E, N + 1, V) state and guard of E sorts of events between segments; ends have no guard
+    state: Any  # (G,) of the segments, among those of `rates`
+    event: Any  # (G + 1,) between them, among those of `after`
+    amplitude: Any  # (P, pieces, F) changes of the inputs' amplitudes about the starts of their pieces
     exponent: Any  # (P, F) changes of their exponents, 1/s
+    begin: Any  # (P, pieces) changes of the starts, s
+    order: Any  # (4, F) derivatives of inputs of unit amplitude where their power is that of no time
 
 
 class Instant(NamedTuple):
@@ -29,6 +34,7 @@ class Instant(NamedTuple):
 
     v: Any  # (V,) the state, the inputs and their slopes
     moving: Any  # (V,) their time derivatives
+    turning: Any  # (V,) those of these
     moved: Any  # (P, 2 F) changes of the inputs and of their slopes by the parameters
 
 
@@ -37,36 +43,52 @@ class Segment(NamedTuple):
 
     number: Any
     state: Any  # contact state
+    piece: Any  # of the inputs
     time: Any  # s, when it begins
     length: Any  # s
     zeta: Any  # (F + Z,) amplitudes at its beginning
     basis: Any  # (B,) basis functions at its end
 
 
+class Kept(NamedTuple):
+    """What is kept of the derivatives along a motion."""
+
+    dt: Any  # (G + 1, C) s, change of the time of each event
+    pace: Any  # (2, G + 1) rate of its guard before it, and the rate of that
+    event: Any  # (M,) number of the event at each of some instants, in order
+    later: Any  # (M,) 1 after it, 0 before it, in order
+    instant: Any  # Instant of arrays with M rows, but for `turning`
+    S: Any  # (M, N, C) change of the state at a fixed time
+
+
 @kernel
-def _fill_inputs(inputs, of, t, now):
-    """Inputs, exponentials from t = 0 on, with their slopes and changes, into an Instant.
+def _fill_inputs(inputs, of, piece, t, work, now):
+    """Inputs with their slopes and changes into an Instant.
 
     Parameters
     ----------
     inputs, of : Inputs, Factors.
+    piece : of the inputs.
     t : s.
+    work : (2, F) room.
     now : Instant, written but for the state.
     """
     F = inputs.exponent.size
     N = now.v.size - 2 * F
+    value, change = work
+    _shift(inputs, inputs.amplitude, piece, t, value)
     for f in range(F):
-        nu = inputs.exponent[f]
-        turned = _exp(nu.real, nu.imag, t)
-        value = inputs.amplitude[0, f] * turned
-        now.v[N + f] = value.real
-        now.v[N + F + f] = now.moving[N + f] = (nu * value).real
-        now.moving[N + F + f] = (nu * nu * value).real
-        for p in range(of.exponent.shape[0]):
-            rising = value * of.exponent[p, f]
-            change = of.amplitude[p, f] * turned + rising * t
-            now.moved[p, f] = change.real
-            now.moved[p, F + f] = (nu * change + rising).real
+        now.v[N + f] = (value[f] * of.order[0, f]).real
+        now.v[N + F + f] = now.moving[N + f] = (value[f] * of.order[1, f]).real
+        now.moving[N + F + f] = now.turning[N + f] = (value[f] * of.order[2, f]).real
+        now.turning[N + F + f] = (value[f] * of.order[3, f]).real
+    for p in range(of.exponent.shape[0]):
+        _shift(inputs, of.amplitude[p], piece, t, change)
+        for f in range(F):
+            rising = value[f] * of.exponent[p, f]
+            steady = change[f] + rising * (t - inputs.start[piece])
+            now.moved[p, f] = (steady * of.order[0, f]).real
+            now.moved[p, F + f] = (steady * of.order[1, f]).real + (rising.real if inputs.power[f] == 0 else 0.0)
 
 
 @kernel
@@ -85,13 +107,14 @@ def _differentiate(after, m, now, S, out):
 
     Parameters
     ----------
-    after : (1 + P, G + 1, k, V) factors, and what the parameters change of them.
-    m : number of the event.
+    after : (1 + P, E, k, V) factors, and what the parameters change of them.
+    m : number of the sort of event.
     now : Instant.
-    S : (N, N + P) change of the state by the start and by the parameters.
-    out : (k, N + P); written.
+    S : (N, C) change of the state, in the last P columns by the parameters.
+    out : (k, C); written.
     """
     N, columns = S.shape
+    first = columns - now.moved.shape[0]
     for i in range(out.shape[0]):
         for j in range(columns):
             out[i, j] = 0.0
@@ -100,11 +123,11 @@ def _differentiate(after, m, now, S, out):
             if factor != 0.0:
                 for j in range(columns):
                     out[i, j] += factor * S[k, j]
-        for p in range(columns - N):
+        for p in range(columns - first):
             for k in range(now.v.size):
-                out[i, N + p] += after[1 + p, m, i, k] * now.v[k]
+                out[i, first + p] += after[1 + p, m, i, k] * now.v[k]
             for k in range(now.moved.shape[1]):
-                out[i, N + p] += after[0, m, i, N + k] * now.moved[p, k]
+                out[i, first + p] += after[0, m, i, N + k] * now.moved[p, k]
 
 
 @summing
@@ -115,8 +138,8 @@ def _transit(tables, segment, first, free, S):
     ----------
     tables, segment : Tables, Segment.
     first : number of the first free amplitude.
-    free : (2, Z, N + P) room for changes of the free amplitudes.
-    S : (N, N + P).
+    free : (2, Z, C) room for changes of the free amplitudes.
+    S : (N, C).
     """
     s, (N, columns) = segment.state, S.shape
     for z in range(tables.n_free[s]):
@@ -140,40 +163,51 @@ def _transit(tables, segment, first, free, S):
 
 
 @kernel
-def _fill_load(tables, inputs, of, segment, p, load):
+def _fill_load(tables, inputs, of, segment, p, steady, load):
     """The load that a parameter's change is over a segment.
 
     Parameters
     ----------
     tables, inputs, of, segment : Tables, Inputs, Factors, Segment.
     p : number of the parameter.
+    steady : (F,) room for work.
     load : (B + 2 F, N) factors of the basis functions, of the sources, and of these times the time since the segment
         began; written.
+
+    Returns
+    -------
+    bool
+        Whether there is any.
     """
     s, zeta, F, N = segment.state, segment.zeta, inputs.exponent.size, load.shape[1]
-    rates, own, B = of.rates[0, segment.number], of.rates[1 + p, segment.number], load.shape[0] - 2 * F
+    rates, own = of.rates[0, of.state[segment.number]], of.rates[1 + p, of.state[segment.number]]
+    B, some = load.shape[0] - 2 * F, False
+    load[:] = 0.0
     for i in range(N):
         acts = False
         for k in range(N):
             acts = acts or own[i, k] != 0.0
-        for b in range(B):
-            load[b, i] = 0.0
         if acts:
+            some = True
             for q in range(tables.n_terms[s]):
                 total = 0.0j
                 for k in range(N):
                     total += own[i, k] * tables.term_vector[s, q, k]
                 load[tables.term_basis[s, q], i] += total * zeta[tables.term_source[s, q]]
+    _shift(inputs, of.amplitude[p], segment.piece, segment.time, steady)
     for f in range(F):
-        nu = inputs.exponent[f]
-        turned = _exp(nu.real, nu.imag, segment.time)
-        rising = turned * inputs.amplitude[0, f] * of.exponent[p, f]
-        steady = turned * of.amplitude[p, f] + rising * segment.time
+        nu, power = inputs.exponent[f], inputs.power[f]
+        rising = zeta[f] * of.exponent[p, f]
+        change = steady[f] + rising * (segment.time - inputs.start[segment.piece])
         for i in range(N):
             direct, slope = rates[i, N + f] + nu * rates[i, N + F + f], rates[i, N + F + f]
-            load[B + f, i] = steady * direct + rising * slope
+            load[B + f, i] += change * direct + (power + 1) * rising * slope
             load[B + f, i] += zeta[f] * (own[i, N + f] + nu * own[i, N + F + f])
             load[B + F + f, i] = rising * direct
+            if power > 0:
+                load[B + f - 1, i] += power * (change * slope + zeta[f] * own[i, N + F + f])
+            some = some or load[B + f, i] != 0.0 or load[B + F + f, i] != 0.0
+    return some
 
 
 @kernel
@@ -205,120 +239,191 @@ def _convolution(a, q, b, p, tau, moments):
 
 
 @kernel
-def _respond(tables, inputs, segment, load, moments, column):
-    """Add the response at the end of a segment to a load.
+def _respond(tables, inputs, segment, load, moments, S):
+    """Add the responses at the end of a segment to loads.
 
     Parameters
     ----------
     tables, inputs, segment : Tables, Inputs, Segment.
-    load : (B + 2 F, N) see `_fill_load`.
+    load : (P, B + 2 F, N) see `_fill_load`.
     moments : room for work.
-    column : (N,) written to.
+    S : (N, P) written to.
     """
-    s, tau, F = segment.state, segment.length, inputs.exponent.size
-    B = load.shape[0] - 2 * F
-    for c in range(load.shape[0]):
+    s, tau, F, (P, rows, N) = segment.state, segment.length, inputs.exponent.size, load.shape
+    B = rows - 2 * F
+    for c in range(rows):
         acts = False
-        for k in range(column.size):
-            acts = acts or load[c, k] != 0.0
+        for p in range(P):
+            for k in range(N):
+                acts = acts or load[p, c, k] != 0.0
         if not acts:
             continue
         b = tables.exponent[s, c] if c < B else inputs.exponent[(c - B) % F]
-        p = tables.power[s, c] if c < B else (c - B) // F
+        power = tables.power[s, c] if c < B else inputs.power[(c - B) % F] + (c - B) // F
         for q in range(tables.n_terms[s]):
-            z = tables.term_source[s, q] - F
+            z, of = tables.term_source[s, q] - F, tables.term_basis[s, q]
             if z < 0:
                 continue
-            push, pull, of = 0.0j, 0.0j, tables.term_basis[s, q]
-            for k in range(column.size):
-                push += tables.projector[s, z, k] * load[c, k]
-                pull += tables.projector[s, z, k] * load[c, k].conjugate()
-            a, power = tables.exponent[s, of], tables.power[s, of]
-            total = 0.5 * push * _convolution(a, power, b, p, tau, moments)
-            total += 0.5 * pull * _convolution(a, power, b.conjugate(), p, tau, moments)
-            for k in range(column.size):
-                column[k] += (total * tables.term_vector[s, q, k]).real
+            a, own = tables.exponent[s, of], tables.power[s, of]
+            pushed = 0.5 * _convolution(a, own, b, power, tau, moments)
+            pulled = 0.5 * _convolution(a, own, b.conjugate(), power, tau, moments)
+            for p in range(P):
+                push, pull = 0.0j, 0.0j
+                for k in range(N):
+                    push += tables.projector[s, z, k] * load[p, c, k]
+                    pull += tables.projector[s, z, k] * load[p, c, k].conjugate()
+                total = push * pushed + pull * pulled
+                for k in range(N):
+                    S[k, p] += (total * tables.term_vector[s, q, k]).real
 
 
 @kernel
-def _fill_jump(of, m, now, after, out):
+def _fill_jump(of, m, now, then, out):
     """Rate of the state after an event, if it came later, less that of the motion which goes on from it.
 
     Parameters
     ----------
     of, now : Factors, and the Instant before the event.
     m : number of the segment that begins with it.
-    after : (V,) room for what follows.
+    then : Instant after it.
     out : (N,) written.
     """
-    N, reset = out.size, of.after[0, m]
-    for k in range(N, after.size):
-        after[k] = now.v[k]
-    _product(reset, now.v, after[:N])
+    N, reset, before, rates = out.size, of.after[0, of.event[m]], of.rates[0, of.state[m - 1]], of.rates[0, of.state[m]]
     for i in range(N):
         change, size = 0.0, 0.0
-        for k in range(after.size):
-            change += reset[i, k] * now.moving[k] - of.rates[0, m, i, k] * after[k]
+        for k in range(now.v.size):
+            change += reset[i, k] * now.moving[k] - rates[i, k] * then.v[k]
         for k in range(N):
-            size += abs(of.rates[0, m, i, k] * after[k])
+            size += abs(rates[i, k] * then.v[k])
             if reset[i, k] != 0.0:
                 for j in range(N):
-                    size += abs(reset[i, k] * of.rates[0, m - 1, k, j] * now.v[j])
+                    size += abs(reset[i, k] * before[k, j] * now.v[j])
         out[i] = change if abs(change) > ROUND_OFF * size else 0.0
 
 
 @kernel
-def differentiate(tables, inputs, log, of, S, end, slope):
-    """The derivatives of a motion's end.
+def _keep(kept, row, m, later, now, S):
+    """Write an Instant and the changes then, if they are asked for.
 
     Parameters
     ----------
-    tables, inputs : Tables of the contact states, Inputs on one piece.
+    kept : Kept.
+    row : first that is not written yet.
+    m, later : number of the event, and whether it is after it.
+    now : the Instant.
+    S : (N, C).
+
+    Returns
+    -------
+    int
+        The next row.
+    """
+    while row < kept.event.size and kept.event[row] == m and kept.later[row] == later:
+        kept.instant.v[row] = now.v
+        kept.instant.moving[row] = now.moving
+        kept.instant.moved[row] = now.moved
+        kept.S[row] = S
+        row += 1
+    return row
+
+
+@kernel
+def _make_instant(V, P, F):
+    """Room for an Instant."""
+    return Instant(np.empty(V), np.empty(V), np.empty(V), np.empty((P, 2 * F)))
+
+
+@kernel
+def _cross(of, log, m, now, then, work, S, kept):
+    """Carry the changes of a state over the event between two segments, or over the start of a piece of the inputs.
+
+    Parameters
+    ----------
+    of, log : Factors, and the motion's G segments.
+    m : number of the event, from 0 at the beginning to G at the end.
+    now, then : Instant before it, and after it.
+    work : (N + 1, C) and (N,) room.
+    S : (N, C) changes at a fixed time; written.
+    kept : Kept, written.
+    """
+    (N, columns), G, (change, jump), event, pace = S.shape, log.time.size, work, of.event[m], kept.pace[:, m]
+    _differentiate(of.after, event, now, S, change)
+    pace[:], guard, size, first = 0.0, 0.0, 0.0, columns - of.exponent.shape[0]
+    for k in range(now.v.size):
+        factor = of.after[0, event, N, k]
+        guard += factor * now.v[k]
+        size += abs(factor * now.v[k])
+        pace[0] += factor * now.moving[k]
+        pace[1] += factor * now.turning[k]
+    # what follows at the same instant, since a phase does not last, moves with the event before; where another guard
+    # just then crosses zero, it has its own time
+    alone = m < 2 or m == G or log.length[m - 1] > 0.0 or (pace[0] < 0.0 and abs(guard) <= AT_ZERO * size)
+    begins, dt, moves = 0 < m < G and log.piece[m] != log.piece[m - 1] and pace[0] == 0.0, kept.dt[m], False
+    for j in range(columns):
+        dt[j] = kept.dt[max(m - 1, 0), j]
+        if alone:
+            dt[j] = -change[N, j] / pace[0] if pace[0] != 0.0 else 0.0  # zero of a contact that begins at rest
+        if begins and j >= first:
+            dt[j] = of.begin[j - first, log.piece[m]]
+        moves = moves or dt[j] != 0.0
+    if moves:
+        _fill_jump(of, m, now, then, jump)
+    for i in range(N):
+        for j in range(columns):
+            S[i, j] = change[i, j] + jump[i] * dt[j] if moves else change[i, j]
+
+
+@kernel
+def differentiate(tables, inputs, log, of, S, end, kept):
+    """The derivatives along a motion.
+
+    Parameters
+    ----------
+    tables, inputs : Tables of the contact states, Inputs.
     log : the motion's G segments (see `beamsim.flow.transient.Log`).
     of : Factors.
-    S : (N, N + P) by the start and by the parameters; written, as the others.
-    end, slope : (N,) the last state and its time derivative.
+    S : (N, C) changes of its start; the last P of them those by the parameters. Written: those of its end.
+    end : (2, N) the last state and its time derivative; written.
+    kept : Kept; written.
     """
     (N, columns), F, G, B = S.shape, inputs.exponent.size, log.time.size, tables.exponent.shape[1]
-    P, V, Z = columns - N, N + 2 * F, tables.projector.shape[1]
+    P, V, Z = of.exponent.shape[0], N + 2 * F, tables.projector.shape[1]
     # each is written before it is read; zeros would take longer to compile
-    now = Instant(np.empty(V), np.empty(V), np.empty((P, 2 * F)))
+    now, then = _make_instant(V, P, F), _make_instant(V, P, F)
     zeta, basis, rest = np.empty(F + Z, np.complex128), np.empty(B, np.complex128), np.empty(N)
-    load, moments = np.empty((B + 2 * F, N), np.complex128), np.empty(2 * B + 2, np.complex128)
-    free, change, dt = np.empty((2, Z, columns)), np.empty((N + 1, columns)), np.empty(columns)
-    jump, after, t = np.empty(N), np.empty(V), log.time[0]
-    for k in range(N):
-        now.v[k] = log.y[0, k]
-        for j in range(columns):
-            S[k, j] = 1.0 if j == k else 0.0
+    load, moments = np.empty((P, B + 2 * F, N), np.complex128), np.empty(2 * (B + F) + 2, np.complex128)
+    free, inner, work = (
+        np.empty((2, Z, columns)),
+        np.empty((2, F), np.complex128),
+        (np.empty((N + 1, columns)), np.empty(N)),
+    )
+    t, row = log.time[0], 0
+    now.v[:N] = log.y[0]
     for m in range(G + 1):
+        before, after = max(m - 1, 0), min(m, G - 1)
         if m > 0:
-            segment = Segment(m - 1, log.state[m - 1], log.time[m - 1], log.length[m - 1], zeta, basis)
+            segment = Segment(
+                m - 1, log.state[m - 1], log.piece[m - 1], log.time[m - 1], log.length[m - 1], zeta, basis
+            )
             s = segment.state
-            _fill_sources(tables, s, inputs, log.piece[m - 1], segment.time, log.y[m - 1], rest, zeta)
+            _fill_sources(tables, s, inputs, segment.piece, segment.time, log.y[m - 1], rest, zeta)
             _fill_basis(tables.exponent[s], tables.power[s], tables.n_basis[s], segment.length, basis)
             _state_at(tables, s, zeta, basis, now.v[:N])
             _transit(tables, segment, F, free, S)
+            some = False
             for p in range(P):
-                _fill_load(tables, inputs, of, segment, p, load)
-                _respond(tables, inputs, segment, load, moments, S[:, N + p])
+                some = _fill_load(tables, inputs, of, segment, p, inner[0], load[p]) or some
+            if some:
+                _respond(tables, inputs, segment, load, moments, S[:, columns - P :])
             t = segment.time + segment.length
-        _fill_inputs(inputs, of, t, now)
-        _product(of.rates[0, max(m - 1, 0)], now.v, now.moving[:N])
-        _differentiate(of.after, m, now, S, change)
-        pace = 0.0
-        for k in range(V):
-            pace += of.after[0, m, N, k] * now.moving[k]
-        # what follows at the same instant, since a phase does not last, moves with the event before
-        alone, moves = m < 2 or m == G or log.length[m - 1] > 0.0, False
-        for j in range(columns):
-            if alone:
-                dt[j] = -change[N, j] / pace if pace != 0.0 else 0.0  # zero of a contact that begins at rest
-            moves = moves or dt[j] != 0.0
-        if moves:
-            _fill_jump(of, m, now, after, jump)
-        for i in range(N):
-            for j in range(columns):
-                S[i, j] = change[i, j] + jump[i] * dt[j] if moves else change[i, j]
-    _product(of.after[0, G], now.v, end)
-    _product(of.after[0, G], now.moving, slope)
+        _fill_inputs(inputs, of, log.piece[before], t, inner, now)
+        _product(of.rates[0, of.state[before]], now.v, now.moving[:N])
+        _product(of.rates[0, of.state[before]], now.moving, now.turning[:N])
+        row = _keep(kept, row, m, 0, now, S)
+        _fill_inputs(inputs, of, log.piece[after], t, inner, then)
+        _product(of.after[0, of.event[m]], now.v, then.v[:N])
+        _product(of.rates[0, of.state[after]], then.v, then.moving[:N])
+        _cross(of, log, m, now, then, work, S, kept)
+        row = _keep(kept, row, m, 1, then, S)
+    end[0] = then.v[:N]
+    _product(of.after[0, of.event[G]], now.moving, end[1])

@@ -24,31 +24,34 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from beamsim.flow.contact_state import LinearOutput, held_contacts
+from beamsim.flow.contact_state import LinearOutput, OutputOf, held_contacts
 from beamsim.flow.exact import LONGEST_WINDOW_RADIANS, ExactFlow
 from beamsim.flow.periodic_flow import (
     ContactDirection,
+    DampingDirection,
+    Direction,
     Frequency,
     Level,
     Parameter,
     Passage,
     PeriodicFlow,
-    StructureDirection,
     WorkExceeded,
     check_finite,
     moved_system,
 )
-from beamsim.flow.sensitivity_kernels import Factors, differentiate
+from beamsim.flow.sensitivity_kernels import Factors, Instant, Kept, differentiate
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log, March, Motion
 from beamsim.outcomes import COMPLETE
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
 
+Number = TypeVar("Number", np.float64, np.complex128)
 EventKey = tuple[Ints, int, int] | None  # (m,) phases before it, the contact, and its new phase; None: nothing happens
 
 
@@ -57,16 +60,41 @@ class FlowOutputs:
 
     They are the same under all loads that differ in their signals alone. Each is made once. Where the state changes at
     once, its factors (N) are above those of the event's guard.
+
+    Parameters
+    ----------
+    flow : under its loads.
+    turn : (n, n) orthogonal; other coordinates for a unit of each of the flow's, in which the outputs are. By default
+        those of the flow.
     """
 
-    def __init__(self, flow: ExactFlow) -> None:
-        self.flow = flow
+    def __init__(self, flow: ExactFlow, turn: Floats | None = None) -> None:
+        self.flow, self.turn = flow, turn
         self._made: dict[tuple[object, ...], Floats] = {}
 
     def _once(self, key: tuple[object, ...], make: Callable[[], Floats]) -> Floats:
         if key not in self._made:
-            self._made[key] = make()
+            self._made[key] = self._turned(make(), states=True)
         return self._made[key]
+
+    def _turned(self, factors: Floats, *, states: bool) -> Floats:
+        """Factors (k, V) in the other coordinates; of outputs that begin with states, these in them as well."""
+        if self.turn is not None:
+            n = self.turn.shape[0]
+            for part in (slice(0, n), slice(n, 2 * n)):
+                factors[:, part] = factors[:, part] @ self.turn.T
+                if states:
+                    factors[part] = self.turn @ factors[part]
+        return factors
+
+    def outputs(self, output_of: OutputOf, phases: Ints) -> Floats:
+        """(k, V) outputs of the flow in given phases."""
+        return self._turned(_factors(output_of(phases)), states=False)
+
+    def state(self, initial: Floats) -> Floats:
+        """(N,) a state, from its first entries at least."""
+        state = self.flow.whole_state(initial)
+        return np.asarray(self._turned(state[None, :], states=False)[0])
 
     def rates(self, phases: Ints) -> Floats:
         """(N, V) the time derivative of the state."""
@@ -146,160 +174,136 @@ def _write(flow: ExactFlow, state: LinearOutput, internal: Ints, written: Linear
     state.row[place], state.direct[place], state.direct_slope[place] = written.row, written.direct, written.direct_slope
 
 
-class Change:
-    """What a parameter changes: by default nothing."""
+class SourceRates:
+    """What a parameter of the inputs changes: derivatives of their amplitudes (F,) about t = 0, and exponents (F,)."""
 
-    def __init__(self, flow: ExactFlow) -> None:
-        self.flow = flow
-        self.amplitude, self.exponent = np.zeros(
-            (2, flow.sources.count), dtype=complex
-        )  # (F,) of the inputs, from t = 0
-        self._none = np.zeros((flow.size + 1, flow.size + 2 * flow.sources.count))
+    def __init__(self, outputs: FlowOutputs, amplitude: Complexes, exponent: Complexes) -> None:
+        sources, self._outputs = outputs.flow.sources, outputs
+        self.amplitude, self.begin = np.zeros_like(sources.amplitude), np.zeros_like(sources.start)
+        self.exponent = np.append(0j, exponent)
+        self.amplitude[0, 1:] = amplitude
 
-    def rates(self, phases: Ints) -> Floats:
-        """(N, V) change of the state's rate."""
-        return self._none[:-1]
-
-    def event(self, key: EventKey) -> Floats:
-        """(N + 1, V) change of `FlowOutputs.event`."""
-        return self._none
-
-    def begun(self, phases: Ints) -> Floats:
-        """(N + 1, V) change of `FlowOutputs.begun`."""
-        return self._none
-
-    def kept(self, phases: Ints) -> Floats:
-        """(N + 1, V) change of `FlowOutputs.kept`."""
-        return self._none
+    def of(self, output: Callable[[FlowOutputs], NDArray[Number]]) -> NDArray[Number]:
+        """The derivative of an output: none."""
+        return np.zeros_like(output(self._outputs))
 
 
-class SourceRates(Change):
-    """The inputs change: derivatives of their amplitudes (F,) about t = 0, and of their exponents (F,)."""
+class Differences:
+    """What a parameter changes, by differences of flows for other values of it.
 
-    def __init__(self, flow: ExactFlow, amplitude: Complexes, exponent: Complexes) -> None:
-        super().__init__(flow)
-        self.amplitude[1:], self.exponent[1:] = amplitude, exponent
+    Parameters
+    ----------
+    flow : at the value itself.
+    sides : outputs of flows with as many contacts, phases, sources and pieces of these.
+    weight : of each in the derivative.
+    """
+
+    def __init__(self, flow: ExactFlow, sides: Sequence[FlowOutputs], weight: Sequence[float]) -> None:
+        self._sides, self._weight, start = sides, weight, flow.sources.start
+        pieces = np.arange(start.size)
+        self.amplitude = self.of(lambda side: side.flow.sources.amplitudes_at(start, pieces))  # (pieces, F)
+        self.exponent = self.of(lambda side: side.flow.sources.exponent)
+        self.begin = self.of(lambda side: side.flow.sources.start)
+
+    def of(self, output: Callable[[FlowOutputs], NDArray[Number]]) -> NDArray[Number]:
+        """The derivative of an output."""
+        parts = [w * output(side) for w, side in zip(self._weight, self._sides, strict=True)]
+        return np.asarray(np.sum(parts, axis=0))
 
 
-class OutputRates(Change):
-    """The contacts' numbers change along a direction: central differences of the outputs of two flows."""
-
-    def __init__(self, flow: ExactFlow, direction: ContactDirection) -> None:
-        super().__init__(flow)
-        contacts = flow.system.contacts
+def direction_rates(flow: ExactFlow, direction: Direction) -> Differences:
+    """What changes with the numbers of a system along a direction."""
+    contacts = flow.system.contacts
+    if isinstance(direction, DampingDirection):
+        pairs: tuple[tuple[Floats, Floats], ...] = ((direction.damping, flow.system.damping),)
+    else:
         pairs = (
             (direction.stiffness, contacts.arrays.force[:, :, 0]), (direction.dashpot, contacts.arrays.force[:, :, 1]),
             (direction.gap, contacts.gap), (direction.shape, contacts.shape),
             (np.array([direction.along is not None], dtype=float), np.ones(1)),
         )  # fmt: skip
-        sizes = ((float(np.abs(rate).max(initial=0.0)), float(np.abs(value).max(initial=0.0))) for rate, value in pairs)
-        relative = max((rate / value if value else 1.0 for rate, value in sizes if rate), default=1.0)
-        # 1e-5: relative step of the differences
-        self._step = 1e-5 / relative
-        self._sides = [
-            FlowOutputs(replace(flow, system=moved_system(flow.system, direction, amount)))
-            for amount in (self._step, -self._step)
-        ]  # fmt: skip
-
-    def _difference(self, output: Callable[[FlowOutputs], Floats]) -> Floats:
-        return (output(self._sides[0]) - output(self._sides[1])) / (2.0 * self._step)
-
-    def rates(self, phases: Ints) -> Floats:
-        """(N, V) change of the state's rate."""
-        return self._difference(lambda side: side.rates(phases))
-
-    def event(self, key: EventKey) -> Floats:
-        """(N + 1, V) change of `FlowOutputs.event`."""
-        return self._difference(lambda side: side.event(key))
-
-    def begun(self, phases: Ints) -> Floats:
-        """(N + 1, V) change of `FlowOutputs.begun`."""
-        return self._difference(lambda side: side.begun(phases))
-
-    def kept(self, phases: Ints) -> Floats:
-        """(N + 1, V) change of `FlowOutputs.kept`."""
-        return self._difference(lambda side: side.kept(phases))
-
-
-class StructureRates(Change):
-    """The structure's matrices and loads change: ``a' = f' - M' a`` for accelerations."""
-
-    def __init__(self, flow: ExactFlow, direction: StructureDirection) -> None:
-        super().__init__(flow)
-        self._direction = direction
-
-    def _forces(self, phases: Ints) -> Floats:
-        """(n, V) change of the generalised forces less that of the inertia's."""
-        n, d = self.flow.system.size, self._direction
-        change = -d.mass @ _factors(self.flow.rates(phases))[n : 2 * n]
-        change[:, :n] -= d.stiffness
-        change[:, n : 2 * n] -= d.damping
-        change[:, self.flow.size] += d.load
-        return change
-
-    def rates(self, phases: Ints) -> Floats:
-        """(N, V) change of the state's rate."""
-        n, held, change = self.flow.system.size, held_contacts(self.flow.system, phases), self._forces(phases)
-        out = self._none[:-1].copy()
-        out[n : 2 * n] = change if held is None else held.free(change.T).T
-        return out
-
-    def event(self, key: EventKey) -> Floats:
-        """(N + 1, V) change of `FlowOutputs.event`: of the reactions in the guard."""
-        change, system = self._none.copy(), self.flow.system
-        if key is None:
-            return change
-        before, contact, after = key
-        held = held_contacts(system, before)
-        if held is not None and contact in held.contact:
-            watched = system.contacts.watched(before)
-            share = held.share[int(np.flatnonzero(held.contact == contact)[0])]
-            change[-1] = watched.joint[watched.guard_of(contact, after), 2] * (share @ self._forces(before))
-        return change
+    sizes = ((float(np.abs(rate).max(initial=0.0)), float(np.abs(value).max(initial=0.0))) for rate, value in pairs)
+    relative = max((rate / value if value else 1.0 for rate, value in sizes if rate), default=1.0)
+    # 1e-5: relative step of the differences
+    step = 1e-5 / relative
+    sides = [
+        FlowOutputs(replace(flow, system=moved_system(flow.system, direction, amount))) for amount in (step, -step)
+    ]
+    return Differences(flow, sides, (0.5 / step, -0.5 / step))
 
 
 class MotionDerivative(NamedTuple):
-    """The end of a motion with its derivatives."""
+    """The derivatives along a motion by the C changes of its start, of which the last P are those by the parameters."""
 
-    end: Floats  # (N,)
-    slope: Floats  # (N,) time derivative
-    by: Floats  # (N, N + P) by the start, and by the parameters at fixed times
+    end: Floats  # (2, N) the last state, and its time derivative
+    by: Floats  # (N, C) of the end, at a fixed time
+    kept: Kept  # what was asked for on the way
 
 
-def sensitivity(flow: ExactFlow, outputs: FlowOutputs, log: Log, changes: Sequence[Change]) -> MotionDerivative:
-    """The derivatives of a motion's end by its start and by P parameters.
+def sensitivity(
+    flow: ExactFlow,
+    outputs: FlowOutputs,
+    log: Log,
+    changes: Sequence[SourceRates | Differences],
+    start: Floats,
+    instants: Sequence[tuple[int, int]] = (),
+) -> MotionDerivative:
+    """The derivatives along a motion by its start and by P parameters.
 
     Parameters
     ----------
-    flow : under the loads of the motion, which are exponentials from t = 0 on, all its contact states kept.
+    flow : under the loads of the motion, all its contact states kept.
     outputs : of this flow.
-    log : the motion's segments and events.
+    log : the motion's G segments, and its events; those at its beginning are left out.
     changes : (P,) what each parameter changes.
+    start : (N, C) changes of the start; the last P columns belong to the parameters.
+    instants : (M,) that are kept, in order: number of the segment that begins then, or G, and 1 after the event with
+        which it begins, 0 before it.
 
     Returns
     -------
-    The end, its time derivative, and its derivatives.
+    The derivatives of the end and those that are kept.
     """
-    N, phases = flow.size, [flow.states[number].phases for number in log.state]
-    events, steps = zip(log.event_contact.tolist(), log.event_phase.tolist(), strict=True), np.diff(log.state)
-    keys = [(phases[g], *next(events)) if step else None for g, step in enumerate(steps)]
-    every: tuple[FlowOutputs | Change, ...] = (outputs, *changes)
+    N, F, G, M, P = flow.size, flow.sources.count, log.time.size, len(instants), len(changes)
+    visited, state = np.unique(log.state, return_inverse=True)
+    steps = np.diff(log.state)
+    events = zip(*(column[column.size - np.count_nonzero(steps) :].tolist()
+                   for column in (log.event_contact, log.event_phase)), strict=True)  # fmt: skip
+    before = [flow.states[of].phases for of in log.state]
+    keys = [(phases, *next(events)) if step else None for phases, step in zip(before, steps, strict=False)]
+    sorts = {None if key is None else (key[0].tobytes(), *key[1:]): key for key in keys}
+    number = {name: 1 + k for k, name in enumerate(sorts)}
+    phases = [flow.states[k].phases for k in visited]
+    make: list[Callable[[FlowOutputs], Floats]] = [
+        lambda side: np.array([side.rates(of) for of in phases]),
+        lambda side: np.array(
+            [side.begun(phases[state[0]]), *map(side.event, sorts.values()), side.kept(phases[state[-1]])]
+        ),
+    ]
+    rates, after = (np.array([output(outputs), *(each.of(output) for each in changes)]) for output in make)
+    between = [number[None if key is None else (key[0].tobytes(), *key[1:])] for key in keys]
     factors = Factors(
-        np.array([[each.rates(of) for of in phases] for each in every]),
-        np.array([[each.begun(phases[0]), *map(each.event, keys), each.kept(phases[-1])] for each in every]),
-        np.array([each.amplitude for each in changes], dtype=complex).reshape(-1, flow.sources.count),
-        np.array([each.exponent for each in changes], dtype=complex).reshape(-1, flow.sources.count),
+        rates, after, state, np.array([0, *between, 1 + len(sorts)]),
+        np.array([each.amplitude for each in changes], dtype=complex).reshape(P, *flow.sources.amplitude.shape),
+        np.array([each.exponent for each in changes], dtype=complex).reshape(P, F),
+        np.array([each.begin for each in changes]).reshape(P, flow.sources.start.size),
+        flow.sources.derivatives_at_start(4),
+    )  # fmt: skip
+    by, end, columns, V = start.copy(), np.empty((2, N)), start.shape[1], N + 2 * F
+    event, later = np.array(instants, dtype=np.int64).reshape(M, 2).T
+    instant = Instant(np.empty((M, V)), np.empty((M, V)), np.empty((0, V)), np.empty((M, P, 2 * F)))
+    kept = Kept(
+        np.zeros((G + 1, columns)), np.zeros((2, G + 1)), event.copy(), later.copy(), instant, np.empty((M, N, columns))
     )
-    by, end, slope = np.empty((N, N + len(changes))), np.empty(N), np.empty(N)
-    differentiate(flow.tables(), flow.inputs(), log, factors, by, end, slope)
-    return MotionDerivative(end, slope, by)
+    differentiate(flow.tables(), flow.inputs(), log, factors, by, end, kept)
+    return MotionDerivative(end, by, kept)
 
 
 @dataclass
 class VariationalFlow(PeriodicFlow):
     """The flow in closed form; flows that come from it share the contact states' modes."""
 
-    differentiates = (Frequency, Level, ContactDirection, StructureDirection)
+    differentiates = (Frequency, Level, ContactDirection, DampingDirection)
 
     exact: ExactFlow = field(init=False, repr=False)
 
@@ -355,25 +359,24 @@ class VariationalFlow(PeriodicFlow):
         check_finite(motion.y)
         if not march.outcome.complete:
             raise WorkExceeded(march.outcome.message)
-        found = sensitivity(exact, self._outputs, log, [self._change(p) for p in parameters])
+        changes, N = [self._change(p) for p in parameters], self.size
+        found = sensitivity(exact, self._outputs, log, changes, np.eye(N, N + len(changes)))
         of_segment = np.array([exact.states[k].phases for k in log.state], dtype=np.int64)
         return Passage(
-            start, found.end, found.by[:, : self.size], found.by[:, self.size :], found.slope, duration, log.time,
+            start, found.end[0], found.by[:, :N], found.by[:, N:], found.end[1], duration, log.time,
             log.length, of_segment.reshape(log.state.size, -1), log.y, log.event_time, log.event_contact,
             log.event_phase,
         )  # fmt: skip
 
-    def _change(self, parameter: Parameter) -> Change:
+    def _change(self, parameter: Parameter) -> SourceRates | Differences:
         """What a parameter changes."""
-        if isinstance(parameter, ContactDirection):
-            return OutputRates(self.exact, parameter)
-        if isinstance(parameter, StructureDirection):
-            return StructureRates(self.exact, parameter)
+        if isinstance(parameter, ContactDirection | DampingDirection):
+            return direction_rates(self.exact, parameter)
         if not isinstance(parameter, Frequency | Level):
             raise TypeError(f"no derivative by {type(parameter).__name__}")
         amplitude, exponent = self.loads.rates_of_signals(self.omega, self.level, parameter)
         count = self.exact.sources.count - 1  # without the base where no contact feels it
-        return SourceRates(self.exact, amplitude[:count], exponent[:count])
+        return SourceRates(self._outputs, amplitude[:count], exponent[:count])
 
     def motion(self, passage: Passage) -> Trajectory:
         """The motion of a passage, of which every output is known in closed form."""

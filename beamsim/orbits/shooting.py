@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from beamsim.flow.periodic_flow import Direction, Frequency, Level, Parameter, Passage, PeriodicFlow, StructureDirection
+from beamsim.flow.periodic_flow import DampingDirection, Direction, Frequency, Level, Parameter, Passage, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.period import cyclic
@@ -236,7 +236,7 @@ def _from_heavy_damping(
     The parameter x goes from ``heavy`` to 1 (the structure itself); the ratio ``unit (e^(x - 1) - 1)`` is added to
     every mode.
     """
-    if StructureDirection not in flow.differentiates:
+    if DampingDirection not in flow.differentiates:
         return None
     omega, own = np.sqrt(flow.system.stiffness), flow.system.damping
     elastic = omega > 0
@@ -248,9 +248,9 @@ def _from_heavy_damping(
     # 0.5: added damping ratio at the beginning
     beginning = 1.0 + float(np.log1p(0.5 / unit))
 
-    def with_added(x: float) -> tuple[PeriodicFlow, StructureDirection]:
+    def with_added(x: float) -> tuple[PeriodicFlow, DampingDirection]:
         grown = float(np.exp(x - 1.0))
-        direction = StructureDirection.of(flow.system.size, damping=unit * grown * critical)
+        direction = DampingDirection(np.diag(unit * grown * critical))
         return flow.with_damping(own + np.diag(unit * (grown - 1.0) * critical)), direction
 
     damped = ForcedOrbits(flow, with_added, problem.multiple)

@@ -513,6 +513,33 @@ def impact_figures(result: RunResult) -> dict[str, Picture]:
     return figures
 
 
+SHOWN = ("peak_force", "peak_moment", "peak_displacement", "contact_share")  # values with a tornado
+
+
+def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
+    """How a value changes with the tolerance of each number, by its derivative: the number that matters most first.
+
+    Parameters
+    ----------
+    result : with sensitivities.
+    ax : to draw on.
+    response : the value, as studies name it.
+    """
+    told = sorted((row for row in result.sensitivities if row.response == response), key=lambda row: -abs(row.change))
+    value, rows = told[0].value, np.arange(len(told))
+    change = np.array([row.change for row in told])
+    scale = scale_for(told[0].value_unit, [value, *change])
+    for sign, label, colour in ((1.0, "number + tolerance", DARK), (-1.0, "number - tolerance", PALE)):
+        ax.barh(rows, sign * change * scale.factor, 0.6, value * scale.factor, label=label, color=colour)
+    ax.axvline(value * scale.factor, color="black", linewidth=0.9)
+    labels = [f"{row.path} ± {amount(row.tolerance, row.number_unit, 3)}" for row in told]
+    ax.set_yticks(rows, labels, fontsize="x-small")
+    ax.invert_yaxis()
+    _, *place, quantity = response.split("/")
+    finish(ax, with_unit(f"{quantity.replace('_', ' ').capitalize()}, {'/'.join(place)}", scale), "")
+    legend(ax)
+
+
 def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
     random, srs, shown = result.random, result.srs, _end_of_run(result)
@@ -543,6 +570,9 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         across = ("Natural frequency of the oscillator", "Hz")
         panels["matched_spectrum"] = [Chart(across, up, curves, log="xy", of="", marks=[curve], title=title)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
+    if told := [name for q in SHOWN for name in result.gradients() if name.endswith(f"/{q}")][:4]:
+        tornados = [partial(plot_tornado, result, response=name) for name in told]
+        figures["sensitivities"] = Picture(result.title, tornados)
     places = list(result.snubbers.values())[:MOST_CURVES] or list(result.probes.values())[:1]
     portraits = [
         phase_portrait(result, at) if random is None else phase_density(result, at, random.start_s) for at in places

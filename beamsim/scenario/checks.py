@@ -67,7 +67,7 @@ def problems(scenario: ScenarioParts) -> list[Problem]:
         return [*unfit, *_places(scenario)]
     checks = (
         _directions, _places, _joints, _names, _outputs, _run, _start, _sweeps, _moving_stops, _levels, _identification,
-        _modes, _cases, _tolerances, _limits, _pressed_friction,
+        _modes, _cases, _tolerances, _sensitivities, _limits, _pressed_friction,
     )  # fmt: skip
     return [found for check in checks for found in check(scenario)]
 
@@ -1168,6 +1168,20 @@ def _correlation_problems(sample: LatinHypercube | Tolerances, section: Path) ->
     if stated and sample.samples <= len(paths):
         message = f"= {sample.samples} is too few for correlations of {counted(len(paths), 'parameter')}"
         yield problem((*section, "samples"), message, f"take more than {len(paths)}")
+
+
+def _sensitivities(scenario: ScenarioParts) -> Problems:
+    """Unknown paths, numbers that are named twice, and those that have no derivative."""
+    asked = () if scenario.run is None else scenario.run.sensitivities
+    section = ("run", "sensitivities")
+    problems = list(_parameter_problems(scenario, asked, section))
+    yield from problems
+    for k, number in enumerate([] if problems else [resolve_parameter(scenario, each) for each in asked]):
+        settings = any(place[0] == "run" and place[1] != "start" for place in number.places)
+        if settings or number.whole:
+            what = "is a setting of the run" if settings else "is a whole number"
+            remedy = "name a number of the structure, the excitation or the start"
+            yield problem((*section, k), f"= {number.path} {what}, which has no derivative", remedy)
 
 
 def _tolerances(scenario: ScenarioParts) -> Problems:

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Schema, Unfit, Variants
+from beamsim.scenario.base import Path, Schema, ShortFor, Unfit, Variants
 from beamsim.scenario.body import PlacedForce
 from beamsim.scenario.excitation import FrequencyRange
 from beamsim.scenario.reporting import AnyOutput, Stress
@@ -163,6 +163,17 @@ class ShockSpectrumSettings(FrequencyRange):
             )  # fmt: skip
 
 
+class SensitiveParameter(Schema):
+    """A number by which the values of a run are differentiated."""
+
+    path: q.Text
+    """Path of the number, for example snubbers.tip.gap."""
+    also: tuple[q.Text, ...] = ()
+    """Other paths that take the same value, such as a probe that moves with a snubber."""
+    tolerance: Annotated[float | str, q.NumberOrText(words=True)] = "1 %"
+    """Deviation for which the change of the values is told: in percent of the number, or in the quantity's own unit."""
+
+
 class Run(Schema):
     """A run in time."""
 
@@ -199,6 +210,9 @@ class Run(Schema):
     fatigue: StressLife | None = None
     """Rainflow count of the largest bending stress of each body, and its damage by this S-N line. Not computed by
     default."""
+    sensitivities: tuple[Annotated[SensitiveParameter, ShortFor("path")], ...] = ()
+    """Numbers of the scenario, by their paths, by which all peaks and times in contact are differentiated: which number
+    matters, and how much. Not computed by default."""
     convergence: Literal["on", "off"] | None = None
     """Whether figures are compared with those of a finer model; by default on in a run, off in the cases of a study."""
     max_events: q.Count = 1_000_000

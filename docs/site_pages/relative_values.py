@@ -92,6 +92,7 @@ FACTORS = {
     "Run.atol": "none: absolute",
     "_UpAndDown.orders": "excitation frequency",
     "SweptSine.tolerance": "amplitude of the sine",
+    "SensitiveParameter.tolerance": "as that of a varied number",
     "SteppedSine.steady_to": "size of the motion",
     "MeasuredShapes.shapes": "any scale, of each shape its own",
     "RelaxedMinimisationMethod.tolerance": "twice the energy of the motion",

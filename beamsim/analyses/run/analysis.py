@@ -147,7 +147,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     ]
     summary = summary_of_run(scenario, system, motion, spectra, stop)
     warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
-    fields, notes = _asked_for(result, settings, system, motion, histories, goes_on)
+    fields, notes = _asked_for(result, settings, system, motion, histories, goes_on, shared)
     warnings += notes
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     if left_out and result.complete:
@@ -165,6 +165,7 @@ def _asked_for(
     motion: RunMotion,
     histories: Histories,
     goes_on: Callable[[str], bool],
+    shared: SharedBuilds,
 ) -> tuple[dict[str, Any], list[str]]:
     """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
 
@@ -173,6 +174,7 @@ def _asked_for(
     result : of the motion.
     settings, system, motion, histories : it came from.
     goes_on : whether what is named is still computed, or left out.
+    shared : keeps what systems are built from.
     """
     scenario, closed_form = result.scenario, motion.trajectory is not None
     stationary = scenario.excitation.stationary
@@ -194,6 +196,11 @@ def _asked_for(
     if settings.srs is not None and goes_on("shock response spectra"):
         fields["srs"] = shock_response(scenario, system, motion.trajectory or histories)
         notes += [] if closed_form else _coarse_samples(histories.time, settings.srs)
+    if settings.sensitivities and goes_on("sensitivities"):
+        from beamsim.analyses.run.sensitivities import sensitivities_of
+
+        fields["sensitivities"], said = sensitivities_of(scenario, system, motion, shared)
+        notes += said
     fields["matched"] = matched_spectrum(scenario, system)
     if (matched := fields["matched"]) is not None and (worst := float(np.abs(matched.misfit_db).max())) > MISFIT_DB:
         notes.append(

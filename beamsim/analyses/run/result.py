@@ -654,6 +654,27 @@ class Against:
     )
 
 
+@declared
+class Derivative:
+    """How a value of a run changes with a number of its scenario."""
+
+    response: str = dataset("1", "name of the value, as in studies")
+    value: float = dataset("", "the value")
+    value_unit: str = dataset("1", "SI unit of the value")
+    derivative: float = dataset("", "derivative of the value by the number, in SI units")
+    path: str = dataset("1", "path of the number")
+    number_unit: str = dataset("1", "SI unit of the number")
+    number: float = dataset("", "the number")
+    tolerance: float = dataset("", "tolerance of the number")
+    holds_within: float = dataset("", "smallest change of the number that makes or takes away a contact")
+
+    @property
+    @stored(dataset("", "change of the value with the tolerance, derivative times tolerance"))
+    def change(self) -> float:
+        """In the unit of the value."""
+        return self.derivative * self.tolerance
+
+
 def _spectrum_group(key: tuple[str, str]) -> tuple[str, ...]:
     """Groups of the spectrum of a probe or output and quantity."""
     name, quantity = key
@@ -711,6 +732,9 @@ _SUMMARY = (
     *MODES,
     *CONVERGENCE,
     BY_ENTRY["energy_error"].summary_entry(),
+    Entry("sensitivities", "", "by value, as studies name it, and by path of run.sensitivities: derivative, tolerance, "
+             "change of the value with it, and the change of the number within which it holds, in SI units",
+             "sensitivities"),
     Entry("method", of="method", label="method"),
     Entry("memory_bytes", "byte", "bound on what the run keeps in memory, run.memory", "memory"),
     Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more"),
@@ -761,10 +785,22 @@ class RunResult(Result):
         "fatigue", Fatigue, default_factory=dict
     )  # by body, where run.fatigue asks for it
 
+    sensitivities: tuple[Derivative, ...] = table(  # by the numbers of run.sensitivities
+        "sensitivities", Derivative, Counter("row", "number of the derivative"), empty=False, default=()
+    )
+
     base_unit: str = attribute("", "unit of a displacement of the base: rad where it turns", default="m")
     low_pass_hz: float | None = attribute(
         "Hz", "-3 dB frequency of the 4-pole Butterworth low-pass in front of the peak accelerations", default=None
     )
+
+    def gradients(self) -> dict[str, dict[str, dict[str, float]]]:
+        """By value, as studies name it, and path of a number: derivative, tolerance, change, holds_within, in SI."""
+        found: dict[str, dict[str, dict[str, float]]] = {}
+        for each in self.sensitivities:
+            told = {key: getattr(each, key) for key in ("derivative", "tolerance", "change", "holds_within")}
+            found.setdefault(each.response, {})[each.path] = told
+        return found
 
     @property
     def bodies(self) -> dict[str, BodyResult]:

@@ -1,0 +1,359 @@
+r"""Derivatives of a run's values by numbers of its scenario: which number matters.
+
+A number changes the system that is built from it. Its derivative is that of systems built on both sides, by differences
+of fourth order, in coordinates that are turned to those of the run: the orthogonal factor of :math:`V_0^T M V` does not
+depend on signs, order and mixing of modes. Along the motion the one pass of :mod:`beamsim.flow.variational` goes on
+with it exactly, from event to event. A peak :math:`x = D v` of an output, v being the state and the inputs, has
+
+.. math:: dx/dp = D\, \partial_p v + \partial_p D\, v + \dot x\, \partial_p t,
+
+where its time moves with an event, or :math:`\dot x = 0`; a time in contact changes with the times of its events.
+
+A contact at whose event the guard has the rate g' and the second derivative g'' is only grazed after a change of the
+number by about :math:`|g' / (2 g''\, \partial_p t)|`, and one that stays open at a distance is touched after about
+that over the distance's derivative. Beyond, the motion has other contacts, of which no derivative tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from beamsim.analyses.run.exact_motion import exact_flow
+from beamsim.analyses.run.motion import RunMotion
+from beamsim.analyses.run.result import Derivative
+from beamsim.analyses.values import ACCELERATION, PENETRATION, VALUES, Value, searched
+from beamsim.errors import Problem, ScenarioError
+from beamsim.flow.channels import outputs_of
+from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transient import Log
+from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
+from beamsim.scenario import Scenario
+from beamsim.scenario.parameters import VariedParameter, resolve_parameter, with_values
+from beamsim.system.build import build_system
+from beamsim.system.equations import ChannelSet, Rows
+from beamsim.system.parts import SharedBuilds
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats, Ints
+
+STEP = 2.0**-11  # of a number, or of the tolerance of one that is zero, between the systems that are built
+SIDES = ((1, 8.0 / 12.0), (-1, -8.0 / 12.0), (2, -1.0 / 12.0), (-2, 1.0 / 12.0))  # steps, and weights of differences
+GRAZING = 1e-9  # of a number: a contact that so small a change takes away is only grazed
+AT_END = 1e-9  # of a segment: what is nearer to its end is there
+ROUND_OFF = 1e-12  # of a peak
+MISSED = 2
+MISSES = 8  # of each snubber, the nearest ones, that are looked at
+BEND = 0.01  # of their mean, by which derivatives on both sides may differ from it
+
+
+class Varied(NamedTuple):
+    """What a number of the scenario changes."""
+
+    number: VariedParameter
+    rates: Differences
+    rows: dict[FlowOutputs, Rows]  # of the channels, of the systems on both sides
+    start: Floats  # (N,) change of the state at the start
+    bend: float  # half the difference of the derivatives on both sides, over their mean
+
+
+class Peak(NamedTuple):
+    """An extreme of a channel, and when it is reached."""
+
+    row: int  # of the channel
+    high: int  # 1 the highest, 0 the lowest; `MISSED` what does not touch
+    segment: int
+    time: float  # s
+    later: int  # 0 where the segment ends, 1 where it begins or between
+
+
+def sensitivities_of(
+    scenario: Scenario, system: StructuralSystem, motion: RunMotion, shared: SharedBuilds
+) -> tuple[tuple[Derivative, ...], list[str]]:
+    """The derivatives of a run's values by the numbers that it names, and what is to be said of them.
+
+    Parameters
+    ----------
+    scenario, system : of the run.
+    motion : of the run; of one that is not complete there are none.
+    shared : keeps what systems are built from.
+
+    Returns
+    -------
+    derivatives, warnings
+
+    Raises
+    ------
+    ScenarioError
+        Where the motion is not known in closed form as a whole, or a number changes the size of the model.
+    """
+    settings, whole = scenario.run, motion.trajectory
+    assert settings is not None
+    if whole is None or whole.time[0] > 0.0:
+        message = "need the whole motion in closed form"
+        remedy = "use method: exact, piecewise_linear springs instead of cubic ones, and enough run.memory"
+        raise ScenarioError(Problem("run.sensitivities", message, remedy))
+    if not motion.outcome.complete:
+        return (), ["run.sensitivities are left out: the motion is not complete"]
+    trajectory, filtered = whole.held(), settings.low_pass is not None
+    # a peak behind a filter is none of the motion
+    chosen = [v for v in VALUES if v.of is not None and not (filtered and v.key == ACCELERATION)]
+    numbers = [resolve_parameter(scenario, each) for each in settings.sensitivities]
+    along = _Along(trajectory, _linear(system, chosen))
+    plain = with_values(scenario, {("run", "sensitivities"): ()})
+    varied = [_varied(plain, system, along, chosen, number, shared) for number in numbers]
+    told = along.told(chosen)
+    peaks = [along.peak(*key) for key in {key for *_, factors in told.values() for key in factors}]
+    peaks = sorted(peaks + along.misses(), key=lambda peak: (peak.segment, peak.time))
+    log, instants = along.cut(peaks)
+    start = np.stack([each.start for each in varied], axis=1)
+    found = sensitivity(trajectory.flow, along.outputs, log, [each.rates for each in varied], start, instants)
+    slopes = [along.slope(peak, k, varied, found) for k, peak in enumerate(peaks)]
+    by = {peak[:2]: slope for peak, slope in zip(peaks, slopes, strict=True)}
+    values = {
+        name: (value, unit, sum((w * by[key] for key, w in factors.items()), np.zeros(len(varied))))
+        for name, (value, unit, factors) in told.items()
+    } | _shares(system, trajectory, log, found)
+    rows, warnings = list[Derivative](), list[str]()
+    missed = [k for k, peak in enumerate(peaks) if peak.high == MISSED]
+    near = [(peaks[k].time, along.output(peaks[k].row, peaks[k].segment, peaks[k].time)[0], slopes[k]) for k in missed]
+    for p, each in enumerate(varied):
+        holds, time = min(_reaches(found, log, near, p))
+        number, tolerance = each.number, 0.5 * (each.number.high - each.number.low)
+        about = number.path, number.unit, float(number.nominal), tolerance, holds
+        rows += [Derivative(name, value, unit, float(of[p]), *about) for name, (value, unit, of) in values.items()]
+        warnings += _doubts(each, holds, time)
+    return tuple(rows), warnings
+
+
+def _reaches(
+    found: MotionDerivative, log: Log, missed: Sequence[tuple[float, float, Floats]], p: int
+) -> Iterator[tuple[float, float]]:
+    """Changes of a number with which the contact of an event is only grazed, or an open one touches; and times, s.
+
+    Parameters
+    ----------
+    found, log : derivatives along segments.
+    missed : times at which an open contact is near, its penetration, and the derivatives of that.
+    p : which number.
+    """
+    yield np.inf, 0.0
+    for time, (pace, turn), dt in zip(log.time, found.kept.pace.T, found.kept.dt[:, p], strict=False):
+        if pace and turn * dt:
+            yield abs(float(pace / (2.0 * turn * dt))), float(time)
+    yield from ((abs(distance / slope[p]), time) for time, distance, slope in missed if slope[p])
+
+
+def _doubts(varied: Varied, holds: float, time: float) -> Iterator[str]:
+    """What limits the derivatives by a number.
+
+    Parameters
+    ----------
+    varied : by the number.
+    holds, time : the smallest change of it that makes or takes away a contact, and when that is, s.
+    """
+    number, at = varied.number, f"run.sensitivities: {varied.number.path}: at {time:.6g} s a contact is only grazed"
+    if varied.bend > BEND:
+        yield (
+            f"run.sensitivities: {number.path}: on both sides of it derivatives differ (a contact just touches, or a "
+            f"node of the mesh moves): they are known to {100.0 * varied.bend:.2g} %"
+        )
+    if holds <= GRAZING * abs(float(number.nominal)):
+        yield f"{at}: the derivatives of what follows are infinite"
+    elif holds < 0.5 * (number.high - number.low):
+        unit = "" if number.unit == "1" else f" {number.unit}"
+        yield f"{at} where it changes by {holds:.3g}{unit}: the derivatives hold for smaller changes"
+
+
+def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
+    """The channels of values; energies have none."""
+    return searched(system.channels, chosen).only(lambda channel: not channel.squared)
+
+
+def _varied(
+    scenario: Scenario, system: StructuralSystem, along: _Along, chosen: Sequence[Value], number: VariedParameter,
+    shared: SharedBuilds,
+) -> Varied:  # fmt: skip
+    """What a number changes, from systems that are built on both sides of it.
+
+    Parameters
+    ----------
+    scenario, system, along : of the run.
+    chosen : values of whose channels there are rows.
+    number : from the scenario.
+    shared : keeps what systems are built from.
+    """
+    flow, whole, nominal = along.motion.flow, system.assessment.parts, float(number.nominal)
+    step, rows, starts = STEP * (abs(nominal) or 0.5 * (number.high - number.low)), {}, {}
+    for side, _ in SIDES:
+        try:
+            values = dict.fromkeys(number.places, nominal + side * step)
+            built = build_system(with_values(scenario, values).rechecked(), shared)
+        except ScenarioError as error:
+            message = f"{number.path} has a neighbouring value that is refused: {error.problems[0].message}"
+            remedy = "let what depends on it follow: {path: ..., also: [...]}"
+            raise ScenarioError(Problem("run.sensitivities", message, remedy)) from None
+        other, parts = exact_flow(built, flow.duration), built.assessment.parts
+        if whole.basis.vectors.shape != parts.basis.vectors.shape or not flow.is_like(other):
+            message = f"{number.path} changes the number of nodes or modes of the model, or the pieces of its input"
+            remedy = "give reduction.modes, or a number of elements with which no node of the mesh is at its place"
+            raise ScenarioError(Problem("run.sensitivities", message, remedy))
+        left, _, right = np.linalg.svd(whole.basis.vectors.T @ (whole.structure.mass @ parts.basis.vectors))
+        outputs = FlowOutputs(other, left @ right)
+        rows[outputs] = _linear(built, chosen).linear
+        starts[outputs] = outputs.state(built.initial_state)
+    rates = Differences(flow, list(rows), [weight / step for _, weight in SIDES])
+    starts[along.outputs] = flow.whole_state(system.initial_state)
+    phases, size = flow.states[along.motion.state[0]].phases, np.abs(along.motion.y).max(axis=0)
+    bend = 0.0
+    for of in (lambda side: starts[side] / np.where(size > 0.0, size, 1.0), lambda side: side.rates(phases)):
+        own, up, down = (of(side) for side in (along.outputs, *list(rows)[:2]))
+        bent = np.abs(0.5 * (up + down) - own).max()
+        bend = max(bend, float(2.0 * bent / np.abs(up - down).max()) if bent > STEP**2 * np.abs(own).max() else 0.0)
+    return Varied(number, rates, rows, rates.of(starts.__getitem__), bend)
+
+
+class _Along:
+    """Linear channels along the motion of a run."""
+
+    def __init__(self, motion: Trajectory, channels: ChannelSet) -> None:
+        self.motion, self.channels, self.outputs = motion, channels, FlowOutputs(motion.flow)
+        self.output_of = outputs_of(motion.flow, channels.linear)
+        low, when_low, high, when_high = motion.extrema(self.output_of).extremes
+        self.extremes, self.when = np.array([low, when_low, high, when_high]), (when_low, when_high)
+
+    def told(self, chosen: Iterable[Value]) -> dict[str, tuple[float, str, dict[tuple[int, int], float]]]:
+        """By name of a value: the value, its unit, and the factors of lowest and highest values of channels in it."""
+        told: dict[str, tuple[float, str, dict[tuple[int, int], float]]] = {}
+        for value in chosen:
+            assert value.of is not None
+            for channel, first in self.channels.located:
+                extreme = self.extremes[:, first : first + channel.columns]
+                if not value.takes(channel):
+                    continue
+                numbers, size = value.of(extreme), 2.0**-20 * (np.abs(extreme[::2]).max() or 1.0)
+                best, name = int(np.argmax(numbers)), f"{value.section}/{channel.name}/{value.name}"
+                name = value.name if value.single else name
+                if name in told and told[name][0] >= numbers[best]:
+                    continue
+                units = [size * np.eye(4)[:, [2 * high]] for high in (0, 1)]
+                slopes = [(value.of(extreme + u) - value.of(extreme - u))[best] / (2.0 * size) for u in units]
+                signs = [float(np.round(slope)) if numbers[best] else 0.0 for slope in slopes]
+                factors = {(first + best, high): sign for high, sign in enumerate(signs) if sign}
+                told[name] = float(numbers[best]), channel.unit, factors
+        return told
+
+    def output(self, row: int, segment: int, time: float) -> Floats:
+        """(3,) a channel on a segment, its rate and the rate of that."""
+        motion, flow, values = self.motion, self.motion.flow, np.empty(3)
+        phases, part = flow.states[motion.state[segment]].phases, motion.only(slice(segment, segment + 1))
+        factors, rates = self.outputs.outputs(self.output_of, phases)[row], self.outputs.rates(phases)
+        inputs, y = flow.inputs_at(np.array([time]), 3, part.time)[0], part.states_at(np.array([time]))[0]
+        for order in range(3):
+            v = np.append(y, inputs[order])
+            values[order], y = factors @ v, rates @ v
+        return values
+
+    def peak(self, row: int, high: int) -> Peak:
+        """An extreme of a channel; between the ends of a segment its rate is zero there to round-off."""
+        motion, time, sign = self.motion, float(self.when[high][row]), 2 * high - 1
+        ends, near = motion.time + motion.length, 1e-12 * motion.end
+        here = np.flatnonzero((motion.time <= time + near) & (ends >= time - near) & (motion.length > 0.0)).tolist()
+        within = {g: min(max(time, float(motion.time[g])), float(ends[g])) for g in here}
+        segment = max(here, key=lambda g: sign * self.output(row, g, within[g])[0])
+        begin, end, at = float(motion.time[segment]), float(ends[segment]), within[segment]
+        value = sign * float(self.output(row, segment, at)[0])
+        least = value - ROUND_OFF * abs(value)
+        for _ in range(8):
+            _, rate, turn = self.output(row, segment, at)
+            moved = at - rate / turn if sign * turn < 0.0 else np.nan
+            if not begin <= moved <= end or sign * self.output(row, segment, moved)[0] < least:
+                break
+            at = moved
+        if min(at - begin, end - at) > AT_END * (end - begin):
+            return Peak(row, high, segment, at, 1)
+        later = int(at - begin < end - at)
+        return Peak(row, high, segment, begin if later else end, later)
+
+    def misses(self) -> list[Peak]:
+        """The nearest ones of the moments when an open snubber is closest to the structure and does not touch."""
+        motion, found = self.motion, list[Peak]()
+        touching = motion.flow.system.contacts.touching(motion.phases_of(motion.state))
+        for j, row in enumerate(self.channels.places.get(PENETRATION, ())):
+
+            def penetration(phases: Ints, row: int = row) -> LinearOutput:
+                return self.output_of(phases).some(slice(row, row + 1))
+
+            segment, time, value = motion.turning_points(penetration, np.flatnonzero(~touching[:, j]))
+            inner = 1 + np.flatnonzero((value[1:-1] > value[:-2]) & (value[1:-1] > value[2:]) & (value[1:-1] < 0.0))
+            inner = inner[(segment[inner - 1] == segment[inner]) & (segment[inner + 1] == segment[inner])]
+            nearest = inner[np.argsort(-value[inner])[:MISSES]]
+            found += [Peak(int(row), MISSED, int(segment[k]), float(time[k]), 1) for k in nearest]
+        return found
+
+    def cut(self, peaks: Sequence[Peak]) -> tuple[Log, list[tuple[int, int]]]:
+        """The motion with a segment that begins at each peak, and where the peaks are for `sensitivity`."""
+        motion = self.motion
+        inner = sorted({p[2:4] for p in peaks if motion.time[p.segment] < p.time and p.later})
+        segments, times = (np.array([each[k] for each in inner]) for k in (0, 1))
+        of = np.concatenate([np.arange(motion.segments), segments]).astype(np.int64)
+        time = np.concatenate([motion.time, times])
+        y = np.concatenate([motion.y, motion.states_at(times) if inner else motion.y[:0]])
+        order = np.lexsort((time, of))
+        of, time = of[order], time[order]
+        last = np.append(of[1:] != of[:-1], True)
+        length = np.where(last, motion.time[of] + motion.length[of], np.append(time[1:], 0.0)) - time
+        log = Log(
+            time, length, motion.state[of], motion.piece[of], y[order], motion.event_time, motion.event_contact,
+            motion.event_phase,
+        )  # fmt: skip
+        instants = [
+            (int(np.flatnonzero((of == p.segment) & (time == p.time))[0]) if p.later
+             else int(np.searchsorted(of, p.segment, side="right")), p.later)
+            for p in peaks
+        ]  # fmt: skip
+        return log, instants
+
+    def slope(self, peak: Peak, place: int, varied: Sequence[Varied], found: MotionDerivative) -> Floats:
+        """(P,) derivatives of an extreme.
+
+        Parameters
+        ----------
+        peak : the extreme.
+        place : of the instant when it is reached, among those that are kept.
+        varied : (P,) what changes.
+        found : derivatives of the motion.
+        """
+        flow, kept = self.motion.flow, found.kept
+        phases, v = flow.states[self.motion.state[peak.segment]].phases, kept.instant.v[place]
+
+        def factors(side: FlowOutputs, rows: Mapping[FlowOutputs, Rows]) -> Floats:
+            row = rows[side].some(slice(peak.row, peak.row + 1))
+            return np.asarray(side.outputs(outputs_of(side.flow, row), phases)[0])
+
+        own = factors(self.outputs, {self.outputs: self.channels.linear})
+        rows = [each.rates.of(partial(factors, rows=each.rows)) for each in varied]
+        fixed = own[: flow.size] @ kept.S[place] + kept.instant.moved[place] @ own[flow.size :]
+        moves = own @ kept.instant.moving[place] * kept.dt[kept.event[place]]
+        return np.asarray(fixed + [row @ v for row in rows] + moves)
+
+
+def _shares(
+    system: StructuralSystem, motion: Trajectory, log: Log, found: MotionDerivative
+) -> dict[str, tuple[float, str, Floats]]:
+    """Shares of the time in contact of snubbers by name, with unit and derivatives (P,).
+
+    Parameters
+    ----------
+    system, motion : of the run.
+    log : cut segments of the motion.
+    found : derivatives along them.
+    """
+    touching = motion.flow.system.contacts.touching(motion.phases_of(log.state)).astype(int)
+    by = -np.diff(touching, axis=0).T @ found.kept.dt[1:-1] / motion.end
+    shares = motion.contact_share()
+    names = [snubber.name for snubber in system.snubbers]
+    return {f"snubbers/{name}/contact_share": (float(shares[j]), "1", by[j]) for j, name in enumerate(names)}
