@@ -409,9 +409,10 @@ class Contacts:
         of_states = self.arrays.losses[self._owner, phases[self._owner], self._column - INTERNAL]
         return self.arrays.lost[np.arange(self.count), phases, 1], of_states
 
-    def friction(self, phases: Ints) -> Floats:
-        """(..., m) constant part of each force whose work is lost, N, in phases (..., m)."""
-        return np.asarray(self.arrays.lost[np.arange(self.count), phases, 2])
+    def friction(self, phases: Ints) -> tuple[Floats, Floats]:
+        """(..., m) constant part of each force whose work is lost, N, and its slope, N/m, in phases (..., m)."""
+        lost = self.arrays.lost[np.arange(self.count), phases]
+        return lost[..., 2], lost[..., 0]
 
     def holds(self, phases: Ints) -> Bools:
         """(m,) whether the force of each contact is what keeps its penetration."""
@@ -422,9 +423,11 @@ class Contacts:
         return np.asarray(self.arrays.slides[np.arange(self.count), phases])
 
     @cached_property
-    def falling(self) -> Ints:
-        """Friction contacts whose force falls with the speed at which they slide."""
-        return np.flatnonzero((self.arrays.lost[:, :, 1] < 0.0).any(axis=1))
+    def lossy(self) -> Ints:
+        """Contacts that lose work otherwise than by dashpots and constant friction: that yield, or fall with speed."""
+        a = self.arrays
+        own = (a.lost[:, :, 0] != 0.0) | (a.lost[:, :, 1] < 0.0) | ((a.lost[:, :, 2] != 0.0) & (a.slides == 0.0))
+        return np.flatnonzero(own.any(axis=1))
 
     @cached_property
     def may_hold(self) -> Bools:

@@ -5,13 +5,13 @@ that one's force N and its rate. A phase is made of springs whose stretch is lin
 whose work is lost, and of the rates of p,
 
 .. math:: E = \sum_i \tfrac12 k_i s_i^2 + F_i s_i + E_i, \qquad
-          T = \frac{\partial E}{\partial\delta} + c\,\dot\delta + R + \mu N, \qquad
+          T = \frac{\partial E}{\partial\delta} + c\,\dot\delta + R + r\,\delta + \mu N, \qquad
           \dot p = A\,p + b_\delta\,\delta + b_r\,\dot\delta + b_0 .
 
-The power lost is :math:`(c\,\dot\delta + R + \mu N)\,\dot\delta + \sum_i l_i \dot p_i^2`. A phase lasts while its
-guards, linear in all of these, stay positive. The guard that reaches zero first names the phase that follows; where the
-law needs it, the internal states start there from affine functions of the same quantities. What is stored less
-afterwards is lost at the event. A law of another kind is another list of phases, nothing else changes:
+The power lost is :math:`(c\,\dot\delta + R + r\,\delta + \mu N)\,\dot\delta + \sum_i l_i \dot p_i^2`. A phase lasts
+while its guards, linear in all of these, stay positive. The guard that reaches zero first names the phase that follows;
+where the law needs it, the internal states start there from affine functions of the same quantities. What is stored
+less afterwards is lost at the event. A law of another kind is another list of phases, nothing else changes:
 
 * a *table* of forces: one phase a segment, as in :func:`piecewise_linear`, whose spring has a force at zero stretch;
 * a *Maxwell branch* of stiffness k and relaxation time tau: a spring of the stretch delta - p, p' = (delta - p) / tau,
@@ -26,7 +26,8 @@ afterwards is lost at the event. A law of another kind is another list of phases
   to that force, and the phases say which one follows where the other contact begins or ceases to touch;
 * a *latch*: a phase without guards, which nothing ends;
 * *kinematic hardening* (the same module): the two together, an elastic phase and one for yielding in
-  either direction, whose resets set the slider where yielding ends.
+  either direction, whose resets set the slider where yielding ends;
+* *unloading* along another curve (the same module): a slider whose limit follows a table, of three phases a segment.
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ class Phase:
     guards: tuple[Guard, ...]
     touching: bool  # shown to users as closed; of friction whether it sticks
     springs: tuple[LawSpring, ...] = ()
-    lost: LawRow = field(default_factory=LawRow)  # the part of the force whose work is lost: c, R and mu
+    lost: LawRow = field(default_factory=LawRow)  # the part of the force whose work is lost: c, R, r and mu
     rates: tuple[LawRow, ...] = ()  # (r,) of the internal states, which rest by default
     losses: tuple[float, ...] = ()  # (r,) l, N s/m
     holds: bool = False  # the force is what keeps the penetration at its value
@@ -263,13 +264,15 @@ class ContactLaw:
 
     @property
     def yields(self) -> bool:
-        """Whether it is a stop that loses work in phases in which its force still rises, and stays crushed."""
-        return any(phase.lost.constant != 0.0 and phase.stiffness != 0.0 for phase in self.phases)
+        """Whether it is a stop that stays crushed: open, its face is where its slider is."""
+        opened = self.phases[0]
+        return self.rubs and not opened.touching and bool(opened.guards[0].row.internal)
 
     @property
     def rubs(self) -> bool:
         """Whether it loses work in a phase of its own, as dry friction does."""
-        return any(phase.lost.constant != 0.0 or phase.holds for phase in self.phases) or self.needs_pressing
+        lost = any(phase.lost.constant or phase.lost.penetration or phase.holds for phase in self.phases)
+        return lost or self.needs_pressing
 
     @property
     def latches(self) -> bool:
@@ -391,7 +394,7 @@ class ContactLaw:
                     )
                     for s in p.springs
                 ),
-                lost=p.lost._replace(rate=factor * p.lost.rate, constant=factor * p.lost.constant),
+                lost=p.lost._replace(**{x: factor * getattr(p.lost, x) for x in ("penetration", "rate", "constant")}),
                 rates=rows(p.rates),
                 losses=tuple(factor * x for x in p.losses),
                 written=None if p.written is None else p.written.of_scaled_forces(factor),

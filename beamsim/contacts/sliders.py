@@ -32,6 +32,15 @@ With the penetration :math:`\delta` and the position p of the slider,
 On first loading the stiffness is k up to the yield force :math:`F_y` and :math:`k_h` beyond. Unloading is elastic over
 2 f, then yields back. The face stays where the force of springs and slider is zero, :math:`\delta = k_s\,p / k`: this
 is the residual crush, at most :math:`f / k_h`. The work of the slider is lost.
+
+**Unloading.** A curve :math:`N_l(\delta)` beside a slider behind a spring k, whose force h lies between 0 and
+:math:`D = N_u(\delta) - N_l(\delta)`, the distance of the loading curve,
+
+.. math:: N = N_l(\delta) + h + c\,\dot\delta, \qquad h = k\,(\delta - p), \qquad 0 \le h \le D(\delta) .
+
+Where the motion turns the force leaves either curve with the slope :math:`k + N_l'`. While it loads, h = D and
+:math:`h\,(1 - D' / k)\,\dot\delta` is lost; a loop from zero loses the area between the curves. Without a curve
+of unloading :math:`N_l = 0`, and at h = 0 the slider stays where it is: the stop is open, and crushed.
 """
 
 from __future__ import annotations
@@ -40,7 +49,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
+import numpy as np
+
 from beamsim.contacts.laws import DEPTH, ContactLaw, Guard, LawRow, LawSpring, OneSidedSpring, Phase
+from beamsim.contacts.pads import ForceCurve, table_law
 
 STICK, FORWARDS, BACKWARDS = 0, 1, 2  # phases of friction
 FREE = 3  # of a contact that another one presses; without a spring those of motions to either side, 3 and 4
@@ -326,12 +338,113 @@ def _yielding(
     return Phase(name, guards, touching=True, springs=springs, lost=lost, written=stretch)
 
 
+def unloading_law(
+    loading: ForceCurve, stiffness: float, recovery: ForceCurve | None = None, dashpot: float = 0.0
+) -> ContactLaw:
+    """A stop whose force falls along another way than it rises; see the module's equations.
+
+    Parameters
+    ----------
+    loading : force over deflection while it is pressed further than before, N and m.
+    stiffness : with which the force leaves a curve where the motion turns, N/m, above all slopes between the curves.
+    recovery : force over deflection that the falling force goes down, not above ``loading``, as far as that goes; by
+        default none, and the stop stays crushed.
+    dashpot : beside it in contact, N s/m.
+
+    Returns
+    -------
+    ContactLaw
+        Phases for each segment: on the lower curve, or open, between the curves, and loading; one internal state p.
+
+    Raises
+    ------
+    ValueError
+        If the curves cross, or the stiffness is too small.
+
+    Examples
+    --------
+    >>> law = unloading_law(ForceCurve(np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, 10.0])), 8.0)
+    >>> [(phase.name, phase.force(1)[[0, 2, 6]].tolist()) for phase in law.phases[:3]]
+    [('open 1', [0.0, 0.0, 0.0]), ('between 1', [8.0, 0.0, -8.0]), ('loading 1', [2.0, 0.0, 0.0])]
+    """
+    if recovery is None:
+        x, lower = loading.deflection[:-1], ForceCurve(loading.deflection, 0.0 * loading.force)
+    else:  # beyond its end it is as far from the loading curve as there
+        x = np.union1d(loading.deflection, recovery.deflection)
+        low = recovery.at(x)
+        lower = ForceCurve(np.append(x, x[-1] + 1.0), np.append(low, low[-1] + loading.slopes[-1]))
+    at = np.append(x, x[-1] + 1.0)
+    low, width = lower.at(at), loading.at(at) - lower.at(at)
+    if width.min() < -1e-9 * loading.force[-1]:
+        raise ValueError(f"goes down a curve that lies above the loading curve at {at[np.argmin(width)]:.6g}")
+    below, apart = np.diff(low) / np.diff(at), np.diff(width) / np.diff(at)
+    if apart.max() >= stiffness:
+        raise ValueError(f"has a stiffness of {stiffness:.6g}, not above {apart.max():.6g}, the steepest of the curve")
+    area = 0.5 * (low[1:] + low[:-1]) * np.diff(at)
+    offset, zero = low[:-1] - below * x, width[:-1] - apart * x  # at zero deflection
+    energy = np.cumsum(area) - area - (0.5 * below * x + offset) * x
+    phases = [] if recovery is None else [Phase("open", (Guard(2, LawRow(-1.0), (LawRow(),)),), touching=False)]
+    for i, of_segment in enumerate(zip(below, offset, energy, apart, zero, strict=True)):
+        ends = (float(x[i]) if i else None, float(x[i + 1]) if i + 1 < x.size else None)
+        phases += _segment(3 * i + (recovery is not None), ends, of_segment, stiffness, dashpot)
+
+    def settled(penetration: float) -> tuple[float, ...]:
+        # loaded once, and by so little less that small motions about it are elastic
+        limit = (1.0 - 1e-12) * float(loading.at(np.array(penetration)) - lower.at(np.array(penetration)))
+        return (max(penetration, 0.0) - limit / stiffness,)
+
+    static = table_law(loading).parts
+    return ContactLaw(
+        tuple(phases), internal_states=1, stiffness=loading.stiffness, dashpot=dashpot, static=static, settled=settled
+    )
+
+
+def _segment(
+    place: int, ends: tuple[float | None, float | None], curves: Sequence[float], k: float, dashpot: float
+) -> tuple[Phase, Phase, Phase]:
+    """The phases of a segment of the curves: on the lower one, or open, between them, and loading.
+
+    Parameters
+    ----------
+    place : number of the first of the three; 1 of the first segment where there is a lower curve, which is recovered.
+    ends : deflections, m; None where there is none.
+    curves : slope, N/m, force at zero deflection, N, and energy, J, of the lower curve; slope of the distance of the
+        loading curve, N/m, and distance at zero deflection, N.
+    k, dashpot : see :func:`unloading_law`.
+    """
+    below, offset, energy, apart, zero = map(float, curves)
+    recovers = place % 3 == 1
+    spring, damping, turn = LawSpring(below, DEPTH, offset, energy), LawRow(rate=dashpot), LawRow(1.0, internal=(-1.0,))
+    limit, share = LawRow(apart / k, constant=zero / k), 1.0 - apart / k
+
+    def phase(name: str, mode: int, guards: tuple[Guard, ...], springs: tuple[LawSpring, ...], lost: LawRow) -> Phase:
+        before, after = ends
+        crossings = [] if before is None else [Guard(place - 3 + mode, LawRow(1.0, constant=-before))]
+        crossings += [] if after is None else [Guard(place + 3 + mode, LawRow(-1.0, constant=after))]
+        return Phase(f"{name} {place // 3 + 1}", (*guards, *crossings), name != "open", springs=springs, lost=lost)
+
+    if recovers:
+        lets_go = (Guard(0, DEPTH),) if ends[0] is None else ()
+        guards = (Guard(place + 1, LawRow(rate=-1.0), (DEPTH,)), *lets_go)
+        lowest = phase("recovering", 0, guards, (spring,), damping)
+    else:
+        lowest = phase("open", 0, (Guard(place + 1, LawRow(-1.0, internal=(1.0,))),), (), LawRow())
+    slack, yields = Guard(place, turn), Guard(place + 2, LawRow(apart - k, constant=zero, internal=(k,)))
+    back = Guard(place + 1, LawRow(rate=1.0), (LawRow(share, constant=-limit.constant),))
+    lost = LawRow(apart * share, dashpot, zero * share)
+    return (
+        lowest,
+        phase("between", 1, (slack, yields), (spring, LawSpring(k, turn)), damping),
+        phase("loading", 2, (back,), (spring, LawSpring(k, limit)), lost),
+    )
+
+
 def residual_crush(law: ContactLaw, phase: int, penetration: float, slider: float) -> float:
     """How far the face of a stop is from where it was when new.
 
     Parameters
     ----------
-    law : of :func:`hardening_law`.
+    law : of :func:`hardening_law` or :func:`unloading_law`.
     phase : number of the phase that it is in.
     penetration, slider : of the motion, m.
 
@@ -340,7 +453,6 @@ def residual_crush(law: ContactLaw, phase: int, penetration: float, slider: floa
     The residual crush, m; in a phase that yields that after unloading from there.
     """
     (face,) = law.phases[OPEN].guards[0].row.internal
-    yielding = law.phases[phase].written
-    if yielding is not None:  # where it would stay if it were unloaded now
-        slider = penetration - yielding.constant
+    for row in (guard.reset[0] for guard in law.phases[phase].guards if guard.reset):  # if it were unloaded now
+        slider = row.penetration * penetration + row.constant
     return face * slider

@@ -30,6 +30,7 @@ from beamsim.contacts.sliders import (
     hardening_law,
     pressed_friction_law,
     rigid_friction_law,
+    unloading_law,
 )
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Located
@@ -244,7 +245,7 @@ def build_contacts(
         gap=np.array([0.0 if s.gap is None else s.gap for s in snubbers], dtype=float),
         on_ground=np.array([getattr(s, "mounted_on", "") == "ground" for s in snubbers], dtype=bool),
         laws=tuple(
-            _law(s, float(k), curve, c) for s, k, curve, c in zip(snubbers, stiffness, curves, dashpot, strict=True)
+            _law(at, float(k), curve, c) for at, k, curve, c in zip(located, stiffness, curves, dashpot, strict=True)
         ),
     )
 
@@ -260,11 +261,21 @@ def _dashpot(located: Located, stiffness: float, omega: Floats, shape: Floats, r
         raise ScenarioError(Problem(at, f"has no meaning here: {error}", "give the dashpot in N s/m")) from None
 
 
-def _law(snubber: Any, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
+def _law(located: Located, stiffness: float, curve: ForceCurve | None, dashpot: float) -> ContactLaw:
+    snubber = located.item
     if snubber.latch:
         return latch(stiffness, dashpot)
     if snubber.hardening is not None:
         return hardening_law(stiffness, snubber.hardening.yield_force, snubber.hardening.stiffness, dashpot)
+    if snubber.unloading is not None:
+        points = snubber.unloading.force_deflection
+        recovery = None if points is None else ForceCurve(*np.array(points, dtype=float).T)
+        loading = ForceCurve.line(stiffness) if curve is None else curve
+        try:
+            return unloading_law(loading, snubber.unloading.stiffness, recovery, dashpot)
+        except ValueError as error:
+            at, remedy = f"{path_text(located.path)}.unloading", "compare both curves, and the units"
+            raise ScenarioError(Problem(at, str(error), remedy)) from None
     maxwell = [branch for branch in snubber.maxwell if branch.stiffness > 0.0]
     branches = _branches(maxwell)
     if not branches and (curve is None or curve.slopes.size == 1):

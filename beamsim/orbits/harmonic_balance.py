@@ -317,7 +317,7 @@ class ForcedBalance:
         if not self.system.contacts.one_sided:
             raise MethodError(
                 "contacts", "whose laws have internal states (a dashpot that never pulls, Maxwell branches, friction, "
-                "hardening) are beyond harmonic balance", "use shooting, or leave these out",
+                "hardening, unloading) are beyond harmonic balance", "use shooting, or leave these out",
             )  # fmt: skip
         self._stops = self.system.contacts.one_sided_parts()
         self.rows = self._stops.shape if self.cubic is None else np.vstack([self._stops.shape, self.cubic.shape])

@@ -554,9 +554,7 @@ def _pressed_friction(scenario: ScenarioParts) -> Problems:
             continue
         damped = snubbers[name].damping is not None
         if damped and snubbers[name].law != "no_tension":
-            remedy = (
-                "leave the snubber's damping out" if snubbers[name].hardening else "give the snubber law: no_tension"
-            )
+            remedy = "leave the snubber's damping out" if snubbers[name].yields else "give the snubber law: no_tension"
             yield problem(where, f"= the force of {name} may pull, since its dashpot acts while it opens", remedy)
         elif damped and contact.stiffness is not None:
             yield problem(

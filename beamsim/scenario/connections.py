@@ -278,6 +278,16 @@ class Hardening(Schema):
     """Stiffness while it yields, below that before."""
 
 
+class Unloading(Schema):
+    """A stop whose force falls along another way than it rises."""
+
+    stiffness: q.Stiffness
+    """Stiffness with which the force falls from where the motion turns, and rises again up to the curve of loading."""
+    force_deflection: ForcePoints | None = None
+    """Curve down which the falling force goes, to zero at zero: [[0 mm, 0 N], [1 mm, 4 N], ...]; by default none, and
+    the stop stays crushed by the deflection at which its force is zero."""
+
+
 class SnubberBase(Named):
     """Common part of all snubbers; N = k delta + c delta' while in contact."""
 
@@ -295,6 +305,9 @@ class SnubberBase(Named):
     """Maxwell branches parallel to the spring or the table, any number of them; they ask for law: no_tension."""
     hardening: Hardening | None = None
     """Yielding of the spring, which leaves the stop crushed; none by default."""
+    unloading: Unloading | None = None
+    """Another way of unloading: a stiffness, with which the stop stays crushed, and a curve, on which it recovers; none
+    by default."""
     gap_: q.Gap | None = Field(default=None, alias="gap")
     """Clearance: positive is backlash, negative prestress; 0 by default."""
     preload: q.PositiveForce | None = None
@@ -310,6 +323,7 @@ class SnubberBase(Named):
         super().check()
         self._check_force()
         self._check_hardening()
+        self._check_unloading()
         if self.maxwell and self.law != "no_tension":
             remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
             raise Unfit(f"= {self.law} does not go with maxwell", remedy, ("law",))
@@ -318,7 +332,7 @@ class SnubberBase(Named):
                 "does not go with law: no_tension", "leave one of the two out: a latch pulls as well", ("latch",)
             )
         remedy = "leave one of the two out: a latch is a spring that holds in both directions"
-        self.exclude("latch", self.key_of("force_deflection"), "maxwell", "hardening", remedy=remedy)
+        self.exclude("latch", self.key_of("force_deflection"), "maxwell", "hardening", "unloading", remedy=remedy)
         gap = self.key_of("gap_")
         self.exclude("preload", gap, remedy=f"keep one of the two; the {gap} follows from the preload")
 
@@ -344,9 +358,27 @@ class SnubberBase(Named):
                 f"= {after:g} {unit} is not below the snubber's stiffness, {self.stiffness:g} {unit}",
                 "give the smaller stiffness beyond the yield force, for example a tenth", ("hardening", "stiffness"),
             )  # fmt: skip
-        if self.damping is not None and self.law == "no_tension":
+
+    def _check_unloading(self) -> None:
+        if self.yields and self.damping is not None and self.law == "no_tension":
             remedy = "leave damping out, which makes no difference to never pulling, or write law: kelvin_voigt"
-            raise Unfit("does not go with law: no_tension and hardening", remedy, ("damping",))
+            raise Unfit(f"does not go with law: no_tension and {self.memory}", remedy, ("damping",))
+        if self.unloading is None:
+            return
+        self.exclude("unloading", "maxwell", "hardening", remedy="keep one: each is another loss of the same stop")
+        if self.unloading.force_deflection is not None:
+            key = self.unloading.key_of("force_deflection")
+            check_points(self.unloading.force_deflection, ("unloading", key), self.units)
+
+    @property
+    def memory(self) -> str:
+        """The key with which the force depends on the past of the motion, or none."""
+        return next((key for key in ("maxwell", "hardening", "unloading") if getattr(self, key)), "")
+
+    @property
+    def yields(self) -> bool:
+        """Whether it loses work as it is pressed, however slowly."""
+        return self.memory in ("hardening", "unloading")
 
     @property
     def gap(self) -> float | None:
@@ -595,6 +627,15 @@ class HingeHardening(Hardening):
     """Stiffness while it yields, below that before."""
 
 
+class HingeUnloading(Unloading):
+    """A stop whose moment falls along another way than it rises."""
+
+    stiffness: q.RotationalStiffness
+    """Stiffness with which the moment falls from where the motion turns, and rises again up to the curve of loading."""
+    force_deflection: tuple[tuple[q.Angle, q.Moment], ...] | None = Field(default=None, alias="moment_angle")
+    """Curve down which the falling moment goes, to zero at zero; by default none, and the stop stays crushed."""
+
+
 class OfHinge(Schema):
     """Something between the rotations of a hinge's two sides, which the hinge places."""
 
@@ -639,6 +680,9 @@ class HingeStop(OfHinge, SnubberBase):
     """Maxwell branches parallel to the spring or the table, any number of them; they ask for law: no_tension."""
     hardening: HingeHardening | None = None
     """Yielding of the spring, which leaves the stop crushed; none by default."""
+    unloading: HingeUnloading | None = None
+    """Another way of unloading: a stiffness, with which the stop stays crushed, and a curve, on which it recovers; none
+    by default."""
     preload: q.PositiveMoment | None = None
     """Contact moment at static equilibrium, instead of angle."""
 

@@ -409,7 +409,7 @@ def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequen
     """ScenarioError where contacts are more than one-sided springs."""
     linear = "give the snubber a stiffness alone, or make the springs piecewise_linear"
     refused = [
-        (f".{_memory_key(snubber)}", path, linear)
+        (f".{snubber.memory or 'force_deflection'}", path, linear)
         for (path, _, snubber, _), law in zip(snubbers, stops.laws, strict=True)
         if law.family is None
     ]
@@ -421,11 +421,6 @@ def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequen
     if refused:
         message = "cannot be combined with cubic springs"
         raise ScenarioError([Problem(path_text(path) + key, message, remedy) for key, path, remedy in refused])
-
-
-def _memory_key(snubber: Any) -> str:
-    """The key that makes the law of a snubber more than one stiffness and one dashpot."""
-    return next((key for key in ("maxwell", "hardening") if getattr(snubber, key)), "force_deflection")
 
 
 def _describe_snubbers(

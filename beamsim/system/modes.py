@@ -222,7 +222,7 @@ def _doubts(scenario: Scenario, modes: ModeTable) -> Iterator[str]:
 def _loses(scenario: Scenario, modes: ModeTable) -> bool:
     """Whether anything takes energy out of a motion: dashpots of any kind, friction, stops that yield."""
     rubs = any(each.item.kind == FRICTION for each in scenario.nonlinear_springs)
-    yields = any(stop.hardening is not None for stop in scenario.all_snubbers)
+    yields = any(stop.yields for stop in scenario.all_snubbers)
     return (
         rubs or yields or any(np.nan_to_num(each).any() for each in (modes.damping_ratios, modes.closed_damping_ratios))
     )
@@ -324,6 +324,6 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
         from scipy.optimize import linear_sum_assignment  # which takes as long to import as a validation
 
         modes, of = linear_sum_assignment(share, maximize=True)
-    ratio[modes] = -values[of].real / np.abs(values[of])
+    ratio[modes] = 0.0 - values[of].real / np.abs(values[of])  # 0, not -0
     ratio[omega == 0.0] = np.nan
     return omega, ratio

@@ -80,6 +80,23 @@ def test_the_shipped_boom_has_its_energy_by_hand():
     assert not row["peak force"]
 
 
+def test_a_stop_unloads_with_another_stiffness():
+    """It is crushed by what the stiffer way back leaves of the largest angle, and by no later impact further."""
+    met, stiffness, back = -np.deg2rad(1.0), 400.0, 1000.0
+    result = arm(
+        {"stops": [{"angle": "-1 deg", "side": "above", "stiffness": stiffness, "unloading": {"stiffness": back}}]}
+    )
+    stop = result.summary["impacts"]["root.stop_1"]
+    speed, closed = SPEED * np.sqrt(0.1**2 - met**2), np.sqrt((SPRING + stiffness) / INERTIA)
+    rest = stiffness * met / (SPRING + stiffness)
+    peak = stiffness * (rest + np.hypot(met - rest, speed / closed) - met)
+    assert result.summary["peak_moment_n_m"]["root.stop_1"] == pytest.approx(peak, rel=RIGID)
+    crush = peak / stiffness - peak / back
+    assert result.summary["residual_crush_rad"]["root.stop_1"] == pytest.approx(crush, rel=RIGID)
+    assert stop["number"] > 1
+    assert stop["energy_lost_j"] == pytest.approx(0.5 * peak * crush, rel=RIGID)
+
+
 SHAKEN = {"kind": "harmonic", "applied_to": "base", "level": 1e-3, "frequency": 0.5}
 
 

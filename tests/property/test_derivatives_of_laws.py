@@ -13,6 +13,7 @@ from beamsim.contacts.sliders import (
     hardening_law,
     pressed_friction_law,
     rigid_friction_law,
+    unloading_law,
 )
 from beamsim.flow.periodic_flow import Frequency, PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
@@ -21,6 +22,7 @@ from beamsim.system.equations import PiecewiseLinearSystem
 OMEGA, STATIC, SLIDING, STOP = 1.3, 0.4, 0.3, 50.0
 CURVE = ForceCurve(np.array([0.0, 0.1, 0.25, 0.4]), np.array([0.0, 1.5, 6.0, 9.0]))
 LEVEL = ForceCurve(np.array([0.0, 0.05, 0.3, 0.5]), np.array([0.0, 2.0, 2.0, 9.0]))
+LOW = ForceCurve(np.array([0.0, 0.2, 0.4]), np.array([0.0, 1.0, 9.0]))
 LINE = ForceCurve(np.array([0.0, 1.0]), np.array([0.0, 20.0]))
 SOFT = ForceCurve(np.array([0.0, 0.1, 0.3]), np.array([0.0, 2.0, 9.0]))
 TWO = (MaxwellBranch(20.0, 0.15), MaxwellBranch(5.0, 1.0))
@@ -89,6 +91,8 @@ CASES = {
     "table, dashpot, branches": pad(CURVE, 0.5, TWO),
     "level table": pad(LEVEL, 0.3, TWO[1:]),
     "hardening": Case((hardening_law(20.0, 0.6, 2.0, 0.3),), (*START, 0.01), 9.0, 5),
+    "crushed": Case((unloading_law(CURVE, 60.0, None, 0.3),), (*START, 0.01), 20.0, 5),
+    "recovering": Case((unloading_law(CURVE, 60.0, LOW),), (*START, 0.0), 20.0, 8),
     "friction behind springs": Case(
         (friction_law(40.0, 0.3, 0.2), friction_law(10.0, 0.2, 0.2)), (0.05, 0.0, 0.3, -0.1, 0.05, 0.015), 7.0, 8,
         ((1.0, 0.4), (0.3, -1.0)), (-1.0, -1.0), (0.0, 0.0), load=(-1.0j, -0.6j),

@@ -531,7 +531,8 @@ def _yielding(scenario: Scenario, numbers: Sequence[Sought]) -> list[str]:
         f"{located.item.name} yields: a steady vibration repeats with any residual crush, so that gap and crush "
         "together are found, not the gap or preload of the new stop; measure one of them"
         for located in scenario.located_snubbers
-        if located.item.hardening is not None and located.path in sought
+        if located.item.yields and not getattr(located.item.unloading, "force_deflection", None)
+        if located.path in sought
     ]
 
 

@@ -62,10 +62,8 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
             message = f"looks for motions that repeat, and {name} has a latch, which holds for good"
             raise ScenarioError.at("nnm", message, f"leave out latch of {name}")
         if law.undamped() is None:
-            rubs, yields = law.rubs, law.yields
-            what = (
-                f"hardening of {name}" if yields else f"the friction contact {name}" if rubs else f"maxwell of {name}"
-            )
+            key = next((stop.memory for stop in scenario.all_snubbers if stop.name == name), "maxwell")
+            what = f"the friction contact {name}" if law.rubs and key == "maxwell" else f"{key} of {name}"
             raise ScenarioError.at(
                 "nnm",
                 f"needs contacts without losses, and that of {name} rubs or keeps internal states",

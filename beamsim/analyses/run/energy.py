@@ -166,12 +166,15 @@ def stored_at_ends(trajectory: Trajectory) -> Floats:
 def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearOutput]:
     """Dissipative forces in the contacts, and the rates on which they act; what events lose comes on top."""
     dashpot, internal = flow.system.contacts.losses(phases)
-    _, moved = flow.penetrations
+    deep, moved = flow.penetrations
     if internal.size:
         moved = LinearOutput.stacked(moved, flow.internal_rates(phases))
     forces = moved.scaled(np.concatenate([dashpot, internal])[:, None])
     contacts = flow.system.contacts
-    forces.direct[: dashpot.size, 0] += contacts.friction(phases)
+    constant, slope = contacts.friction(phases)
+    forces.direct[: dashpot.size, 0] += constant
+    if slope.any():
+        forces += deep.combined(np.eye(forces.row.shape[0], slope.size) * slope)
     if contacts.presses(phases):
         place = np.zeros((forces.row.shape[0], contacts.pressed.size))
         place[contacts.pressed, np.arange(contacts.pressed.size)] = 1.0

@@ -96,8 +96,7 @@ class SweepLevel:
 
         def output_of(phases: Ints) -> LinearOutput:
             parts = [channels(phases), _impact_rows(template, phases, count)]
-            if rubbing.size:
-                parts += [sliding_speeds(template, rubbing, phases), _wear_rows(template, phases)]
+            parts += [sliding_speeds(template, rubbing, phases), _wear_rows(template, phases)]
             return LinearOutput.stacked(*parts)
 
         return output_of
@@ -166,8 +165,10 @@ class SweepLevel:
         )
 
     def _impacts(self, record: CycleRecord) -> dict[str, CycleImpacts]:
-        """Impacts by snubber, from rates in contact and from outputs whose squares are the power lost."""
+        """Impacts by snubber, from rates in contact and from outputs whose squares are the power lost, or from the
+        product of rate and force that a snubber which yields loses."""
         force = self._named(FORCE)
+        yielding = self._mean_products(record)
         rates, losses = np.split(self._beyond[0], [len(force)])
         owner = loss_owner(self.system.dynamics.contacts)
         period, out = record.duration / record.cycles, {}
@@ -180,10 +181,18 @@ class SweepLevel:
                 per_cycle=per_cycle,
                 contact_time=time,
                 impulse=record.harmonic[:, column, 0].real * period,
-                energy_lost=np.maximum(record.mean_square[:, losses[owner == k]].sum(axis=1), 0.0) * period,
+                energy_lost=np.maximum(yielding.get(k, record.mean_square[:, losses[owner == k]].sum(axis=1)), 0.0)
+                * period,
                 penetration_rate=record.high[:, rates[k]],
             )
         return out
+
+    def _mean_products(self, record: CycleRecord) -> dict[int, Floats]:
+        """Mean powers lost of `_rubbing`, by contact, W; of friction that a snubber presses for a coefficient of 1."""
+        square = record.mean_square[:, self._beyond[2]]
+        return dict(
+            zip(_rubbing(self.system.dynamics.contacts).tolist(), (square[:, ::2] - square[:, 1::2]).T, strict=True)
+        )
 
     def _sliding(self, record: CycleRecord) -> dict[str, CycleSliding]:
         """Sliding by friction contact, from mean speeds of sliding and from how often it ends.
@@ -193,9 +202,8 @@ class SweepLevel:
         """
         which, contacts = friction_contacts(self.system), self.system.dynamics.contacts
         springs = [spring for spring in self.system.springs if spring.kind == FRICTION]
-        _, columns, of_wear = self._beyond
-        period, square = record.duration / record.cycles, record.mean_square[:, of_wear]
-        wear = dict(zip(_rubbing(contacts).tolist(), (square[:, ::2] - square[:, 1::2]).T, strict=True))
+        _, columns, _ = self._beyond
+        period, wear = record.duration / record.cycles, self._mean_products(record)
         begun = dict(zip(contacts.pressed.tolist(), record.pressing.T / record.cycles, strict=True))
         out = {}
         for column, j, spring in zip(columns.tolist(), which.tolist(), springs, strict=True):
@@ -233,21 +241,21 @@ def loss_owner(contacts: Contacts) -> Ints:
 
 
 def _rubbing(contacts: Contacts) -> Ints:
-    """Friction contacts whose forces vary while they slide: those that a snubber presses, and those that fall."""
-    return np.concatenate([contacts.pressed, contacts.falling])
+    """Contacts that lose work by forces that vary: friction that a snubber presses, then what yields or falls."""
+    return np.concatenate([contacts.pressed, contacts.lossy])
 
 
 def _wear_rows(flow: ExactFlow, phases: Ints) -> LinearOutput:
     """Of each friction contact that a snubber presses two outputs, the difference of whose squares is the normal force
-    times the speed at which it slides, N m/s; of those that fall the friction force times that speed."""
+    times the speed at which it slides, N m/s; of those that yield or fall the lost force times its speed."""
     contacts = flow.system.contacts
-    pressed, falling = contacts.pressed, contacts.falling
-    if not pressed.size + falling.size:
+    pressed, lossy = contacts.pressed, contacts.lossy
+    if not pressed.size + lossy.size:
         return flow.empty_output(0)
     slides = np.abs(contacts.slides(phases)[pressed, None])
-    rubbing = contact_losses(flow, phases)[0].some(falling).scaled(0.5 * contacts.slides(phases)[falling, None])
-    force = LinearOutput.stacked(flow.pressing_forces(phases).scaled(0.5 * slides), rubbing)
-    speed = sliding_speeds(flow, _rubbing(contacts), phases).scaled(0.5)
+    lost, moved = (each.some(lossy).scaled(0.5) for each in contact_losses(flow, phases))
+    force = LinearOutput.stacked(flow.pressing_forces(phases).scaled(0.5 * slides), lost)
+    speed = LinearOutput.stacked(sliding_speeds(flow, pressed, phases).scaled(0.5), moved)
     pairs = np.arange(2 * speed.row.shape[0]).reshape(2, -1).T.ravel()
     return LinearOutput.stacked(force + speed, force + (-speed)).some(pairs)
 
