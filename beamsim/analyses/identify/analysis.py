@@ -244,9 +244,8 @@ def _summary(result: IdentificationResult) -> dict[str, Any]:
         summary["estimated"] = {p.parameter: _plain(p) for p in nonlinear.parameters}
         summary["nonlinear_misfit"] = [nonlinear.misfit_before, nonlinear.misfit]
         summary["test_misfits"] = {test.name: [test.misfit, test.misfit_without] for test in nonlinear.records}
-        summary["test_delays_s"] = {
-            test.name: [test.delay_s, *test.delay_interval] for test in nonlinear.records if test.delay_is_fitted
-        }
+        delays = {test.name: [test.delay_s, *test.delay_interval] for test in nonlinear.records}
+        summary["test_delays_s"] = {name: each for name, each in delays.items() if np.isfinite(each).all()}
         summary["starts_agreeing"] = [nonlinear.starts_agreeing, nonlinear.starts]
     return summary
 

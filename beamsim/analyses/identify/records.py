@@ -89,14 +89,6 @@ class Test:
         """Number of measured values that say nothing of the parameters."""
         return int(self.free_phase)
 
-    def first(self, share: float) -> Self:
-        """The first part of a record that begins with the motion; of others all."""
-        return self
-
-    def sharpened(self, misfit: float, parameters: int) -> Self:
-        """With the noise that a fit of so many parameters leaves, where the record alone does not tell it as well."""
-        return self
-
     def described(self, part: Misfit, found: Compared) -> dict[str, Any]:
         """The fields that the results of all tests have."""
         unit = level_unit(self.quantity.removeprefix("absolute_"))
@@ -165,7 +157,7 @@ class Transient(Test):
         return replace(self, time=self.time[:count], measured=self.measured[:count], duration=self.duration - cut)
 
     def sharpened(self, misfit: float, parameters: int) -> Self:
-        """See `Test.sharpened`."""
+        """With the noise that a fit of so many parameters leaves, where the record alone does not tell it as well."""
         left = misfit / max(self.size - self.lost - parameters, 1)
         return self if self.stated or left > SLACK else replace(self, sigma=self.sigma * max(left, 1e-24) ** 0.5)
 

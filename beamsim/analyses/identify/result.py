@@ -248,11 +248,6 @@ class RecordFit:
         "1", "chi squared of a fit to the other tests alone, to first order", default=math.nan
     )
 
-    @property
-    def delay_is_fitted(self) -> bool:
-        """Whether it has an interval."""
-        return math.isfinite(self.delay_interval[0])
-
 
 @declared(along=("order",), kw_only=True)
 class TestFit(RecordFit):

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from operator import is_
 from statistics import NormalDist
 from typing import Any
 
@@ -99,8 +98,8 @@ def fit_nonlinear(
     best = min(solutions, key=lambda each: each.misfit)
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
 
-    if sharper := _sharpened(vibrations, fit.residuals(best.x)):
-        tests = vibrations.tests = sharper
+    if len(fits) > 1:  # the noise of transients is what is left, but for a wrong model
+        tests = vibrations.tests = _sharpened(tests, fit.residuals(best.x), len(fit.numbers))
         fit = Fit(vibrations.numbers, vibrations.residuals)
         first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
         best = fit.best(best.x)
@@ -360,9 +359,8 @@ class _Vibrations:
     def of_first_parts(self) -> list[Fit]:
         """Fits to the first parts of transients, each from the end of the one before: over a long record the misfit has
         many minima, since small errors of frequencies and times add up. None where there are no transients."""
-        if not any(isinstance(test, Transient) for test in self.tests):
-            return []
-        parts = [[test.first(share) for test in self.tests] for share in FIRST_PARTS]
+        shares = FIRST_PARTS if any(isinstance(test, Transient) for test in self.tests) else ()
+        parts = [[t.first(share) if isinstance(t, Transient) else t for t in self.tests] for share in shares]
         return [Fit(self.numbers, replace(self, tests=tests, guesses=[]).residuals) for tests in parts]
 
     def residuals(self, x: Floats, beside: bool = False) -> Floats:
@@ -468,12 +466,13 @@ def _from_starts(
     return solutions, tried
 
 
-def _sharpened(vibrations: _Vibrations, residuals: Floats) -> list[AnyTest]:
-    """The tests with the noise that the best fit tells, see `Test.sharpened`; none where that changes nothing."""
-    tests, count = vibrations.tests, len(vibrations.numbers)
+def _sharpened(tests: Sequence[AnyTest], residuals: Floats, parameters: int) -> list[AnyTest]:
+    """The tests with the noise that the best fit tells, see `Transient.sharpened`."""
     parts = zip(tests, _rows(tests), strict=True)
-    sharper = [test.sharpened(float(np.sum(residuals[rows] ** 2)), count) for test, rows in parts]
-    return [] if all(map(is_, sharper, tests)) else sharper
+    return [
+        test.sharpened(float(np.sum(residuals[rows] ** 2)), parameters) if isinstance(test, Transient) else test
+        for test, rows in parts
+    ]
 
 
 def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats) -> list[Misfit]:
