@@ -1,8 +1,8 @@
 """beamsim: exact simulation of structures that vibrate against one-sided elastic stops.
 
-One function a command, each with a frozen result: `run`, `sweep`, `continuation`, `design_study`, `ensemble`,
-`identify_stiffness`, `nnm`, `compare`, `compare_modes`. `write_result` and `open_result` write and read a result of any
-kind, `export_result` writes it in another format.
+One function a command, each with a frozen result: `run`, `sweep`, `continuation`, `coexisting`, `design_study`,
+`ensemble`, `identify_stiffness`, `nnm`, `compare`, `compare_modes`. `write_result` and `open_result` write and read a
+result of any kind, `export_result` writes it in another format.
 
 >>> import beamsim
 >>> scenario = beamsim.load_scenario("configs/one_sided_65hz.yaml", {"run.duration": "0.2 s"})  # doctest: +SKIP
@@ -20,6 +20,7 @@ from beamsim.kinds import KINDS, named
 from beamsim.version import __version__
 
 if TYPE_CHECKING:
+    from beamsim.analyses.coexisting.result import CoexistingResult
     from beamsim.analyses.compare.analysis import compare, pair_channels
     from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.compare_modes import ModeComparison, compare_modes, read_shapes
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from beamsim.store.export import export_result
     from beamsim.store.results import open_result, write_result
     from beamsim.store.studies import ensemble
-    from beamsim.trust.checked import continuation, design_study, nnm, sweep
+    from beamsim.trust.checked import coexisting, continuation, design_study, nnm, sweep
     from beamsim.trust.runs import run
 
 _NAMES = {
@@ -59,6 +60,7 @@ for _kind in KINDS.values():  # the function and the class of each
 
 __all__ = [
     "BeamsimError",
+    "CoexistingResult",
     "Comparison",
     "ContinuationResult",
     "DesignsResult",
@@ -73,6 +75,7 @@ __all__ = [
     "ScenarioError",
     "SweepResult",
     "__version__",
+    "coexisting",
     "compare",
     "compare_modes",
     "continuation",

@@ -53,6 +53,15 @@ KINDS = {
         figures="beamsim.plots.continuation:continuation_figures",
         question="Which steady motions does the excitation lead to, and which of them are stable?",
     ),
+    "coexisting": Kind(
+        "sweep", "coexisting motions by `beamsim sweep`",
+        analysis="beamsim.trust.checked:coexisting",
+        result="beamsim.analyses.coexisting.result:CoexistingResult",
+        screen="beamsim.cli.branches:coexisting_screen",
+        views="beamsim.cli.branches:COEXISTING_VIEWS",
+        figures="beamsim.plots.coexisting:coexisting_figures",
+        question="Which of several motions will occur?",
+    ),
     "designs": Kind(
         "sweep", "a design study by `beamsim sweep`",
         analysis="beamsim.trust.checked:design_study",

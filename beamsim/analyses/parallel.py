@@ -13,6 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from itertools import islice
 from multiprocessing import connection, current_process, get_context
@@ -72,6 +73,37 @@ class Workers:
                 return
             ready, under_way = wait(under_way, timeout=0.05, return_when=FIRST_COMPLETED)  # s, to ask again
             yield from (future.result() for future in ready)
+
+
+@contextmanager
+def working(
+    here: Callable[[Stop], Callable[[Item], Result]], there: Callable[[Item], Result], most: int, stop: Stop = never, *,
+    workers: int | None = None, scheduler: str | None = None, threaded: bool = False,
+) -> Iterator[Callable[[Iterable[Item]], Iterator[Result]]]:  # fmt: skip
+    """Who computes items for all of a block: threads of this process, other processes, or a cluster.
+
+    Parameters
+    ----------
+    here : of what says whether to end, the function of an item in this process.
+    there : the same function for other processes, to which it is sent.
+    most : items at once; there are no more workers.
+    stop : asked whether to end; what is under way is then not yielded.
+    workers : their number; by default that of the processors.
+    scheduler : address of a Dask scheduler whose workers are used instead.
+    threaded : whether threads execute the function side by side; else several workers are processes.
+
+    Yields
+    ------
+    A function of items, which yields the results in the order of completion.
+    """
+    count = max(1, min(workers or default_workers(), most))
+    if scheduler is None and (threaded or count == 1):
+        ended = threading.Event()
+        with threads(count, ended) as pool:
+            yield partial(pool.completed, here(lambda: stop() or ended.is_set()), stop=stop)
+    else:
+        with processes(count, stop) if scheduler is None else cluster(scheduler) as pool:
+            yield partial(pool.completed, there, stop=stop)
 
 
 @contextmanager

@@ -102,11 +102,13 @@ def sweep(
     workers: Annotated[
         int | None,
         typer.Option(
-            "--workers", min=1, help="Number of threads (of processes for sweeps) for vary; by default one per core."
+            "--workers",
+            min=1,
+            help="Threads (processes for sweeps) for vary or coexisting motions; by default one per core.",
         ),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for vary, tcp://host:port.")
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for them, tcp://host:port.")
     ] = None,
     compare_with: Annotated[
         Literal["multiple_scales"] | None,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.cli.printing import percent
@@ -18,6 +19,7 @@ from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, level_text, scale_for
 from beamsim.scenario.base import counted
 
+MOST_MOTIONS = 24
 MOST_ROWS = 12  # special points, branches
 
 
@@ -81,7 +83,10 @@ def _several(result: ContinuationResult) -> Iterator[str]:
         level = f" at {_level(result, several.level)['level']}" if len({b.level for b in result.branches}) > 1 else ""
         peaks = " or ".join(dict.fromkeys(amount(peak, "m", 3) for peak in several.peaks))
         at, more = _parameter(several.at, result.unit, 4), counted(len(ranges) - 1, "more range")
-        probe = next((f": {of.name} reaches {peaks} at {at}, by the start" for of in result.branches[0].probes), "")
+        likely = " (kind: coexisting says how likely)"
+        probe = next(
+            (f": {of.name} reaches {peaks} at {at}, by the start{likely}" for of in result.branches[0].probes), ""
+        )
         yield f"{len(several.peaks)} stable motions from {where}{level}{probe}{f'; {more}' if ranges[1:] else ''}"
 
 
@@ -180,6 +185,59 @@ CONTINUATION_VIEWS: Views = {
     "peaks": _peaks,
     "fold_curves": _folds,
     "multiple_scales": lambda result, levels: [{**s, **_level(result, s["level"])} for s in levels],
+}
+
+
+# --- Coexisting motions ----------------------------------------------------------------------------------------------
+
+
+def coexisting_screen(result: CoexistingResult) -> Screen:
+    """Each motion with its share of the starts and its peaks; what leaves it."""
+    s, numbers = result.summary, Numbers(result.summary)
+    rows = [_motion(result, numbers, motion) for motion in s["motions"][:MOST_MOTIONS]]
+    unsettled = ((f"{count} starts at {hz} Hz have not settled", count) for hz, count in s["not_settled"].items())
+    lines = [f"{len(s['motions']) - MOST_MOTIONS} more motions in the file"] if len(s["motions"]) > MOST_MOTIONS else []
+    lines += [text for text, count in unsettled if count]
+    lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_MOTIONS]]
+    lines += [*modes(result), *limit_lines(s.get("margins", {}))]
+    said = f"{s['starts']} starts at each of {counted(len(s['not_settled']), 'frequency', 'frequencies')}"
+    return Screen(f"{said}, {sureness(result, numbers.largest_change)}", rows, [*lines, *numbers.legend()])
+
+
+def _motion(result: CoexistingResult, numbers: Numbers, motion: Mapping[str, Any]) -> dict[str, str]:
+    """The row of a motion: displacement of the first probe, force of the snubber that is hit hardest."""
+    row = {"": _called(motion)}
+    if is_known(motion["share"]):  # of an unstable motion, which no start comes to, there is none
+        low, high = (f"{100 * motion[end]:.3g}" for end in ("share_low", "share_high"))
+        row["share of starts"] = f"{percent(motion['share'])} ({low} to {high} %)"
+    of, forces = motion.get("peak_displacement_m", {}), motion.get("peak_force_n", {})
+    for what, name, entry, unit, sizes in (
+        ("displacement", next(iter(of), ""), "peak_displacement_m", "m", of),
+        ("peak force", max(forces, key=lambda name: forces[name], default=""), "peak_force_n", "N", forces),
+    ):
+        row[what] = f"{numbers.text(sizes[name], unit, entry, name)}, {name}" if name else ""
+    cycles, size = motion["period_cycles"], motion["largest_multiplier"]
+    kind = f"period {cycles}, multiplier {size:.3f}" if cycles else motion["kind"]
+    return row | {"motion": kind if motion["stable"] else f"unstable, {kind}"}
+
+
+def _called(record: Mapping[str, Any]) -> str:
+    return f"{record['frequency_hz']:.6g} Hz, motion {record['number']}"
+
+
+def _left_by(record: Mapping[str, Any]) -> str:
+    """The smallest disturbance found that leaves a motion."""
+    of = f"impulse at {record['probe']}" if record["probe"] else "velocity step of the base"
+    if not is_known(record["amplitude"]):
+        return f"no {of} up to {amount(record['largest_tried'], record['unit'], 3)} was found that leaves it"
+    size, when = amount(abs(record["amplitude"]), record["unit"], 3), amount(record["time_s"], "s", 3)
+    return f"left by the {of} of {size}, the smallest found ({when} into its period)"
+
+
+COEXISTING_VIEWS: Views = {
+    "peak_output": _outputs,
+    "motions": lambda result, motions: [_motion(result, Numbers(result.summary), each) for each in motions],
+    "disturbances": lambda result, records: [{"": _called(each), "left": _left_by(each)} for each in records],
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from signal import SIGINT
 from typing import Any
@@ -20,6 +21,7 @@ from beamsim.cli.options import Given
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
 from beamsim.files import replacing
+from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import Scenario
 from beamsim.store.results import holds, open_result, write_result
@@ -31,9 +33,9 @@ _NEEDS_VARY = "leave out the option, or add vary"
 _NEEDS_CONTINUATION = "leave it out, or use sweep: {kind: continuation}"
 # option -> kinds of sweep with that option; for others place (default: the option), message and remedy
 _OPTIONS = {
-    "workers": (("designs",), "vary", "is missing, but --workers applies to its cases", _NEEDS_VARY),
-    "scheduler": (("designs",), "vary", "is missing, but --scheduler applies to its cases", _NEEDS_VARY),
-    "resume": (("designs", "sweep"), "", "continues a swept or stepped sine, not a continuation", "leave it out"),
+    "workers": (("designs", "coexisting"), "vary", "is missing, but --workers applies to its cases", _NEEDS_VARY),
+    "scheduler": (("designs", "coexisting"), "vary", "is missing, but --scheduler applies to its cases", _NEEDS_VARY),
+    "resume": (("designs", "sweep"), "", "continues a swept or stepped sine or a study alone", "leave it out"),
     "overlay": (("continuation",), "", "overlays a sweep on a curve by continuation", _NEEDS_CONTINUATION),
     "compare": (("continuation",), "", "compares with a curve of periodic motions", _NEEDS_CONTINUATION),
 }
@@ -63,6 +65,10 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
         sweep_designs(scenario, target, given, **of_study)
     elif kind == "continuation":
         continue_motions(scenario, target, given, options["overlay"] or (), expansion=bool(options["compare"]))
+    elif kind == "coexisting":
+        workers = {name: options[name] for name in ("workers", "scheduler")}
+        with scenario.locating():
+            concluded(kind, target, given, partial(checked.coexisting, scenario, **workers), "motions from many starts")
     else:
         _sweep_sine(scenario, target, given, resume=options["resume"])
 
@@ -71,7 +77,8 @@ def _kind(scenario: Scenario) -> str:
     """Kind of the result, as in `beamsim.kinds.KINDS`."""
     if scenario.study is not None:
         return "designs"
-    return "continuation" if scenario.sweep is not None and scenario.sweep.kind == "continuation" else "sweep"
+    kind = getattr(scenario.sweep, "kind", "")
+    return kind if kind in KINDS else "sweep"
 
 
 def _sweep_sine(scenario: Scenario, target: Path, given: Given, *, resume: bool) -> None:

@@ -17,8 +17,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from beamsim.flow.exact import ExactFlow
+from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.transient import Log, March, Motion, motion_of
+from beamsim.flow.transient import Log, March, Motion, motion_of, start
+from beamsim.flow.variational import VariationalFlow
 from beamsim.typing import Floats
 
 
@@ -79,6 +81,29 @@ class CycleStepper(March):
             yield log
 
 
+@dataclass
+class SeriesStepper:
+    """The same where cubic springs leave no closed form: by power series."""
+
+    flow: PeriodicFlow
+    omega: float  # rad/s
+
+    def carry(self, motion: Motion, cycles: int) -> Floats:
+        """Carry ``motion`` on, in place, from a phase of 0; returns the state (cycles, N) after every cycle."""
+        states = []
+        for _ in range(cycles):
+            motion.y = self.flow.carry(motion.y, 2 * np.pi / self.omega).end
+            states.append(motion.y)
+        return np.array(states)
+
+
+def stepper_on(flow: PeriodicFlow, y: Floats) -> tuple[CycleStepper | SeriesStepper, Motion]:
+    """What carries motions of a flow from cycle to cycle, and the motion from a state (N,) at phase 0."""
+    if isinstance(flow, VariationalFlow):
+        return CycleStepper(flow.exact, 2 * np.pi / flow.omega), start(flow.exact, y)[0]
+    return SeriesStepper(flow, flow.omega), Motion(y, 0)
+
+
 @dataclass(frozen=True)
 class Settled:
     """Whether and how the motion became periodic."""
@@ -89,7 +114,7 @@ class Settled:
     section: Floats  # (cycles kept, 2n) states at the ends of the last cycles
 
 
-def velocity_weights(flow: ExactFlow, omega: float) -> Floats:
+def velocity_weights(flow: ExactFlow | PeriodicFlow, omega: float) -> Floats:
     """(N,) factors that make a state's entries comparable: displacements in units of velocity, internal states left
     out."""
     n, r = flow.system.size, flow.system.contacts.internal_states
@@ -97,7 +122,7 @@ def velocity_weights(flow: ExactFlow, omega: float) -> Floats:
 
 
 def settle(
-    stepper: CycleStepper, motion: Motion, *, tolerance: float, longest_period: int, most_cycles: int
+    stepper: CycleStepper | SeriesStepper, motion: Motion, *, tolerance: float, longest_period: int, most_cycles: int
 ) -> Settled:
     """Carry a motion on until it repeats after 1 ... ``longest_period`` cycles, to ``tolerance`` of its size.
 
@@ -163,7 +188,7 @@ class Exponent:
     kind: str  # "chaotic", "quasi-periodic" or "not settled"
 
 
-def largest_exponent(stepper: CycleStepper, motion: Motion, cycles: int, seed: int = 0) -> Exponent:
+def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycles: int, seed: int = 0) -> Exponent:
     """Exponent over ``cycles`` cycles after as many as a quarter of them; ``motion`` is carried along.
 
     A motion whose exponent is clearly positive is chaotic, clearly negative not settled yet (its transient still

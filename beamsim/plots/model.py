@@ -79,13 +79,13 @@ def model_figure(sketch: Sketch) -> Picture:
 
 def excitation_text(scenario: Scenario) -> str:
     """What excites the model, in a line; of a case with both a run and a sweep that of each."""
-    swept = _SWEEPS.get(getattr(scenario.sweep, "kind", ""), "")
+    swept = "" if scenario.sweep is None else _SWEEPS.get(scenario.sweep.kind, "steady sine")
     ways = [*([""] if scenario.run is not None or not swept else []), *([swept] if swept else [])]
     parts = [_excitation_text(scenario, part, way) for way in ways for _, part in scenario.excitation.items]
     return "; ".join(dict.fromkeys(parts)) or "no excitation"
 
 
-_SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine", "continuation": "steady sine"}
+_SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine"}
 
 
 def _swept(scenario: Scenario, part: Any) -> Iterator[str]:

@@ -697,6 +697,8 @@ def _sweeps(scenario: ScenarioParts) -> Problems:
             )
     if sweep.kind == "continuation":
         yield from _continuation(scenario, sweep)
+    elif sweep.kind == "coexisting":
+        yield from _coexisting(scenario, sweep)
     elif sweep.impacts and not scenario.all_snubbers and not scenario.located_friction:
         message = "needs a snubber or friction, and there is none"
         yield problem(("sweep", "impacts"), message, "leave it out, or add a snubber")
@@ -810,6 +812,18 @@ def _continuation(scenario: ScenarioParts, sweep: Continuation) -> Problems:
         yield Problem(
             "sweep.method", "= harmonic_balance needs a snubber or a nonlinear spring", "use shooting, or add a snubber"
         )
+
+
+def _coexisting(scenario: ScenarioParts, sweep: Any) -> Problems:
+    """Probes that are missing, and pulses of a base that rests."""
+    names, lists = [probe.name for probe in scenario.effective_probes], {"disturbances": sweep.disturbances}
+    for key, items in (lists | {"starts.box": getattr(sweep.starts, "box", ())}).items():
+        for k, each in enumerate(items):
+            at: Path = ("sweep", *key.split("."), k)
+            if each.probe:
+                yield from unknown((*at, "probe"), each.probe, "probe", names)
+            elif not getattr(scenario.excitation, "on_base", False):
+                yield problem(at, "is a pulse of the base, which rests", "use kind: impulse, or excite the base")
 
 
 def _range_problems(scenario: ScenarioParts, sweep: Continuation) -> Problems:

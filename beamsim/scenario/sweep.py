@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
-from math import log2
+from math import log2, tau
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field
@@ -335,7 +335,150 @@ class SteppedSine(_UpAndDown):
     """Smallest number of cycles measured after the motion is steady."""
 
 
-Sweep = Annotated[SweptSine | SteppedSine | Continuation, BY_FORM]
+Velocity = Annotated[float, q.Quantity(units.VELOCITY)]
+Drawn = tuple[str, str, float, float]  # name and unit of a coordinate of a start, lowest and highest value
+
+
+class BoxCoordinate(Schema):
+    """Displacement and velocity of a probe with which motions start, from static equilibrium."""
+
+    probe: q.Name
+    """Probe that is displaced or moves."""
+    mode: q.Count | None = None
+    """Natural mode in which all else moves with it; without one as a force at the probe deflects the structure."""
+    displacement: tuple[q.Amplitude, q.Amplitude] = (0.0, 0.0)
+    """Smallest and largest displacement."""
+    velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
+    """Smallest and largest velocity."""
+
+    @property
+    def ranges(self) -> tuple[Drawn, Drawn]:
+        """Both."""
+        of = f" of {self.probe}{f' in mode {self.mode}' if self.mode else ''}"
+        return (f"displacement{of}", "m", *self.displacement), (f"velocity{of}", "m/s", *self.velocity)
+
+
+class _Starts(Schema):
+    number: q.SteppedCount = 100
+    """Number of starts at each frequency."""
+    seed: q.NotNegativeWhole = 0
+    """Seed of the random numbers."""
+
+
+class PhaseStarts(_Starts):
+    """The excitation is switched on at any phase, at static equilibrium."""
+
+    kind: Literal["phases"] = "phases"
+    """Phases at switch-on."""
+
+    ranges: ClassVar[tuple[Drawn, ...]] = (("phase", "rad", 0.0, tau),)
+
+
+class StateStarts(_Starts):
+    """Displacements and velocities at phase zero, evenly distributed in a box."""
+
+    kind: Literal["states"] = "states"
+    """States in a box."""
+    box: Annotated[tuple[BoxCoordinate, ...], Field(min_length=1)]
+    """Its coordinates."""
+
+    @property
+    def ranges(self) -> tuple[Drawn, ...]:
+        """Of all coordinates."""
+        return tuple(each for coordinate in self.box for each in coordinate.ranges)
+
+
+class HistoryStarts(_Starts, FrequencyRange):
+    """The frequency comes up, or down, from any frequency of a range, and then stays."""
+
+    kind: Literal["history"] = "history"
+    """Sweeps up and down to the frequency, from static equilibrium."""
+    where_it_falls: ClassVar[str] = "write the lower frequency as from"
+    rate: q.SweepRate
+    """Sweep rate: oct/min (logarithmic) or Hz/s (linear)."""
+
+    @property
+    def ranges(self) -> tuple[Drawn, ...]:
+        """Of the first frequency."""
+        return (("first frequency", "Hz", self.from_, self.to),)
+
+
+class ImpulseAt(Schema):
+    """An impulse at a probe."""
+
+    kind: Literal["impulse"] = "impulse"
+    """Impulse of a force at a probe."""
+    probe: q.Name
+    """Probe."""
+    to: Annotated[float, q.Quantity(units.IMPULSE, above=0.0)]
+    """Largest impulse that is tried, either way."""
+
+
+class BasePulse(Schema):
+    """A pulse of the base's acceleration that is short against all periods: its velocity changes at once."""
+
+    kind: Literal["base_pulse"] = "base_pulse"
+    """Change of the base's velocity."""
+    to: Annotated[float, q.Quantity(units.VELOCITY, above=0.0)]
+    """Largest change that is tried, either way."""
+
+    probe: ClassVar[str] = ""
+
+
+Disturbance = Annotated[ImpulseAt | BasePulse, BY_FORM]
+
+
+class Coexisting(Schema):
+    """All motions found at a frequency, how likely each is, and what makes the structure leave it."""
+
+    kind: Literal["coexisting"] = "coexisting"
+    """Which of several motions."""
+    at: tuple[q.Frequency, ...] = ()
+    """Frequencies; or a range with its number of frequencies."""
+    from_: q.Frequency | None = Field(default=None, alias="from")
+    """First frequency."""
+    to: q.Frequency | None = None
+    """Last frequency."""
+    points: q.SteppedCount | None = None
+    """Number of frequencies of the range."""
+    starts: Annotated[PhaseStarts | StateStarts | HistoryStarts, BY_FORM] = PhaseStarts.model_construct()
+    """From where motions start."""
+    disturbances: tuple[Disturbance, ...] = ()
+    """What the smallest disturbance that leaves each stable motion is sought of: {kind: impulse, probe: tip,
+    to: 0.1 N s} or {kind: base_pulse, to: 0.5 m/s}."""
+    unstable: bool = True
+    """Whether branches are followed from the stable motions to find unstable ones at the same frequencies."""
+    steady_to: q.PositiveNumber = 1e-5
+    """A motion is settled if it repeats to this fraction of its size; its shooting begins there."""
+    most_cycles: q.Count = 1000
+    """Largest number of cycles until a motion has settled."""
+    longest_period: q.Count = 16
+    """Longest period considered, in cycles of the excitation."""
+    convergence: Literal["on", "off"] | None = None
+    """Whether the largest values of stable motions are compared with those of a finer model; by default off."""
+
+    levels: ClassVar[tuple[float, ...]] = ()
+
+    def check(self) -> None:
+        """Demand frequencies, given one way."""
+        self.exclude("at", "from", "to", "points", remedy="give a list, or a range with points")
+        if not (self.at or (self.from_ and self.to and self.points)):
+            raise Unfit("has no frequencies", "give at: [65 Hz, 78 Hz], or from, to and points")
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Hz, increasing."""
+        low, high, last = self.from_ or 0.0, self.to or 0.0, (self.points or 2) - 1
+        of_range = [low + k / last * (high - low) for k in range(last + 1)]
+        return tuple(sorted(set(map(float, self.at or of_range))))
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lowest and highest frequency."""
+        return self.frequencies[0], self.frequencies[-1]
+
+
+Sweep = Annotated[SweptSine | SteppedSine | Continuation | Coexisting, BY_FORM]
 
 
 Tolerance = Annotated[float, q.Quantity(replace(units.NUMBER, example="1e-5"), minimum=1e-20, maximum=0.1)]

@@ -208,7 +208,7 @@ def _kind(file: Any, path: Path | str) -> str:
             f"{SCHEMA_VERSION}; open it with that version or run its scenario again"
         )
     if command == "sweep":
-        return "designs" if "designs" in file else "continuation" if kind == "continuation" else "sweep"
+        return "designs" if "designs" in file else str(kind) if kind in KINDS else "sweep"
     if command not in KINDS:
         raise ResultFileError(f"{path}: written by `beamsim {command}`, which is unknown to this version")
     return str(command)

@@ -7,7 +7,7 @@ normal mode where it is asked for. Without a comparison the summary says so. Run
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -33,6 +33,8 @@ from beamsim.trust.convergence import (
 )
 
 if TYPE_CHECKING:
+    from beamsim.analyses.branch import ResponseBranch
+    from beamsim.analyses.coexisting.result import CoexistingResult
     from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.designs.plan import DesignPlan
     from beamsim.analyses.designs.result import DesignsResult
@@ -42,7 +44,7 @@ if TYPE_CHECKING:
 
 FIRST_SHARE = 0.4  # of the time, that of the first model
 
-_Result = TypeVar("_Result", "ContinuationResult", "NormalModeResult", "SweepResult")
+_Result = TypeVar("_Result", "CoexistingResult", "ContinuationResult", "NormalModeResult", "SweepResult")
 
 
 def sweep(
@@ -175,6 +177,36 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     return _checked(partial(again, scenario), again, asked, _of_continuation, progress, stop)
 
 
+def coexisting(
+    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, workers: int | None = None,
+    scheduler: str | None = None,
+) -> CoexistingResult:  # fmt: skip
+    """Find coexisting motions; compare their peaks with those of a finer model where ``sweep.convergence: on``.
+
+    Parameters
+    ----------
+    scenario : with a ``sweep`` section of kind coexisting.
+    progress : called with the fraction done.
+    stop : asked between starts and points whether to end; the result then holds those up to there.
+    workers, scheduler : as of `beamsim.analyses.coexisting.analysis.coexisting`.
+
+    Returns
+    -------
+    CoexistingResult
+        With ``convergence`` and ``doubtful`` in its summary, unless it was cut short.
+
+    Raises
+    ------
+    ScenarioError
+        If there are no motions to be found in the scenario.
+    """
+    from beamsim.analyses.coexisting.analysis import coexisting as compute
+
+    asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
+    again = partial(compute, stop=stop, workers=workers, scheduler=scheduler)
+    return _checked(partial(again, scenario), again, asked, _of_motions, progress, stop)
+
+
 def nnm(
     scenario: Scenario, progress: Progress = None, compare: Collection[str] = (), stop: Stop = never
 ) -> NormalModeResult:
@@ -281,11 +313,22 @@ def _of_continuation(result: ContinuationResult) -> Values:
     peaks: list[dict[str, Any]] = result.summary["peaks"]
     names = [f"{p['probe']} level {p['level']:.6g} period {p['period_multiple']}" for p in peaks]
     displacement = {name: float(p["value_m"]) for name, p in zip(names, peaks, strict=True)}
-    entries: dict[str, dict[str, float]] = {"peak_displacement_m": displacement}
-    for value, name, largest, _ in largest_of_stable(result.branches):
-        entries.setdefault(value.entry, {})[name] = largest / value.scale
+    entries = _of_stable(result.branches)
+    entries["peak_displacement_m"] = displacement | entries.get("peak_displacement_m", {})
     frequency = {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)}
     return compared(entries | {"peak_frequency_hz": frequency}) | _frequencies(result)
+
+
+def _of_motions(result: CoexistingResult) -> Values:
+    """Largest values of all stable motions; frequencies."""
+    return compared(_of_stable(result.branches)) | _frequencies(result)
+
+
+def _of_stable(branches: Sequence[ResponseBranch]) -> dict[str, Any]:
+    entries: dict[str, Any] = {}
+    for value, name, largest, _ in largest_of_stable(branches):
+        entries.setdefault(value.entry, {})[name] = largest / value.scale
+    return entries
 
 
 def _of_mode(result: NormalModeResult) -> Values:

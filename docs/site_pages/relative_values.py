@@ -94,6 +94,7 @@ FACTORS = {
     "SweptSine.tolerance": "amplitude of the sine",
     "SensitiveParameter.tolerance": "as that of a varied number",
     "SteppedSine.steady_to": "size of the motion",
+    "Coexisting.steady_to": "size of the motion",
     "MeasuredShapes.shapes": "any scale, of each shape its own",
     "RelaxedMinimisationMethod.tolerance": "twice the energy of the motion",
 }

@@ -12,6 +12,7 @@ from tests.helpers.commands import invoke
 
 SHORTENED = {
     "continuation_friction sweep": ("sweep.from=4.95 Hz", "sweep.to=5.05 Hz", "sweep.levels=[6 N]"),
+    "coexisting_motions sweep": ("sweep.starts.number=20", "sweep.disturbances=[]"),
     "continuation_overlay sweep": ("sweep.from=80 Hz", "sweep.to=86 Hz"),
     "sweep_one_sided_2g sweep": ("sweep.rate=8 oct/min",),
     "sweep_up_down sweep": ("sweep.rate=8 oct/min",),

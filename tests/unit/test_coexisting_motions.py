@@ -53,5 +53,5 @@ def test_the_first_screen_says_it_in_words(result):
     text = continuation_screen(replace(result, branches=(folded(result),))).lines
     (said,) = [line for line in text if "stable motions from" in line]
     assert said.startswith("2 stable motions from 70")
-    assert said.endswith("by the start")
+    assert said.endswith("by the start (kind: coexisting says how likely)")
     assert " or " in said

@@ -117,7 +117,7 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
         done += 1
         if model.second is not None:
             folds += follow_folds(model, traced, level, budget)
-        branches += [_response(model, branch, level, stop) for branch in traced]
+        branches += [response(model, branch, level, stop) for branch in traced]
     if not branches:
         raise KeyboardInterrupt
     if isinstance(settings.method, HarmonicBalance):
@@ -276,8 +276,20 @@ def _doubt(branches: list[ResponseBranch], method: HarmonicBalance, unit: str) -
         )  # fmt: skip
 
 
-def _response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop = never) -> ResponseBranch:
-    """Peaks, harmonics, forces and stability along a branch."""
+def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop = never) -> ResponseBranch:
+    """Peaks, harmonics, forces and stability along a branch.
+
+    Parameters
+    ----------
+    model : whose motions they are.
+    traced : the branch.
+    level : of the excitation.
+    stop : asked before each of the maxima that are located along the branch.
+
+    Returns
+    -------
+    ResponseBranch
+    """
     f, system, problem = model.followed, model.system, traced.problem
     settings, limits = model.scenario.sweep, model.scenario.limits
     assert isinstance(settings, Continuation)
@@ -396,7 +408,7 @@ def _summary(
             if part.place is not None
             for band in part.place.value
         ],
-        **_largest(model, branches),
+        **largest_values(model, branches),
         "processor_time_s": processor_time_s,
     }  # fmt: skip
     if model.second is not None:
@@ -420,7 +432,7 @@ def _summary(
     return summary
 
 
-def _largest(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
+def largest_values(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
     """Largest values of all stable motions by name (peaks have the displacements), and margins, for the summary."""
     entries: dict[str, Any] = {}
     found = list(largest_of_stable(branches))

@@ -69,6 +69,13 @@ class ForcedExpansionComparison:
     )
 
 
+OF_STABLE = (
+    *(value.summary_entry("of all stable motions, ") for value in VALUES
+      if value.followed and value.key != DISPLACEMENT),
+    Entry("peak_output", "", "by output its largest magnitude in stable motions: value in its output_unit, parameter",
+             "outputs"),
+    Entry("output_unit", "", "units of the outputs"),
+)  # fmt: skip
 _SUMMARY = (
     STATUS,
     Entry("parameter", of="parameter"),
@@ -80,11 +87,7 @@ _SUMMARY = (
              "special points"),
     Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, kind, period",
              "peak displacement"),
-    *(value.summary_entry("of all stable motions, ") for value in VALUES
-      if value.followed and value.key != DISPLACEMENT),
-    Entry("peak_output", "", "by output its largest magnitude in stable motions: value in its output_unit, parameter",
-             "outputs"),
-    Entry("output_unit", "", "units of the outputs"),
+    *OF_STABLE,
     Entry("without_stable_motion", "", "bands of the parameter without a stable motion found: band, level"),
     Entry("second_parameter", "", "what folds are followed in"),
     Entry("fold_curves", "", "by curve of folds: its start, points, extents in the second parameter and frequency",

@@ -7,14 +7,13 @@ import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
-from threading import Event
 from typing import Any, Self
 
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import Case, DesignPlan, Study, check_cases, plan_designs
 from beamsim.analyses.designs.responses import Responses, entries_of, is_asked, responses_of_result, run_responses
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
-from beamsim.analyses.parallel import cluster, default_workers, processes, threads
+from beamsim.analyses.parallel import working
 from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
 from beamsim.analyses.values import Margins
 from beamsim.errors import BeamsimError, ScenarioError
@@ -182,15 +181,12 @@ class Evaluator:
         """What solves cases in the order of completion; there are no more workers than cases that are not known."""
         if self._solved is None:
             unknown = self.most * self.study.realisations.count - len(self._known)
-            count = max(1, min(self._asked_workers or default_workers(), unknown))
-            if self._scheduler is None and (self.study.analysis in THREADED or count == 1):
-                ended = Event()
-                solver = CaseSolver(self.study, lambda: self._stop() or ended.is_set())
-                pool, solve = self._open.enter_context(threads(count, ended)), solver.solve
-            else:
-                workers = processes(count, self._stop) if self._scheduler is None else cluster(self._scheduler)
-                pool, solve = self._open.enter_context(workers), partial(solve_case, self.study)
-            self._solved = lambda cases: pool.completed(solve, cases, self._stop)
+            workers = working(
+                lambda ending: CaseSolver(self.study, ending).solve, partial(solve_case, self.study), unknown,
+                self._stop, workers=self._asked_workers, scheduler=self._scheduler,
+                threaded=self.study.analysis in THREADED,
+            )  # fmt: skip
+            self._solved = self._open.enter_context(workers)
         return self._solved
 
 

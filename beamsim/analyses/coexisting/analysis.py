@@ -1,0 +1,262 @@
+"""``beamsim sweep`` of kind coexisting: all motions found at a frequency, and how likely each is."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.branch import ResponseBranch
+from beamsim.analyses.coexisting.result import CoexistingMotion, CoexistingResult, SmallestDisturbance
+from beamsim.analyses.coexisting.starts import NEAR, REACH, Destination, Marches, OrbitSection, Task
+from beamsim.analyses.continuation.analysis import largest_values, response
+from beamsim.analyses.continuation.branches import SETTINGS, Budget, Tracer, coincides, follow, joined
+from beamsim.analyses.continuation.refinement import Wanted, with_points_at
+from beamsim.analyses.continuation.side_branches import side_branches
+from beamsim.analyses.designs.statistics import probability
+from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
+from beamsim.analyses.parallel import working
+from beamsim.analyses.run.orbit_energy import balanced, largest_error
+from beamsim.errors import NotTrustedError
+from beamsim.flow.compiled import processor_time
+from beamsim.orbits.branch import BranchPoint, OrbitBranch
+from beamsim.orbits.continuation import solve_at
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.steady import velocity_weights
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, together
+from beamsim.scenario import Scenario
+from beamsim.typing import Floats
+
+CHUNK = 25  # starts of a task
+STARTS_SHARE = 0.6  # of the time, that of the starts
+SAME = 1e-6  # distance, relative to the size, of two motions found to round-off that are one
+MEASURED_CYCLES = 256  # of a motion that is not periodic
+LONGEST_SIDE = 4  # periods of the excitation in a motion on a branch from a period doubling
+
+
+@dataclass
+class _Motion:
+    """A motion found at a frequency; of one that is not periodic many cycles are taken for a period."""
+
+    hz: float
+    problem: ForcedOrbits
+    point: BranchPoint
+    kind: str = "periodic"
+    exponent: float = np.nan  # 1/s, of one that is not periodic
+    starts: list[int] = field(default_factory=list)  # that come to it
+
+    @cached_property
+    def stable(self) -> bool:
+        """Whether it attracts its neighbours; what is not periodic was found because it does."""
+        return self.kind != "periodic" or self.problem.orbit(self.point).stable
+
+    @cached_property
+    def known(self) -> OrbitSection:
+        """Its states at phase zero."""
+        flow, passage = self.problem.cycle(self.point)
+        times = np.linspace(0.0, passage.duration, self.problem.multiple, endpoint=False)
+        return OrbitSection(flow.states_at(passage, times), velocity_weights(flow, flow.omega))
+
+    def importance(self) -> tuple[bool, int, float]:
+        """First the motions that most starts come to, unstable ones last by their size."""
+        return not self.stable, -len(self.starts), float(np.abs(self.point.u[:-1]).max())
+
+    def is_of(self, end: Destination, within: float) -> bool:
+        """Whether a start has come to this motion."""
+        if self.kind != "periodic" or end.exponent is not None:
+            return end.exponent is not None and end.exponent.kind == self.kind
+        return self.known.holds(end, within)
+
+    def is_as(self, other: _Motion) -> bool:
+        """Whether two periodic motions are one."""
+        return self.is_of(Destination(other.problem.multiple, 0, other.point.u[:-1]), SAME)
+
+
+_Order = Sequence[tuple[int, _Motion]]  # each with its number at its frequency
+
+
+def coexisting(
+    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, workers: int | None = None,
+    scheduler: str | None = None,
+) -> CoexistingResult:  # fmt: skip
+    """Find the motions at each frequency of a scenario, and what share of the starts comes to each.
+
+    The result does not depend on the number or kind of workers.
+
+    Parameters
+    ----------
+    scenario : with a ``sweep`` section of kind coexisting and a harmonic excitation.
+    progress : called with the fraction done.
+    stop : asked between starts and points of branches; the result then holds the starts up to there.
+    workers : number of processes that share the starts; by default the number of processors.
+    scheduler : address of a Dask scheduler whose workers are used instead.
+
+    Returns
+    -------
+    CoexistingResult
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario cannot be followed.
+    KeyboardInterrupt
+        If it was time to stop before any motion was found.
+    NotTrustedError
+        If none is found.
+    """
+    begin, processor = clock.perf_counter(), processor_time()
+    marches = Marches(scenario, stop)
+    hz, rows, budget = marches.settings.frequencies, marches.drawn(), Budget(4000, 300.0, stop)
+    tasks = [Task(f, k, rows[k : k + CHUNK]) for f in hz for k in range(0, len(rows), CHUNK)]
+    ends: dict[float, dict[int, Destination]] = {f: {} for f in hz}
+    with working(
+        partial(Marches, scenario), Marches(scenario), len(tasks), stop, workers=workers, scheduler=scheduler
+    ) as completed:
+        for done, (task, found) in enumerate(completed(tasks), 1):
+            ends[task.hz] |= dict(enumerate(found, task.first))
+            if progress is not None:
+                progress(STARTS_SHARE * done / len(tasks))
+        motions = {f: _attracting(marches, f, of) for f, of in ends.items()}
+        if marches.settings.unstable and not stop():
+            _add_unstable(marches, motions, budget)
+        order = [each for of in motions.values() for each in enumerate(sorted(of, key=_Motion.importance), 1)]
+        if not order:
+            if stop():
+                raise KeyboardInterrupt
+            raise NotTrustedError("no start has settled, and no periodic motion was found; raise sweep.most_cycles")
+        result = _gathered(marches, order, rows, ends)
+        result = replace(result, disturbances=tuple(_disturbances(marches, order, completed)))
+    result = replace(result, outcome=_outcome(marches, result, budget), wall_time_s=clock.perf_counter() - begin)
+    return result.with_summary(**_summary(marches, result), processor_time_s=processor_time() - processor)
+
+
+def _attracting(marches: Marches, hz: float, ends: Mapping[int, Destination]) -> list[_Motion]:
+    """The motions that starts have come to: periodic ones by shooting from there."""
+    motions: list[_Motion] = []
+    flow = marches.flow_at(hz)
+    for number, end in sorted(ends.items()):
+        motion = next((m for m in motions if m.is_of(end, NEAR * marches.settings.steady_to)), None)
+        if motion is None and end.period:
+            problem = ForcedOrbits(flow, "frequency", end.period)
+            point = solve_at(problem, np.append(end.state, flow.omega), SETTINGS, flow.omega)
+            found = None if point is None else _Motion(hz, problem, point)
+            motion = found and next((m for m in motions if m.is_as(found)), found)
+        elif motion is None and end.exponent is not None and end.exponent.kind != "not settled":
+            u = np.append(end.state, flow.omega)
+            passage = flow.carry(end.state, MEASURED_CYCLES / hz)
+            point = BranchPoint(u, np.zeros(u.size), np.ones(u.size), np.nan, 1.0, 0, passage)
+            motion = _Motion(hz, ForcedOrbits(flow, "frequency"), point, end.exponent.kind, end.exponent.value)
+        if motion is not None and motion.stable:
+            motions += [] if any(motion is m for m in motions) else [motion]
+            motion.starts.append(number)
+    return motions
+
+
+def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budget: Budget) -> None:
+    """Follow branches from the periodic motions over all frequencies; where they pass these, motions are added that are
+    not known there."""
+    low, high = marches.settings.ends
+    reach = (2.0 * np.pi * low / REACH, 2.0 * np.pi * high * REACH)
+    branches: list[OrbitBranch] = []
+    for m in [m for of in motions.values() for m in of if m.kind == "periodic"]:
+        alike = [b for b in branches if b.problem.multiple == m.problem.multiple]
+        if not coincides(m.point, alike) and budget.allows_another(len(branches)):
+            halves = [follow(Tracer(m.problem, reach), m.point, way, budget, alike) for way in (1.0, -1.0)]
+            branches.append(joined(*halves))
+    branches += side_branches(branches, reach, min(LONGEST_SIDE, marches.settings.longest_period), budget)
+    for hz, of in motions.items():
+        wanted = [Wanted("frequency", 2.0 * np.pi * hz, lambda point: point.parameter, 2.0 * np.pi * hz)]
+        for branch in branches:
+            for _, point in with_points_at(branch, wanted)[1]:
+                motion = _Motion(hz, branch.problem, point)
+                of += [] if any(m.is_as(motion) for m in of) else [motion]
+
+
+def _disturbances(marches: Marches, order: _Order, completed: Any) -> Iterator[SmallestDisturbance]:
+    """The smallest disturbance of each kind that leaves each stable periodic motion."""
+    tasks = [
+        Task(m.hz, k, known=m.known, disturbance=each)
+        for k, (_, m) in enumerate(order)
+        for each in marches.settings.disturbances
+        if m.stable and m.kind == "periodic"
+    ]
+    found = {(task.first, task.disturbance): smallest for task, smallest in completed(tasks)}
+    for key in ((task.first, task.disturbance) for task in tasks):
+        (number, motion), each, unit = order[key[0]], key[1], "N s" if key[1].probe else "m/s"
+        if key in found:
+            amplitude, time = found[key]
+            yield SmallestDisturbance(motion.hz, number, each.kind, each.probe, unit, amplitude, time, each.to)
+
+
+def _measured(marches: Marches, motion: _Motion) -> ResponseBranch:
+    """A motion as a branch of one point."""
+    traced = OrbitBranch(motion.problem, (motion.point,), COMPLETE)
+    branch = response(marches.model, traced, marches.model.levels[0])
+    if motion.kind == "periodic":
+        return branch
+    none = np.full_like(branch.floquet_multipliers, np.nan)
+    return replace(branch, stable=np.ones(1, dtype=bool), floquet_multipliers=none, period_multiple=0)
+
+
+def _gathered(
+    marches: Marches, order: _Order, rows: Floats, ends: Mapping[float, Mapping[int, Destination]]
+) -> CoexistingResult:
+    """The result without its outcome, summary and disturbances."""
+    scenario, system, hz = marches.scenario, marches.model.system, list(ends)
+    destination, cycles = np.zeros((2, len(hz), len(rows)), dtype=np.int64)
+    for at, of in enumerate(ends.values()):
+        cycles[at, list(of)] = [end.cycles for end in of.values()]
+    motions, branches = [], tuple(_measured(marches, motion) for _, motion in order)
+    for (number, m), branch in zip(order, branches, strict=True):
+        at = hz.index(m.hz)
+        destination[at, m.starts] = number
+        share = probability(destination[at, cycles[at] > 0] == number) if m.stable and cycles[at].any() else {}
+        part, low, high = (float(share.get(name, np.nan)) for name in ("share", "low", "high"))
+        size, period = float(np.abs(branch.floquet_multipliers[0, 0])), branch.period_multiple
+        exponent = m.exponent if period == 0 else float(np.log(max(size, 1e-300))) * m.hz / period
+        found = len(m.starts), part, low, high, exponent, size
+        motions.append(CoexistingMotion(m.hz, number, m.kind, period, m.stable, *found))
+    names, units, *_ = zip(*marches.settings.starts.ranges, strict=True)
+    deflections = [{name: each.peak for name, each in branch.displacement.items()} for branch in branches]
+    forces = [{name: each.peak for name, each in branch.force.items()} for branch in branches]
+    doubts = (*deflection_warnings(scenario, system.modes, deflections), *forces_beyond_tables(scenario, forces))
+    return CoexistingResult(
+        scenario=scenario, outcome=COMPLETE, modes=system.modes, motions=tuple(motions), branches=branches,
+        parameter="frequency", unit="Hz", level_unit=scenario.level_unit or "1", frequency_hz=np.array(hz), start=rows,
+        coordinate_names=names, coordinate_units=units, destination=destination, cycles=cycles,
+        warnings=(*scenario.warnings, *system.warnings, *doubts),
+    )  # fmt: skip
+
+
+def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
+    """What does not repeat a field of the result."""
+    peaks = (
+        {value.entry: {name: float(sizes[0]) / value.scale for name, sizes in of.items()} for value, of in b.peaks()}
+        for b in result.branches
+    )
+    return {
+        "motions": [vars(motion) | of for motion, of in zip(result.motions, peaks, strict=True)],
+        "not_settled": dict(zip(map("{:g}".format, result.frequency_hz), result.not_settled.tolist(), strict=True)),
+        "disturbances": [vars(each) for each in result.disturbances],
+        "starts": len(result.start),
+        "energy_error": largest_error(result.branches),
+        **largest_values(marches.model, list(result.branches)),
+    }
+
+
+def _outcome(marches: Marches, result: CoexistingResult, budget: Budget) -> Outcome:
+    """Complete but for what was left out, with the starts that have not settled and what is not to be trusted."""
+    left, exceeded = result.not_settled, budget.exceeded(incomplete=False)
+    remarks = [] if exceeded is None else [exceeded]
+    if left.any():
+        remedy, at = "raise sweep.most_cycles or sweep.longest_period", Where(result.frequency_hz[left > 0], "Hz")
+        sentence = f"{left.sum()} starts have not settled"
+        remarks.append(Outcome.of(OutcomeKind.NOTED, "not_settled", sentence, at=at, remedy=remedy))
+    outcome = together(remarks)
+    if marches.stop():
+        outcome = interruption(f"with {int(np.sum(result.cycles == 0))} starts left", *outcome.unless_complete)
+    return reduction_checked(balanced(outcome, result.branches, "Hz"), marches.scenario, result.modes)

@@ -1,0 +1,59 @@
+"""Pictures of coexisting motions: which start comes to which, and the motions over frequency with their shares."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamsim.analyses.coexisting.result import CoexistingResult
+from beamsim.analyses.values import Value
+from beamsim.plots.drawing import HERTZ, MOST_CURVES, Chart, Curve, Picture, curve_style, marked
+
+_MARKS = "os^Dvx"
+_LABELS = ("stable, marks by share of the starts", "not periodic", "unstable")
+LARGEST_MARK, SMALLEST_MARK = 13.0, 3.0  # points, of a motion that all starts come to, or none
+
+
+def basins(result: CoexistingResult, at: int) -> Chart:
+    """The starts at a frequency in the plane of the first two coordinates that vary, marked by where they end.
+
+    Of one coordinate the number of the motion is drawn over it.
+    """
+    hz, ends, known = float(result.frequency_hz[at]), result.destination[at], result.cycles[at] > 0
+    every = zip(result.coordinate_names, result.coordinate_units, result.start.T, strict=True)
+    drawn = [(name.capitalize(), unit, x) for name, unit, x in every if np.ptp(x) > 0.0]
+    across, up = [*drawn, ("Number of the motion", "", ends.astype(float))][:2]
+    labels = {m.number: f"motion {m.number}, {100 * m.share:.3g} %" for m in result.motions if m.frequency_hz == hz}
+    curves = []
+    for number, label in (labels | {0: "not settled"}).items():
+        places = np.column_stack([across[2], up[2]])[known & (ends == number)]
+        style = {"color": curve_style(number - 1)["color"] if number else "0.6", "markersize": 3.5}
+        curves += [marked(label, places, marker=_MARKS[(number - 1) % len(_MARKS)], **style)] if places.size else []
+    more = f", {len(drawn) - 2} more coordinates drawn" if len(drawn) > 2 else ""
+    title = f"{hz:.6g} Hz, {int(known.sum())} starts{more}"
+    return Chart(across[:2], up[:2], curves, of="motions", title=title)
+
+
+def peaks(result: CoexistingResult, value: Value, name: str) -> Chart:
+    """The largest values of all motions over frequency: full marks of stable ones, as large as their shares."""
+    curves: list[Curve] = []
+    for motion, branch in zip(result.motions, result.branches, strict=True):
+        which = (0 if motion.period_cycles else 1) if motion.stable else 2
+        label, colour = _LABELS[which], curve_style(which)["color"]
+        size = max(SMALLEST_MARK, LARGEST_MARK * float(np.sqrt(np.nan_to_num(motion.share))))
+        face = {"markerfacecolor": colour if motion.stable else "white", "markersize": size, "alpha": 0.8}
+        place = (motion.frequency_hz, dict(branch.peaks())[value][name][0])
+        known = any(curve.label == label for curve in curves)
+        curves.append(marked("" if known else label, place, marker="o", color=colour, **face))
+    up = (f"{value.label.capitalize()} of {name}", value.unit)
+    return Chart(("Excitation frequency", HERTZ), up, curves, of="", y_ends=(0.0, None))
+
+
+def coexisting_figures(result: CoexistingResult) -> dict[str, Picture]:
+    """What is followed of each motion, by probe and snubber, and the basins at each frequency."""
+    followed = [(value, list(of)[:MOST_CURVES]) for value, of in result.branches[0].peaks() if value.followed]
+    of_value = {
+        (value.name.removeprefix("peak_"), name): peaks(result, value, name) for value, of in followed for name in of
+    }
+    charts = {"_".join(key): chart for key, chart in of_value.items()}
+    charts |= {f"basins_{hz:g}Hz": basins(result, k) for k, hz in enumerate(result.frequency_hz.tolist())}
+    return {name: Picture(result.title, [chart]) for name, chart in charts.items()}
