@@ -197,6 +197,8 @@ VALUES = (
           "largest ratio of a maximax shock response spectrum to its limit curve", limit="srs", decibels=20.0),
     Value("psd_over_limit", "psd_over_limit", "probes", "", None, "1",
           "largest ratio of a spectral density to its limit curve", limit="psd", decibels=10.0),
+    Value("response_over_limit", "response_over_limit", "probes", "", None, "1",
+          "largest ratio of the peak of a cycle to its limit curve", limit="response", decibels=20.0),
     Value("bending_stress_position", "largest_bending_stress_position_m", "bodies", "", None, "m",
           "where the bending stress is largest, on a plate its x"),
     Value("open_frequencies_hz", "open_frequencies_hz", "", "", None, "Hz",
@@ -212,7 +214,7 @@ VALUES = (
 )  # fmt: skip
 BY_NAME = {value.name: value for value in VALUES}
 BY_ENTRY = {value.entry: value for value in VALUES if value.entry}
-OUTPUT = BY_ENTRY["peak_output"]
+OUTPUT, RESPONSE = BY_ENTRY["peak_output"], BY_ENTRY["response_over_limit"]
 LIMITED = {value.limit: value for value in VALUES if value.limit}
 
 
@@ -251,11 +253,14 @@ class AlongCurve:
             of: Mapping[str, Floats] = {name: each.peak for name, each in followed if each.unit == value.unit}
             if value is OUTPUT:
                 of = {name: output.peak for name, output in self.outputs.items()}
+            elif value is RESPONSE:
+                limited = [each for each in (*self.probes, *self.snubbers) if getattr(each, "limit", None) is not None]
+                of = {each.name: each.peak / each.limit for each in limited}
             elif value.key == PENETRATION:
                 of = self.peak_gap
             elif value.key == STRESS and self.peak_bending_stress is not None:
                 of = {"": self.peak_bending_stress}
-            if of and value.of is not None:
+            if of and (value.of is not None or value is RESPONSE):
                 yield value, of
 
 
@@ -316,7 +321,7 @@ def limit_label(name: str) -> str:
     limit, _, place = name.partition(".")
     if limit == OUTPUT.limit:
         return f"output {place}"
-    words = limit.upper() if LIMITED[limit].decibels else limit.replace("_", " ")
+    words = limit.upper() if limit in ("srs", "psd") else limit.replace("_", " ")
     return " of ".join(filter(None, (words, place)))
 
 

@@ -18,10 +18,9 @@ from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import MatchedInput, ProfilePoint, SampledInput
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue, meant
-from beamsim.scenario.reporting import LIMITED_DENSITIES
+from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import (
     ACCELERATION,
-    ACCELERATION_PSD,
     FREQUENCY,
     Dimension,
     UnitError,
@@ -220,7 +219,7 @@ def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequ
     Parameters
     ----------
     scenario : with or without limits.
-    limit, place : ``srs`` or ``psd``, and of which probe, snubber or input.
+    limit, place : ``srs``, ``psd`` or ``response``, and of which probe, snubber or input.
     quantity : of the values that it limits; a curve of another quantity is that of another signal of the place.
     frequency : (nf,) Hz.
 
@@ -237,9 +236,9 @@ def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequ
     points, at = (getattr(scenario.limits, limit, None) or {}).get(place), ("limits", limit, place)
     if points is None:
         return None
-    dimensions = LIMITED_DENSITIES if limit == "psd" else {ACCELERATION.name: ACCELERATION}
+    dimensions = Limits.curves[limit]
     along, level, said = read_curve(points, scenario.folder_of(*at), at, dimensions)
-    if (said or (ACCELERATION_PSD if limit == "psd" else ACCELERATION).name) != quantity:
+    if (said or next(iter(dimensions))) != quantity:
         return None
     with np.errstate(divide="ignore"):
         return on_curve(frequency, along, level, np.nan)

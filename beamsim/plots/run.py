@@ -381,6 +381,18 @@ def density(response: RandomResponse, note: str = "") -> Chart:
     return chart._replace(x_ends=(float(shown[0]), float(shown[-1])), y_ends=(top * DENSITY_SHOWN, room * top))
 
 
+def force_densities(response: RandomResponse) -> list[Chart]:
+    """Densities of the forces of snubbers and of the moments of stops of hinges, where one of them has a limit."""
+    f, shown, charts = response.frequency_hz[1:], response.frequency_hz[_driven(response)], []
+    for unit, label, squared in (("N", "Force density", "N²/Hz"), ("N m", "Moment density", "N² m²/Hz")):
+        drawn = [s for s in response.signals if s.quantity == "force" and s.unit == unit]
+        if shown.size and any(s.limit is not None for s in drawn):
+            curves, up = [Curve(s.name, f, s.density[1:]) for s in drawn], (label, Scale(1.0, squared))
+            ends, marks = (float(shown[0]), float(shown[-1])), _limit_curves(drawn, f)
+            charts.append(Chart(_FREQUENCY, up, curves, log="xy", of="stops", marks=marks, x_ends=ends))
+    return charts
+
+
 def has_transmissibility(response: RandomResponse) -> bool:
     """Whether the input has power: a shock may be over before the part of the run that the densities are of."""
     return bool(response.transmissibility) and bool(np.any(_driven(response)))
@@ -582,5 +594,6 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     if random is not None:
         more = [transmissibility(random)] if has_transmissibility(random) else []
         note = _doubts(result, "random", "values")
-        figures["random"] = Picture(result.title, [density(random, note), *more], sharex=True)
+        panels_of_random = [density(random, note), *more, *force_densities(random)]
+        figures["random"] = Picture(result.title, panels_of_random, sharex=True)
     return figures | impact_figures(result) | body_figures(result)

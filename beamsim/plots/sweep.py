@@ -25,6 +25,7 @@ from beamsim.plots.drawing import (
     Guide,
     Picture,
     colour_bar,
+    curve_style,
     dashed_line,
     finish,
     highest_in_bins,
@@ -121,8 +122,10 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
     offset = curves[0].displacement[probe].offset
     said = f"\nfrom equilibrium at {amount(offset, 'm')}" if offset else ""
     up = (f"Peak displacement of {probe}{_level(result, curves[0])}{said}", "m")
-    levels = [] if offset else limit_levels(result.scenario.limits, "peak_displacement", probe)  # of the whole
-    return _chart(result, up, drawn, levels=levels, of="")
+    whole = not offset  # which limits are of
+    levels = limit_levels(result.scenario.limits, "peak_displacement", probe) if whole else []
+    limits = _limits(curves[0], "displacement", "m", probe) if whole else []
+    return _chart(result, up, drawn, levels=levels, of="", marks=limits)
 
 
 def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
@@ -146,8 +149,23 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
         if envelope.unit == value.unit
     ]
     up = (f"{value.label.capitalize()}{_level(result, curves[0])}".replace(", ", "\nat "), value.unit)
-    levels = limit_levels(result.scenario.limits, value.limit)
-    return _chart(result, up, drawn, log="" if value.key == FORCE else "y", levels=levels)
+    levels, marks = limit_levels(result.scenario.limits, value.limit), _limits(curves[0], value.quantity, value.unit)
+    return _chart(result, up, drawn, log="" if value.key == FORCE else "y", levels=levels, marks=marks)
+
+
+def _limits(curve: SweepCurve, quantity: str, unit: str, name: str = "") -> list[Curve]:
+    """Limits over frequency of what is drawn, of the first curve, in the colours of its envelopes."""
+    alike = [each for each in curve.envelopes(quantity).values() if each.unit == unit and name in ("", each.name)]
+    return [
+        Curve(
+            f"{each.name}, limit",
+            curve.frequency_hz,
+            each.limit,
+            {**curve_style(k), "linestyle": ":", "linewidth": 1.8},
+        )
+        for k, each in enumerate(alike[:MOST_CURVES])
+        if each.limit is not None
+    ]
 
 
 def transmissibility(result: SweepResult, level_index: int) -> Chart:

@@ -49,7 +49,16 @@ from beamsim.scenario.studies import (
     Tolerances,
     Zipped,
 )
-from beamsim.scenario.sweep import Continuation, HarmonicBalance, LevelPath, PhaseResonance, PositionPath, SnubberPath
+from beamsim.scenario.sweep import (
+    Continuation,
+    HarmonicBalance,
+    LevelPath,
+    PhaseResonance,
+    PositionPath,
+    SnubberPath,
+    SteppedSine,
+    SweptSine,
+)
 
 MOST_SAMPLES = 50_000_000
 """Largest number of samples of histories; more would not fit into memory."""
@@ -615,10 +624,17 @@ def _limits(scenario: ScenarioParts) -> Problems:
 def _limit_curves(scenario: ScenarioParts, limits: Limits) -> Problems:
     """Curves of spectra that are not asked for, and of places that there are not."""
     given = {"srs": scenario.run is not None and scenario.run.srs is not None,
-             "psd": scenario.run is not None and scenario.excitation.stationary}  # fmt: skip
+             "psd": scenario.run is not None and scenario.excitation.stationary,
+             "response": isinstance(scenario.sweep, SweptSine | SteppedSine)}  # fmt: skip
     remedies = {
         "srs": "add run.srs: {from: 10 Hz, to: 2 kHz}",
         "psd": "limit peaks or srs, or give random noise or a record with stationary: true",
+        "response": "limit peaks, or add sweep: {kind: swept_sine, ...} or {kind: stepped, ...}",
+    }
+    needed = {
+        "srs": "shock response spectra",
+        "psd": "a run with a stationary input",
+        "response": "a sweep in frequency",
     }
     probes, snubbers = ([each.name for each in of] for of in (scenario.effective_probes, scenario.all_snubbers))
     places = (each.applied_to for _, each in scenario.excitation.items)
@@ -626,16 +642,16 @@ def _limit_curves(scenario: ScenarioParts, limits: Limits) -> Problems:
     for name, place, points in limits.given_curves():
         path, of_force = ("limits", name, place), False
         if not given[name]:
-            needs = "shock response spectra" if name == "srs" else "a run with a stationary input"
-            yield problem(path, f"needs {needs}", remedies[name])
-        elif name == "psd" and not isinstance(points, str):
+            yield problem(path, f"needs {needed[name]}", remedies[name])
+        elif name != "srs" and not isinstance(points, str):
             said = meant(points[0][1])
-            of_force = said == units.FORCE_PSD.name
+            of_force = said in {each.name for each in (units.FORCE_PSD, units.MOMENT_PSD, units.FORCE, units.MOMENT)}
             other = [k for k, (_, level) in enumerate(points) if meant(level) != said]
             if other:
                 yield problem((*path, other[0], 1), "is of another quantity than the first", "give all in one unit")
-        more = snubbers if name == "psd" and isinstance(points, str) else supports if name == "srs" else []
-        yield from unknown(path, place, "place", snubbers if of_force else ["input", *probes, *more])
+        more = {"srs": ["input", *supports], "psd": ["input"]}.get(name, [])
+        more += snubbers if name != "srs" and isinstance(points, str) else []
+        yield from unknown(path, place, "place", snubbers if of_force else [*probes, *more])
 
 
 def _levels(scenario: ScenarioParts) -> Problems:

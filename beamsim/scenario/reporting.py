@@ -21,6 +21,7 @@ from beamsim.scenario.quantities import (
     Quantity,
     Text,
     UnitType,
+    meant,
 )  # fmt: skip
 from beamsim.scenario.units import Dimension
 
@@ -158,11 +159,16 @@ ForceLimit = Annotated[PositiveForce | dict[Name, PositiveForce], BY_FORM]
 MomentLimit = Annotated[PositiveMoment | dict[Name, PositiveMoment], BY_FORM]
 LengthLimit = Annotated[Length | dict[Name, Length], BY_FORM]
 AccelerationLimit = Annotated[PositiveAcceleration | dict[Name, PositiveAcceleration], BY_FORM]
-LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.FORCE_PSD)}
+LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.FORCE_PSD, units.MOMENT_PSD)}
 PositiveDensity = Annotated[
     float, LevelType(tuple(LIMITED_DENSITIES.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0)
 ]
 DensityCurve = Annotated[tuple[tuple[Frequency, PositiveDensity], ...] | FileName, BY_FORM]
+LIMITED_RESPONSES = {each.name: each for each in (units.ACCELERATION, units.LENGTH, units.FORCE, units.MOMENT)}
+PositiveResponse = Annotated[
+    float, LevelType(tuple(LIMITED_RESPONSES.items()), "20 g", ("20 g", "0.5 mm", "50 N"), above=0.0)
+]
+ResponseCurve = Annotated[tuple[tuple[Frequency, PositiveResponse], ...] | FileName, BY_FORM]
 
 
 class Limits(Schema):
@@ -198,9 +204,16 @@ class Limits(Schema):
     psd: dict[Name, DensityCurve] | None = None
     """By probe, input or snubber a curve that the spectral density of a stationary input's response must not exceed:
     pairs of frequency and density, [[20 Hz, 0.01 g^2/Hz], [200 Hz, 0.1 g^2/Hz]], or a CSV file; that of a snubber's
-    force is in N^2/Hz."""
+    force is in N^2/Hz, of the moment of a stop of a hinge in N^2 m^2/Hz."""
+    response: dict[Name, ResponseCurve] | None = None
+    """By probe or snubber a curve over the excitation frequency that the largest magnitude of no cycle of a sweep must
+    exceed: pairs of frequency and acceleration, displacement, force or moment, [[20 Hz, 5 g], [400 Hz, 20 g]], or a CSV
+    file."""
 
-    curves: ClassVar[tuple[str, ...]] = ("srs", "psd")
+    curves: ClassVar[Mapping[str, Mapping[str, units.Dimension]]] = {
+        "srs": {units.ACCELERATION.name: units.ACCELERATION}, "psd": LIMITED_DENSITIES, "response": LIMITED_RESPONSES,
+    }  # fmt: skip
+    """What is limited by curves, with the quantities that these may be of, the default first."""
 
     def check(self) -> None:
         """Reject a section that limits nothing, and curves that are none."""
@@ -208,6 +221,16 @@ class Limits(Schema):
             raise Unfit("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
         for name, place, points in self.given_curves():
             check_curve(points, (name, place))
+
+    def named_in_addition(self) -> dict[str, object]:
+        """Curves that may be of several quantities, with the units that say which."""
+        written: dict[str, Any] = {}
+        for name, place, points in self.given_curves():
+            if len(known := self.curves[name]) > 1:
+                units_of = [] if isinstance(points, str) else [(f, x, known.get(meant(x) or "")) for f, x in points]
+                said = [[f, float(x) if of is None else f"{float(x)!r} {of.unit}"] for f, x, of in units_of]
+                written.setdefault(name, {})[place] = said or points
+        return written
 
     def given_curves(self) -> Iterator[tuple[str, str, Any]]:
         """Name of the limit, place, and points or file of each curve."""

@@ -78,6 +78,7 @@ VELOCITY = Dimension("velocity", "m/s", "0.2 m/s")
 ACCELERATION = Dimension("acceleration", "m/s^2", "2 g", gravity=True)
 ACCELERATION_PSD = Dimension("acceleration spectral density", "m^2/s^3", "0.01 g^2/Hz", gravity=True, power=2)
 FORCE_PSD = Dimension("force spectral density", "N^2/Hz", "0.1 N^2/Hz", power=2)
+MOMENT_PSD = Dimension("moment spectral density", "N^2 m^2/Hz", "0.1 N^2 m^2/Hz", power=2)
 ANGULAR_ACCELERATION = Dimension("angular acceleration", "rad/s^2", "50 rad/s^2")
 ANGULAR_VELOCITY = Dimension("angular velocity", "rad/s", "2 rad/s")
 ANGULAR_ACCELERATION_PSD = Dimension(

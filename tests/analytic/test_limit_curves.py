@@ -8,7 +8,9 @@ from scipy.signal import welch
 
 import beamsim
 from beamsim.analyses.values import limits_not_met
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
+from beamsim.store.results import open_result, write_result
 
 G = 9.80665
 MASS = """\
@@ -129,3 +131,82 @@ excitation: {kind: harmonic, applied_to: base, level: 1 m/s^2, frequency: 1 Hz}
         largest = max(float(curve.displacement[name].peak.max()) for curve in curves)
         assert margins[f"peak_displacement.{name}"]["value"] == pytest.approx(largest, rel=1e-12)
         assert margins[f"peak_displacement.{name}"]["verdict"] == verdict
+
+
+SINE = MASS + "excitation: {kind: harmonic, applied_to: base, level: 1 g, frequency: 300 Hz}\n"
+
+
+@pytest.mark.parametrize("limit", [[["250 Hz", "4 g"], ["400 Hz", "10 g"]], "curve.csv"])
+def test_margin_of_the_steps_of_a_sweep_to_a_curve(limit, tmp_path):
+    """An oscillator of 318 Hz and 5 % on a base of 1 g, in closed form; outside of the curve nothing is limited."""
+    (tmp_path / "curve.csv").write_text("frequency (Hz),limit (m/s^2)\n250,39.2266\n400,98.0665\n")
+    sweep = "sweep: {kind: stepped, from: 200 Hz, to: 400 Hz, points: 21, direction: both, steady_to: 1e-9}\n"
+    if isinstance(limit, str):
+        limit = str(tmp_path / limit)
+    result = beamsim.sweep(load_scenario(SINE + sweep, {"limits": {"response": {"mass": limit}}}))
+    f = np.linspace(200.0, 400.0, 21)
+    r, z = f / (math.sqrt(4e6) / (2 * np.pi)), 0.05
+    peak = np.sqrt((1 + (2 * z * r) ** 2) / ((1 - r**2) ** 2 + (2 * z * r) ** 2))
+    allowed = 4.0 * (f / 250.0) ** (math.log(2.5) / math.log(1.6))
+    ratio = np.where(f >= 250.0, peak / allowed, 0.0)
+    item = result.summary["margins"]["response.mass"]
+    assert item["value"] == pytest.approx(ratio.max(), rel=1e-6)
+    assert item["margin_db"] == pytest.approx(-20 * math.log10(ratio.max()), abs=1e-5)
+    assert item["at"] == f"mass, {f[ratio.argmax()]:.4g} Hz up"
+    assert item["exceeded"]
+    acceleration = result.curves["up_0"].acceleration["mass"]
+    np.testing.assert_allclose(acceleration.limit[f >= 250.0] / G, allowed[f >= 250.0], rtol=1e-9)
+    assert np.all(np.isnan(acceleration.limit[f < 250.0]))
+    assert result.curves["up_0"].displacement["mass"].limit is None
+    write_result(result, tmp_path / "swept.h5")
+    again = open_result(tmp_path / "swept.h5")
+    np.testing.assert_array_equal(again.curves["down_0"].acceleration["mass"].limit, acceleration.limit[::-1])
+    limits = {line.get_label(): line for line in again.plot()["acceleration"].axes[0].lines}
+    np.testing.assert_allclose(limits["mass, limit"].get_ydata()[-1], 10.0, rtol=1e-9)
+
+
+def test_curves_of_displacements_forces_and_moments_are_of_their_places(tmp_path):
+    """A stop and a probe of one name; units of a stored case still say which, also of densities."""
+    curves = {
+        "response": {"mass": [["200 Hz", "1 mm"], ["400 Hz", "1 mm"]], "stop": [["200 Hz", "5 N"], ["400 Hz", "9 N"]]}
+    }
+    sweep = {"kind": "swept_sine", "from": "280 Hz", "to": "350 Hz", "rate": "2000 oct/min", "convergence": "off"}
+    changes = {"sweep": sweep, "limits": curves, "chain.snubbers[0].gap": "0.01 mm"}
+    scenario = load_scenario(SINE, changes)
+    result = beamsim.sweep(scenario)
+    curve = result.curves["up_0"]
+    f, margins = curve.frequency_hz, result.summary["margins"]
+    allowed = 5.0 * (f / 200.0) ** (math.log(9 / 5) / math.log(2.0))
+    assert margins["response.stop"]["value"] == pytest.approx((curve.force["stop"].peak / allowed).max(), rel=1e-9)
+    assert margins["response.stop"]["value"] > 0.0
+    assert margins["response.mass"]["value"] == pytest.approx(curve.displacement["mass"].peak.max() / 1e-3, rel=1e-9)
+    psd = {"limits": {"psd": {"stop": [["20 Hz", "1 N^2/Hz"], ["90 Hz", "2 N^2/Hz"]]}}}
+    noise = {
+        "kind": "random",
+        "applied_to": "base",
+        "psd": [{"frequency": 20, "density": 1}, {"frequency": 90, "density": 1}],
+    }
+    of_run = load_scenario(MASS, psd | {"excitation": noise, "run": {"duration": 1.0}})
+    for case in (scenario, of_run):
+        assert load_scenario(case.to_yaml()) == case
+    with pytest.raises(ScenarioError, match=r"limits.response.mass needs a sweep in frequency"):
+        load_scenario(SINE, {"limits": curves})
+
+
+def test_densities_of_forces_are_drawn_with_their_limits():
+    """Of the snubbers, where one has a limit; the margin is that of the two curves."""
+    noise = [{"frequency": f, "density": "0.05 g^2/Hz"} for f in (20.0, 200.0)]
+    changes = {"excitation": {"kind": "random", "applied_to": "base", "psd": noise, "seed": 3},
+               "run": {"duration": 2.0, "sample_rate": "2 kHz", "convergence": "off"},
+               "chain.snubbers[0].gap": 0.0}  # fmt: skip
+    limits = {"psd": {"stop": [["20 Hz", "1e-4 N^2/Hz"], ["200 Hz", "1e-3 N^2/Hz"]]}}
+    result = beamsim.run(load_scenario(MASS, changes | {"limits": limits}))
+    panel = result.plot()["random"].axes[-1]
+    lines = {line.get_label(): line.get_xydata().T for line in panel.lines}
+    f, density = lines["stop"]
+    allowed = lines["stop, limit"][1]
+    inside = (f >= 20.0) & (f <= 200.0)
+    np.testing.assert_allclose(allowed[inside], 1e-4 * f[inside] / 20.0, rtol=1e-9)
+    margin = result.summary["margins"]["psd.stop"]["value"]
+    assert (density[inside] / allowed[inside]).max() == pytest.approx(margin, rel=1e-9)
+    assert len(beamsim.run(load_scenario(MASS, changes)).plot()["random"].axes) == len(result.plot()["random"].axes) - 1

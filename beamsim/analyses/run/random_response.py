@@ -34,12 +34,12 @@ from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.result import MAIN_QUANTITY, RandomResponse, RunResult, SignalStatistics
 from beamsim.inputs.measured import limit_curve
 from beamsim.scenario.quantities import amplitude_unit
-from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD
+from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD, MOMENT_PSD
 from beamsim.system.parts import driven_supports, exciting_forces, moving_base
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats
 
-_DENSITY_OF = {"m/s^2": ACCELERATION_PSD.name, "N": FORCE_PSD.name}
+_DENSITY_OF = {"m/s^2": ACCELERATION_PSD.name, "N": FORCE_PSD.name, "N m": MOMENT_PSD.name}
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
 FREEDOM_OF_SEGMENT = 4  # degrees of freedom of a segment that has a peak of its own

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from beamsim.analyses.sweep.notching import with_held_limits, with_limited_outpu
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import (
+    Envelope,
     LinearCurve,
     SweepCurve,
     SweepResult,
@@ -29,13 +31,13 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level
-from beamsim.analyses.values import OUTPUT, VALUES, Margins, margins_along
+from beamsim.analyses.values import OUTPUT, RESPONSE, VALUES, Margins, margins_along
 from beamsim.errors import ScenarioError
-from beamsim.inputs.measured import read_profile
+from beamsim.inputs.measured import limit_curve, read_profile
 from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic, holds_levels
-from beamsim.scenario.reporting import BASE_FORCE
+from beamsim.scenario.reporting import BASE_FORCE, Limits
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
@@ -137,7 +139,7 @@ def _result(
         outcome = interruption(f"after {len(work)} of {count} levels of the sweep", *doubts)
     corrections = [level.base_correction for level in work.values() if level.base_correction is not None]
     correction = max(corrections, key=lambda size: size.share, default=None)
-    curves = {curve.name: curve for run in runs.values() for curve in run.curves}
+    curves = {curve.name: _with_limits(scenario, curve) for run in runs.values() for curve in run.curves}
     logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
     linear = _linear_curve(system, settings.from_, settings.to, logarithmic)
     summary = _summary(scenario, curves)
@@ -244,6 +246,19 @@ def _sum(parts: list[SweepWork]) -> SweepWork:
     )
 
 
+def _with_limits(scenario: Scenario, curve: SweepCurve) -> SweepCurve:
+    """The curve with the limits of its responses over frequency."""
+    called = {each.unit: name for name, each in Limits.curves["response"].items()}
+
+    def limited(envelopes: tuple[Envelope, ...]) -> tuple[Envelope, ...]:
+        limits = (
+            limit_curve(scenario, "response", e.name, called.get(e.unit, ""), curve.frequency_hz) for e in envelopes
+        )
+        return tuple(replace(each, limit=limit) for each, limit in zip(envelopes, limits, strict=True))
+
+    return replace(curve, probes=limited(curve.probes), snubbers=limited(curve.snubbers))
+
+
 def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
     """What does not repeat a field of the result."""
 
@@ -290,7 +305,7 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
     }
     for curve in curves.values():
         for value, name, largest, _ in curve.largest_values():
-            if value.followed or value.entry in entries:
+            if value.followed or value is RESPONSE or value.entry in entries:
                 of = entries.setdefault(value.entry, {name: {} for name in curves})
                 of[curve.name][name] = largest / value.scale
     return entries | ({"output_unit": units} if units else {})

@@ -11,7 +11,7 @@ from beamsim.analyses.gapping import ContactLevels
 from beamsim.analyses.quality import QualityPeak, peaks_of
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.values import OUTPUT, VALUES, AlongCurve, Value, of_angles
+from beamsim.analyses.values import OUTPUT, RESPONSE, VALUES, AlongCurve, Value, of_angles
 from beamsim.fields import (
     Counter,
     Entry,
@@ -66,6 +66,9 @@ class Envelope:
         "{unit}", "{quantity:words} at static equilibrium, of displacements; else 0", along=(),
         name="static_{quantity}", default=0.0,
     )  # fmt: skip
+    limit: Floats | None = dataset(
+        "{unit}", "limit of the largest magnitude, nan where there is none", name="limit_{quantity}", default=None
+    )
 
     @property
     @stored(dataset("{unit}", "largest magnitude of the {quantity:words} in a cycle", name="peak_{quantity}"))
@@ -392,7 +395,7 @@ _SUMMARY = (
     Entry("events", of="work.events"),
     Entry("truncation", of="truncation"),
     *CorrectionSize.ENTRIES,
-    *(value.summary_entry("by curve, ") for value in VALUES if value.followed),
+    *(value.summary_entry("by curve, ") for value in VALUES if value.followed or value is RESPONSE),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
              "the frequencies", "time in contact"),
     OUTPUT.summary_entry("by curve, "),
