@@ -231,3 +231,21 @@ def test_intervals_of_transients_hold_the_truth_as_often_as_they_say(released):
         delays += low <= 2.5 - begun <= high
     assert all(count >= 24 for count in (*held.values(), delays))
     assert any(count < 30 for count in held.values())
+
+
+def test_sweeps_up_and_down_with_their_jumps():
+    """The record of a sweep is a transient, exact at any rate and where the response jumps; both directions together."""
+    tests, signals = [], []
+    for first, last in ((0.12, 0.3), (0.3, 0.12)):
+        rate, times = 0.0024 * np.sign(last - first), np.arange(0.0, 75.0, 0.2)
+        x = motion(times, force=lambda t, f=first, r=rate: np.sin(2 * np.pi * (f * t + 0.5 * r * t**2)))[0]
+        y = 1.1 * x + 0.4 + 0.02 * np.abs(x).max() * np.random.default_rng(len(tests)).standard_normal(x.size)
+        swept = {"kind": "swept_sine", "applied_to": {"mass": 1}, "from": first, "to": last, "rate": "0.0024 Hz/s"}
+        name = "up" if last > first else "down"
+        tests.append(transient(name=name, excitation=swept | {"level": 1.0}, phase="of_excitation"))
+        signals.append(MeasuredSignal("mass", times, y, unit="m"))
+    scenario = load_scenario(case(*tests, estimate=(*TRUTH, "identify_stiffness.nonlinear.tests[*].gain")))
+    result = identify_stiffness(scenario, signals)
+    holds(result.nonlinear.parameters, TRUTH | {"identify_stiffness.nonlinear.tests[*].gain": 1.1})
+    assert not result.warnings
+    assert [test.name for test in result.nonlinear.transients] == ["up", "down"]
