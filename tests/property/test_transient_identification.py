@@ -234,7 +234,7 @@ def test_intervals_of_transients_hold_the_truth_as_often_as_they_say(released):
 
 
 def test_sweeps_up_and_down_with_their_jumps():
-    """The record of a sweep is a transient, exact at any rate and where the response jumps; both directions together."""
+    """The record of a sweep is a transient, exact at any rate and over jumps; both directions together."""
     tests, signals = [], []
     for first, last in ((0.12, 0.3), (0.3, 0.12)):
         rate, times = 0.0024 * np.sign(last - first), np.arange(0.0, 75.0, 0.2)
