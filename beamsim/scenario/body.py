@@ -47,6 +47,7 @@ def same_position(a: float, b: float) -> bool:
 
 PointPosition = Annotated[q.PositionOrShare | PlatePoint, BY_FORM]
 NodeDirection = Literal["x", "y", "z", "rx", "ry", "rz"]
+OwnDirection = Literal["local_x", "local_y", "local_z", "local_rx", "local_ry", "local_rz"]
 
 
 class PointOfBody(Schema):
@@ -58,8 +59,9 @@ class PointOfBody(Schema):
     """Number of the mass of the chain, from 1."""
     node: q.Count | None = None
     """Number of a node of imported matrices."""
-    direction: NodeDirection | None = None
-    """Direction at the node, z by default; x, y, z are displacements, rx, ry, rz rotations."""
+    direction: NodeDirection | OwnDirection | None = None
+    """Direction at the node, z by default; x, y, z are displacements, rx, ry, rz rotations; local_x ... local_rz are
+    those of the node's own system."""
 
     def check(self) -> None:
         """Demand exactly one point."""
@@ -93,7 +95,7 @@ class AtPlace(PointOfBody):
 
 @lru_cache(maxsize=1024)
 def _at(
-    position: WrittenPosition | None, mass: int | None, node: int | None, direction: NodeDirection | None
+    position: WrittenPosition | None, mass: int | None, node: int | None, direction: NodeDirection | OwnDirection | None
 ) -> AtPlace:
     return AtPlace(position=position, mass=mass, node=node, direction=direction)
 
@@ -138,7 +140,7 @@ class Sited(PointOfBody):
 
 def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
     """Refuse a displacement and a rotation at the two places of one thing."""
-    turns = [(place.direction or "z").startswith("r") for place in places]
+    turns = [(place.direction or "z").removeprefix("local_").startswith("r") for place in places]
     if any(turns) and not all(turns):
         directions = " and ".join(place.direction or "z" for place in places)
         raise Unfit(

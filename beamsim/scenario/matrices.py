@@ -12,7 +12,7 @@ from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Unfit, Variants
 from beamsim.scenario.body import Body, ChainDamping, NodeDirection
-from beamsim.scenario.quantities import Count, FileName, Frequency, Name, Text, UnitType
+from beamsim.scenario.quantities import Coefficient, Count, FileName, Frequency, Name, Text, UnitType
 
 _INCH, _FOOT, _POUND_FORCE = 0.0254, 0.3048, 4.4482216152605
 
@@ -125,6 +125,26 @@ class HeldNodes(Schema):
     """Direction in which the base moves, and in which gravity acts."""
 
 
+class DisplacementSystem(Schema):
+    """A coordinate system of nodes in the files, as the field CD of Nastran and *TRANSFORM of Abaqus name one."""
+
+    number: Count
+    """Number by which the column ``system`` of the table ``dofs`` names it."""
+    kind: Literal["rectangular", "cylindrical", "spherical"] = "rectangular"
+    """Directions x, y, z of the table are its axes; of a cylinder radial, tangential, axial; of a sphere radial, along
+    the meridian, along the parallel."""
+    points: tuple[tuple[Coefficient, Coefficient, Coefficient], ...] = Field(min_length=3, max_length=3)
+    """Its origin, a point on its z axis, and one in the half plane of its x axis, as CORD2R, CORD2C and CORD2S have
+    them; [x, y, z] in the axes of the model and the units of the files."""
+
+    def check(self) -> None:
+        """Points on a line make no system."""
+        _, b, c = (tuple(x - o for x, o in zip(point, self.points[0], strict=True)) for point in self.points)
+        sizes = [sum(x * x for x in each) for each in (b, c)]
+        if sizes[0] * sizes[1] - sum(x * y for x, y in zip(b, c, strict=True)) ** 2 <= 1e-12 * sizes[0] * sizes[1]:
+            raise Unfit("has three points on a line", "give a point beside the z axis last", ("points",))
+
+
 class MatricesBody(Body):
     """A structure by its matrices, its degrees of freedom named by a table or by the file."""
 
@@ -147,11 +167,14 @@ class MatricesBody(Body):
     recovery: RecoverySource | None = None
     """Matrix that gives other quantities, which ``run.outputs`` of the kind ``recovered`` report."""
     dofs: FileName | None = None
-    """CSV table node,direction[,x,y,z], a line a row of the matrices, coordinates in the units of the files; not needed
-    for DMIG and Abaqus files.
+    """CSV table node,direction[,x,y,z][,system], a line a row of the matrices, coordinates in the units of the files;
+    not needed for DMIG and Abaqus files.
 
     Directions are x, y, z, rx, ry, rz and modal.
     """
+    systems: tuple[DisplacementSystem, ...] = ()
+    """Systems of nodes whose directions are not along the axes of the model; the column ``system`` of the table names
+    them."""
     units: AnyFileUnits | None = None
     """Units of all its files: SI (the default), mm-t-s, mm-kg-ms, mm-g-ms, mm-kg-s, cm-g-s, in-lbf-s, ft-lbf-s, or one
     by one, {length: mm, mass: kg, force: N, time: s}. Rotations are in rad."""

@@ -18,6 +18,7 @@ from scipy.sparse import block_diag, csc_array, csr_array, hstack, identity
 from beamsim.errors import MethodError
 from beamsim.matrix_files import MODAL, Dof, FileMatrix, read_matrix
 from beamsim.scenario.matrices import MatricesBody, RecoverySource, name_of, sizes_of
+from beamsim.structures.directions import along_the_axes
 from beamsim.structures.named_matrices import (
     TRANSLATIONS,
     DofTable,
@@ -88,7 +89,7 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
         table.part(used), mass, stiffness, damping, (), units=name_of(section.units),
         recovery=None if recovery is None else recovery[:, used],
     )  # fmt: skip
-    converted = in_si_units(as_written, sizes)
+    converted = in_si_units(along_the_axes(as_written, section.systems), sizes)
     remarks += doubtful_units(converted, section.units)
     return replace(converted, remarks=tuple(remarks))
 

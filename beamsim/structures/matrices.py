@@ -102,7 +102,7 @@ class MatricesStructure(BodyStructure):
 
     def row_number(self, place: Place) -> int | None:
         """Row of the files of a place; None where there is none."""
-        return self.table.number.get((round(place.coordinate), place.direction))
+        return self.table.number.get((round(place.coordinate), place.direction.removeprefix("local_")))
 
     def place_problem(self, place: Place | Distributed, acts: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy where there is no such place, or nothing can act there."""
@@ -120,7 +120,8 @@ class MatricesStructure(BodyStructure):
                 else f"= {node} is not a node of {self.name}",
                 self.table.remedy(node),
             )
-        if acts and self.massless[number] > 1e-6:
+        rows, _ = self.table.row(node, place.direction) or ((), ())
+        if acts and self.massless[list(rows)].max() > 1e-6:
             return (
                 "node", f"= {node} has no mass in {place.direction}: a force there would move it without inertia",
                 "give the node a mass in the model that writes the matrices, or act on a node with mass",
@@ -152,11 +153,10 @@ class MatricesStructure(BodyStructure):
         """(rows of the files,) row of a place."""
         assert isinstance(place, Place)  # the scenario refuses the others
         table, node = self.given.table, round(place.coordinate)
-        number = table.number.get((node, place.direction))
-        if number is None:
+        if (found := table.row(node, place.direction)) is None:
             raise ValueError(f"{place.label} does not exist; {table.remedy(node)}")
         row = np.zeros(len(table.dofs))
-        row[number] = 1.0
+        row[found[0]] = found[1]
         return row
 
     def forces_of(self, motion: Floats) -> Floats:

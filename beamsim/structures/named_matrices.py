@@ -47,6 +47,8 @@ class DofTable:
 
     dofs: tuple[Dof, ...]
     coordinates: Floats | None = None  # (N, 3) of each row's node, m beyond the file; NaN where none are given
+    systems: Ints | None = None  # (N,) number of the system of each row in the file; 0 of the model's axes
+    turn: Any = None  # (N, N) sparse, rows as they were in those systems; None where there were none
 
     @cached_property
     def number(self) -> dict[Dof, int]:
@@ -69,7 +71,17 @@ class DofTable:
     def part(self, rows: Ints) -> DofTable:
         """The table of some rows."""
         coordinates = None if self.coordinates is None else self.coordinates[rows]
-        return DofTable(tuple(self.dofs[i] for i in rows), coordinates)
+        systems = None if self.systems is None else self.systems[rows]
+        turn = None if self.turn is None else self.turn[rows][:, rows]
+        return DofTable(tuple(self.dofs[i] for i in rows), coordinates, systems, turn)
+
+    def row(self, node: int, direction: str) -> tuple[Ints, Floats] | None:
+        """Rows and their shares in a direction of a node, of the model's axes or of its own system (``local_x``)."""
+        number = self.number.get((node, direction.removeprefix("local_")))
+        if number is None or self.turn is None or not direction.startswith("local_"):
+            return None if number is None else (np.array([number]), np.ones(1))
+        own = self.turn[[number]].tocoo()
+        return own.coords[1], own.data
 
     def remedy(self, node: int) -> str:
         """What there is instead of an unknown node, or direction of a node."""
@@ -95,7 +107,7 @@ class NamedDofs:
 
 
 def read_dof_table(path: Path) -> DofTable:
-    """The table of a CSV file with the columns node, direction and, if wanted, x, y, z.
+    """The table of a CSV file with the columns node, direction and, if wanted, x, y, z, and system.
 
     Raises
     ------
@@ -112,10 +124,14 @@ def read_dof_table(path: Path) -> DofTable:
         raise MethodError(
             "dofs", f"= {path.name} has no heading", "begin the table with node,direction or node,direction,x,y,z"
         )
+    heading = [cell.lower() for cell in rows[0].cells]
+    at = heading.index("system") if "system" in heading else None
     dofs: list[Dof] = []
     places: list[list[float]] = []
+    systems: list[int] = []
     first: dict[Dof, int] = {}
-    for number, cells in rows[1:]:
+    for number, written in rows[1:]:
+        cells = [cell for k, cell in enumerate(written) if k != at]
         direction = cells[1].lower() if len(cells) > 1 else ""
         if direction not in (*DIRECTIONS, MODAL):
             raise MethodError(
@@ -125,11 +141,12 @@ def read_dof_table(path: Path) -> DofTable:
         try:
             dof = (int(cells[0] or 0) if direction == MODAL else int(cells[0]), direction)
             place = [float(cell) if cell else np.nan for cell in cells[2:5]]
+            systems.append(int(written[at] or 0) if at is not None and at < len(written) else 0)
         except ValueError:
             raise MethodError(
                 "dofs",
-                f"= {path.name} has a line {number} that cannot be read: {','.join(cells)}",
-                "write a node's number, a direction and, if wanted, three coordinates",
+                f"= {path.name} has a line {number} that cannot be read: {','.join(written)}",
+                "write a node's number, a direction and, if wanted, three coordinates and the number of a system",
             ) from None
         if direction != MODAL and dof in first:
             raise MethodError(
@@ -140,7 +157,8 @@ def read_dof_table(path: Path) -> DofTable:
         dofs.append(dof)
         places.append(place + [np.nan] * (3 - len(place)))
     coordinates = np.array(places).reshape(-1, 3)
-    return DofTable(tuple(dofs), None if np.all(np.isnan(coordinates)) else coordinates)
+    placed = None if np.all(np.isnan(coordinates)) else coordinates
+    return DofTable(tuple(dofs), placed, None if at is None else np.array(systems, dtype=np.int64))
 
 
 def write_dof_table(path: Path, table: DofTable) -> None:
@@ -246,7 +264,7 @@ def in_si_units(given: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
     places = given.table.coordinates
     return replace(
         given,
-        table=DofTable(given.table.dofs, None if places is None else places * length),
+        table=replace(given.table, coordinates=None if places is None else places * length),
         mass=scaled(given.mass, mass * length**2),
         stiffness=scaled(given.stiffness, force * length),
         damping=scaled(given.damping, force * length * time),

@@ -162,9 +162,13 @@ def blocks_of(matrix: Any) -> list[Ints]:
 
 
 def pinned_rows(rigid: Floats) -> Ints:
-    """(r,) degrees of freedom that hold rigid-body motions (N, r): those in which they differ most."""
+    """(r,) degrees of freedom that hold rigid-body motions (N, r): those in which they differ most.
+
+    Of equals the first, whatever the scale of the motions: round-off must not choose others where it differs.
+    """
     count = rigid.shape[1]
-    return np.sort(qr(rigid.T, mode="r", pivoting=True)[1][:count]) if count else np.zeros(0, dtype=np.int64)
+    ranked = rigid * np.linspace(1.0, 1.0 - 1e-6, rigid.shape[0])[:, None]
+    return np.sort(qr(ranked.T, mode="r", pivoting=True)[1][:count]) if count else np.zeros(0, dtype=np.int64)
 
 
 def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> SymmetricLU:

@@ -38,6 +38,7 @@ SHARES = {
     "Stiffener.to": "length (x) and width (y) of this plate",
     "LineLoad.line": "length of the beam on which the load acts",
     "AreaLoad.area": "length (x) and width (y) of the plate on which the load acts",
+    "DisplacementSystem.points": "origin and axes of the model that wrote the matrices, as the table's x, y, z",
     "TableShape.x": "length of the body on which the load acts, not of the loaded part",
     "TableShape.y": "width of the plate on which the load acts, not of the loaded part",
     "_Path.points_at": "of a position: length of the beam on which the snubber is",
@@ -100,7 +101,7 @@ FACTORS = {
 }
 DEFAULTS = {
     "ScenarioParts.probes": "snubbers: one probe at each, on both places between which it acts; else a free end, "
-    "a corner or the last mass",
+    "a corner or the last mass; none on imported matrices",
     "ScenarioParts.reduction": "excitation and structure: modes up to 50 times the excitation frequency (10 times the "
     "highest of a random one), and at least up to 64 times a low natural frequency",
     "ScenarioParts.units": "units in which most quantities of the file are written",
