@@ -44,6 +44,19 @@ def test_the_largest_force_of_an_oscillator_follows_from_its_energy():
     assert abs(found[3]) < 1e-10 * s * d  # the energy does not depend on the mass
 
 
+@pytest.mark.parametrize("excitation", [
+    {"kind": "step", "applied_to": "base", "level": 2e-3, "quantity": "displacement", "rise": 0.05},
+    {"kind": "step", "applied_to": "base", "level": 20.0, "duration": 0.05},
+])  # fmt: skip
+def test_an_undamped_peak_that_is_as_high_on_both_sides_is_counted_once(excitation):
+    """It is proportional to the level."""
+    case = {**OSCILLATOR, "chain": {"masses": [2.0], "springs": [800.0]}, "excitation": excitation}
+    result = beamsim.run(asked(case, "excitation.level", start="static_equilibrium", duration=2.0))
+    peak = result.summary["peak_displacement_m"]["mass"]
+    found = slope(result, "probes/mass/peak_displacement", "excitation.level")
+    assert found == pytest.approx(peak / excitation["level"], rel=1e-9)
+
+
 def test_the_time_in_contact_follows_from_the_two_half_oscillations():
     """Without a gap the oscillator is in contact for half a period of the stiffer one, again and again."""
     case = {**OSCILLATOR, "chain": {"masses": [2.0], "springs": [8e3], "snubbers": [{**STOP, "gap": 1e-12}]}}

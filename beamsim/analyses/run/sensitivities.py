@@ -240,7 +240,8 @@ class _Along:
                 if name in told and told[name][0] >= numbers[best]:
                     continue
                 units = [size * np.eye(4)[:, [2 * high]] for high in (0, 1)]
-                slopes = [(value.of(extreme + u) - value.of(extreme - u))[best] / (2.0 * size) for u in units]
+                apart = extreme + 4.0 * units[1]  # of two that are as large the highest counts
+                slopes = [(value.of(apart + u) - value.of(apart - u))[best] / (2.0 * size) for u in units]
                 signs = [float(np.round(slope)) if numbers[best] else 0.0 for slope in slopes]
                 factors = {(first + best, high): sign for high, sign in enumerate(signs) if sign}
                 told[name] = float(numbers[best]), channel.unit, factors
