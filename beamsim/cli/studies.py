@@ -43,8 +43,8 @@ def design_screen(result: DesignsResult) -> Screen:
     lines = list(_limit_lines(result))
     shown = [(name, s["responses"][name]) for name in _decisive(result) if name in s["responses"]]
     shown = shown or list(s["responses"].items())
-    if "as_it_is" in s:
-        rows = [{"": "as it is"} | row for row in _best_rows(result, [_first_row(result)])]
+    if result.kind == "optimise":
+        rows = [{"": "as it is"} | row for row in _best_rows(result, [s["as_it_is"]] if "as_it_is" in s else [])]
         called = "front" if result.front is not None else "best"
         rows += [{"": f"{k}. {called}"} | row for k, row in enumerate(_best_rows(result, s.get("best", ())), 1)][:SHOWN]
         lines += _near_lines(result)
@@ -70,13 +70,6 @@ def design_screen(result: DesignsResult) -> Screen:
     for name, of in shown[:SHOWN]:
         lines += _remarks(result, name, within.get("responses", {}).get(name, of))
     return Screen(_judged(result), rows, lines)
-
-
-def _first_row(result: DesignsResult) -> dict[str, Any]:
-    """The scenario as it is, as the rows of the best designs are."""
-    parameters = {c.path: c.values[0] if not c.numeric else float(c.values[0]) for c in result.coordinates}
-    first: dict[str, Any] = result.summary["as_it_is"]
-    return first | {"parameters": parameters, "value": next(iter(first["values"].values()), math.nan)}
 
 
 def _near_lines(result: DesignsResult) -> Iterator[str]:
@@ -336,7 +329,7 @@ DESIGN_VIEWS: Views = {
     "cases": _cases,
     "passing": _passing,
     "best": _best,
-    "as_it_is": lambda result, _: _best_rows(result, [_first_row(result)]),
+    "as_it_is": lambda result, first: _best_rows(result, [first]),
     "near_best": lambda result, near: [text.partition(": ")[2] for text in _near_lines(result)],
     "tolerances": _tolerances,
     "scatter": _scatter,

@@ -12,7 +12,7 @@ from typing import Any
 from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
 from beamsim.analyses.continuation.overlay import with_overlay
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.designs.plan import DesignPlan, best_design, check_cases, plan_designs
+from beamsim.analyses.designs.plan import DesignPlan, check_cases, design, plan_designs
 from beamsim.analyses.designs.result import DesignsResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded, prepared
@@ -215,9 +215,8 @@ def _compute(plan: DesignPlan, target: Path, given: Given, resume: bool, options
 
 def _best_design(result: DesignsResult, target: Path) -> Iterator[Path]:
     """Write the best design of a search as a scenario that can be run."""
-    design = best_design(result)
-    if design is not None:
+    for best in result.summary.get("best", ())[:1]:
         path = target.with_name(f"{target.stem}_best.yaml")
         with replacing(path) as temporary:
-            temporary.write_text(design.to_yaml(), encoding="utf-8")
+            temporary.write_text(design(result, best).to_yaml(), encoding="utf-8")
         yield path

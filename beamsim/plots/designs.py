@@ -340,66 +340,55 @@ def design_figures(result: DesignsResult) -> dict[str, Picture]:
     return figures
 
 
-def plot_search(result: DesignsResult, ax: Axes, objective: Response) -> None:
-    """One objective of every design in the order in which they were tried, and the best one up to there.
-
-    Parameters
-    ----------
-    result : of a search.
-    ax : to draw on.
-    objective : one of those of the result.
-    """
-    scale, largest = scale_for(objective.unit, objective.values), objective.long_name.startswith("largest")
-    values, number = objective.values * scale.factor, np.arange(1, result.cases + 1)
+def search_chart(result: DesignsResult, objective: Response) -> Chart:
+    """One objective of every design in the order in which they were tried, and the best one up to there."""
+    values, number, dots = objective.values, np.arange(1.0, result.cases + 1.0), {"linestyle": "none", "markersize": 3}
     meets = np.isfinite(values) & (True if result.passing is None else result.passing)
-    for which, label, style in (
-        (~meets, "beyond a limit", {"marker": "x", "color": RED, "alpha": 0.5}),
-        (meets, "meets every limit" if result.limits else "", {"marker": "o", "color": PALE}),
-    ):
-        if which.any():
-            ax.plot(number[which], values[which], linestyle="none", markersize=3, label=label, **style)
-    best = np.maximum if largest else np.minimum
-    so_far = best.accumulate(np.where(meets, values, -np.inf if largest else np.inf))
-    ax.plot(
-        number, np.where(np.isfinite(so_far), so_far, np.nan), color=DARK, drawstyle="steps-post", label="best so far"
-    )
-    finish(ax, "Number of the design", with_unit(_capital(objective), scale))
-    ax.legend(fontsize="x-small")
+    largest = objective.long_name.startswith("largest")
+    best = (np.maximum if largest else np.minimum).accumulate(np.where(meets, values, -np.inf if largest else np.inf))
+    curves = [
+        Curve("beyond a limit", number[~meets], values[~meets], {**dots, "marker": "x", "color": RED, "alpha": 0.5}),
+        Curve("meets every limit", number[meets], values[meets], {**dots, "marker": "o", "color": PALE}),
+        Curve("best so far", number, np.where(np.isfinite(best), best, np.nan),
+              {"color": DARK, "linestyle": "-", "drawstyle": "steps-post"}),
+    ]  # fmt: skip
+    return Chart(("Number of the design", ""), _axis_of(objective), curves if result.limits else curves[1:])
 
 
-def plot_front(result: DesignsResult, ax: Axes, x: Response, y: Response) -> None:
+def front_chart(result: DesignsResult, x: Response, y: Response) -> Chart:
     """Two objectives of all designs that meet every limit, and the front of those that none is better than in both.
 
     Parameters
     ----------
     result : of a search for two objectives.
-    ax : to draw on.
     x, y : the objectives.
     """
-    front = np.asarray(result.front)
-    sx, sy = (scale_for(each.unit, each.values) for each in (x, y))
-    meets = ~front & (True if result.passing is None else result.passing)
-    order = np.argsort(x.values[front])
-    ax.plot(x.values[meets] * sx.factor, y.values[meets] * sy.factor, ".", color=PALE, markersize=3, label="dominated")
-    ax.plot(x.values[front][order] * sx.factor, y.values[front][order] * sy.factor, "o-", color=DARK, markersize=3.5,
-            linewidth=0.8, label="front")  # fmt: skip
-    ax.plot(x.values[0] * sx.factor, y.values[0] * sy.factor, "D", color=RED, markersize=5, label="as it is")
-    finish(ax, with_unit(_capital(x), sx), with_unit(_capital(y), sy))
-    ax.legend(fontsize="x-small")
+    front = np.flatnonzero(np.asarray(result.front))
+    front = front[np.argsort(x.values[front])]
+    others = np.flatnonzero(~np.asarray(result.front) & (True if result.passing is None else result.passing))
+    curves = [
+        Curve(label, x.values[which], y.values[which], style)
+        for label, which, style in (
+            ("dominated", others, {"linestyle": "none", "marker": ".", "markersize": 3, "color": PALE}),
+            ("front", front, {"linestyle": "-", "linewidth": 0.8, "marker": "o", "markersize": 3.5, "color": DARK}),
+            ("as it is", np.array([0]), {"linestyle": "none", "marker": "D", "markersize": 5, "color": RED}),
+        )
+    ]
+    return Chart(_axis_of(x), _axis_of(y), curves)
 
 
-def _capital(objective: Response) -> str:
-    """What is to be large or small, as the label of an axis."""
+def _axis_of(objective: Response) -> tuple[str, str]:
+    """What is to be large or small, and its unit."""
     text = objective.long_name.partition(" ")[2]
-    return text[:1].upper() + text[1:]
+    return text[:1].upper() + text[1:], objective.unit
 
 
 def _searched(result: DesignsResult) -> dict[str, Picture]:
     """The pictures that only searches have: designs in their order, the front, and the run of the best design."""
     aims = list((result.objectives or {}).values())
-    panels: list[Any] = [partial(plot_search, result, objective=objective) for objective in aims]
+    panels = [search_chart(result, aim) for aim in aims]
     if result.front is not None:
-        panels.append(partial(plot_front, result, x=aims[0], y=aims[1]))
+        panels.append(front_chart(result, *aims))
     figures = {"search": _grid(result.title, panels, 3, 3.4, 4.6)} if panels else {}
     runs = {name.replace("_", " "): run for name, run in (result.runs or {}).items()}
     styles = {"as it is": {"color": PALE, "linestyle": "-"}, "best": {"color": DARK, "linestyle": "-"}}

@@ -7,7 +7,7 @@ normal mode where it is asked for. Without a comparison the summary says so. Run
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -110,26 +110,18 @@ def design_study(scenario: Scenario | DesignPlan, **options: Any) -> DesignsResu
         If workers end unexpectedly.
     """
     from beamsim.analyses.designs.analysis import design_study as compute
-    from beamsim.analyses.designs.plan import best_design, without_study
+    from beamsim.analyses.designs.plan import design
 
     result, stop = compute(scenario, **options), options.get("stop", never)
-    design = best_design(result) if result.kind == "optimise" and result.finished else None
-    if design is None:
+    if result.kind != "optimise" or not result.finished or "best" not in result.summary:
         return result
+    chosen = {"best": result.summary["best"][0], "as_it_is": result.summary.get("as_it_is")}
     solve = named(KINDS[result.analysis if result.analysis in KINDS else "sweep"].analysis)
-    best = solve(design, stop=stop)
-    others = {"best": best}
-    if result.analysis == "run":
-        first = without_study(result.scenario, "")
-        assert first.run is not None
-        off = first.run.model_copy(update={"convergence": "off"})
-        others["as_it_is"] = solve(first.model_copy(update={"run": off}), stop=stop)
-    if stop():
-        return result.interrupted("the run of the best design")
-    return _with_best_run(result, best, others)
+    runs = {name: solve(design(result, case), stop=stop) for name, case in chosen.items() if case is not None}
+    return result.interrupted("the run of the best design") if stop() else _with_runs(result, **runs)
 
 
-def _with_best_run(result: DesignsResult, best: Any, runs: Mapping[str, Any]) -> DesignsResult:
+def _with_runs(result: DesignsResult, best: Any, **others: Any) -> DesignsResult:
     """A search with what is known of the best design as a case of its own; doubts are of what was asked for."""
     from beamsim.analyses.designs.result import RunOfDesign, objectives
 
@@ -142,6 +134,7 @@ def _with_best_run(result: DesignsResult, best: Any, runs: Mapping[str, Any]) ->
         own = best.summary.get("margins", {})
         said["margins"] = {name: item | own.get(name, {}) for name, item in result.summary.get("margins", {}).items()}
     summary = result.summary | said
+    runs = {"best": best, **others}
     shown = {name: RunOfDesign.of(name, run) for name, run in runs.items()} if result.analysis == "run" else None
     checked = replace(
         result, runs=shown, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary}

@@ -83,13 +83,13 @@ def design_study(
         progress(len(known) / total)
     options: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "stop": stop, "most": plan.most}
     with Evaluator(plan.study, known=known, each=solved, **options) as evaluate:
-        if plan.searches:
-            ended = named("beamsim.analyses.designs.search:search")(plan, evaluate)
-        else:
-            evaluate([case.values for case in plan.cases if not case.realisation])
-    if evaluate.ended == "most_cases":
-        ended = unsettled(plan.most)
+        ended = (named("beamsim.analyses.designs.search:search") if plan.searches else _all_cases)(plan, evaluate)
+    ended = unsettled(plan.most) if evaluate.ended == "most_cases" else ended
     return gather(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
+
+
+def _all_cases(plan: DesignPlan, evaluate: Evaluator) -> None:
+    evaluate([case.values for case in plan.cases if not case.realisation])
 
 
 def unsettled(tried: int) -> Outcome:

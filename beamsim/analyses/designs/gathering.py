@@ -79,19 +79,20 @@ def gather(
     known_aims = {response.name: response for response in judged if response is not None}
     values = None if judged[0] is None else judged[0].values.ravel()
     unknown = any(aim.terms and response is None for aim, response in zip(aims, judged, strict=True))
-    eligible, front = passing & _allowed(plan), None
+    eligible, front, first = passing.copy(), None, list[dict[str, Any]]()
+    if plan.searches:  # whose first case, the scenario as it is, may lie outside of the ranges
+        eligible[:1] = False
     if len(known_aims) > 1:
-        front = eligible & efficient(
-            np.array([(-1.0 if a.largest else 1.0) * r.values for a, r in zip(aims, known_aims.values(), strict=True)]),
-            eligible,
-        )
-        eligible = front
+        pairs = zip(aims, known_aims.values(), strict=True)
+        eligible = front = efficient(np.array([(-1.0 if a.largest else 1.0) * r.values for a, r in pairs]), eligible)
     # the best of many parts is no choice
     chosen = plan.kind not in (*SAMPLES, "one_at_a_time") or bool(objective.terms)
     best = best_cases(values, margins, eligible, largest=objective.largest) if chosen and not unknown else []
     if plan.searches:
         ended = _search_ended(plan, ended, failures, found=bool(best))
-        worst = _margins_of_one(plan, outcomes, best[0]["case"] if best else _least_violating(margins))
+        nearest = best or best_cases(None, margins, solved, largest=True) or [{"case": 0}]
+        worst = _margins_of_one(plan, outcomes, nearest[0]["case"])
+        first = best_cases(values, margins, np.arange(solved.size) == 0, largest=True)
     shares = meets.mean(axis=-1) if limits and count > 1 else None
     sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
     stored = {
@@ -99,6 +100,13 @@ def gather(
         for name, response in realised.items()
         if count > 1 and is_scalar(response, shape)
     }
+
+    def described(item: Mapping[str, Any]) -> dict[str, Any]:
+        case = item["case"]
+        values = {name: float(aim.values[case]) for name, aim in known_aims.items()}
+        more = {} if shares is None else {"passing_share": float(shares.flat[case])}
+        return {**item, **({} if front is None else {"values": values}), **more, "parameters": _named(plan, case)}
+
     return DesignsResult(
         scenario=plan.scenario,
         analysis=plan.study.analysis,
@@ -130,14 +138,9 @@ def gather(
         responses=_extremes(plan, responses),
         passing=int(passing.sum()) if limits else None,
         objective=" and ".join(aim.text for aim in aims) if best else None,
-        as_it_is=_as_it_is(margins, known_aims) if plan.searches and solved.any() else None,
+        as_it_is=described(first[0]) if first else None,
         near_best=_near_best(plan, values, eligible, best) if plan.searches and front is None else None,
-        best=[
-            {**item, **({} if front is None else {"values": _values_at(known_aims, item["case"])}),
-             **({} if shares is None else {"passing_share": float(shares.flat[item["case"]])}),
-             "parameters": _named(plan, item["case"])}
-            for item in best
-        ] or None,
+        best=[described(item) for item in best] or None,
         tolerances=_tolerances(realisations),
         scatter=_scatter(stored, best, meets if limits else None, solved.size),
         margins=worst if limits else None,
@@ -256,8 +259,7 @@ def costs(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> tuple[Floats
         (-1.0 if aim.largest else 1.0) * (least if response is None else response.values)
         for aim, response in ((aim, _judged(plan, aim, realised)) for aim in aims)
     ]
-    known = np.isfinite(np.array(values)) | (np.array(values) == -np.inf)
-    return np.where(known, values, np.inf), beyond
+    return np.nan_to_num(values, nan=np.inf, posinf=np.inf, neginf=-np.inf), beyond
 
 
 def _judged(plan: DesignPlan, objective: Objective, realised: Mapping[str, Response]) -> Response | None:
@@ -271,15 +273,6 @@ def _judged(plan: DesignPlan, objective: Objective, realised: Mapping[str, Respo
     return replace(response, values=values[chosen].reshape(plan.shape))
 
 
-def _allowed(plan: DesignPlan) -> Bools:
-    """Which cases may be chosen: of a search those within the ranges, which the scenario as it is may not be."""
-    allowed = np.ones(plan.shape, dtype=bool)
-    if plan.searches and plan.cases:
-        pairs = zip(plan.study.varied, plan.cases[0].values, strict=True)
-        allowed[0] = all(v in p.values if p.values else p.low <= float(v) <= p.high for p, v in pairs)
-    return allowed
-
-
 def efficient(values: Floats, among: Bools) -> Bools:
     """Which points no other one is better than in one coordinate and at least as good in all others.
 
@@ -289,10 +282,8 @@ def efficient(values: Floats, among: Bools) -> Bools:
     among : (n,) which points are compared.
     """
     points = np.where(among, values, np.inf)
-    better = (points[:, :, None] <= points[:, None, :]).all(axis=0) & (points[:, :, None] < points[:, None, :]).any(
-        axis=0
-    )
-    return np.asarray(~better.any(axis=0) & np.isfinite(points).all(axis=0))
+    no_worse = (points[:, :, None] <= points[:, None, :]).all(axis=0)
+    return np.asarray(among & ~(no_worse & ~no_worse.T).any(axis=0) & np.isfinite(points).all(axis=0))
 
 
 def _search_ended(plan: DesignPlan, ended: Outcome | None, failures: Sequence[CaseFailure], *, found: bool) -> Outcome:
@@ -310,12 +301,6 @@ def _search_ended(plan: DesignPlan, ended: Outcome | None, failures: Sequence[Ca
     )  # fmt: skip
 
 
-def _least_violating(margins: Mapping[str, Response]) -> int:
-    """Number of the case with the largest smallest margin; 0 without limits."""
-    each = np.array([np.nan_to_num(margin.values, nan=-1.0) for margin in margins.values()])
-    return int(each.min(axis=0).argmax()) if each.size else 0
-
-
 def _margins_of_one(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], case: int) -> dict[str, Any]:
     """The margins of one case alone."""
     count = plan.study.realisations.count
@@ -326,17 +311,6 @@ def _margins_of_one(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], case:
     given = {} if limits is None else limits.given
     _, found, _, _ = _margins(alone, _responses(alone, own), given, own, np.zeros(count, dtype=bool))
     return {name: item | {"case": case} for name, item in found.items()}
-
-
-def _values_at(values: Mapping[str, Response], case: int) -> dict[str, float]:
-    return {name: float(response.values[case]) for name, response in values.items()}
-
-
-def _as_it_is(margins: Mapping[str, Response], values: Mapping[str, Response]) -> dict[str, Any]:
-    """What a search finds of the scenario as it is, its first case."""
-    worst = min(margins, key=lambda name: np.nan_to_num(margins[name].values[0], nan=-1.0), default=None)
-    least = {} if worst is None else {"margin": float(margins[worst].values[0]), "limit": worst}
-    return {"values": _values_at(values, 0), **least}
 
 
 def _near_best(

@@ -136,18 +136,15 @@ def with_parameters(scenario: Scenario, varied: Iterable[VariedParameter], value
     return with_values(scenario, given)
 
 
-def best_design(result: DesignsResult) -> Scenario | None:
-    """The scenario with the numbers of the best case, without the study; None where there is none."""
-    if not result.summary.get("best"):
-        return None
-    values = result.summary["best"][0]["parameters"].values()
-    alone = without_study(result.scenario, f"{result.scenario.title}, best design".removeprefix(", "))
-    return with_parameters(alone, varied_parameters(result.scenario), values).rechecked()
+def design(result: DesignsResult, case: Mapping[str, Any]) -> Scenario:
+    """The scenario of a case, as ``best`` and ``as_it_is`` of the summary have it, without the study.
 
-
-def without_study(scenario: Scenario, title: str) -> Scenario:
-    """One case alone, with the paths of files from the root."""
-    return with_whole_paths(scenario.model_copy(update={"vary": None, "optimise": None, "title": title}), scenario)
+    Its paths of files begin at the root.
+    """
+    title = f"{result.title}, design {case['case'] + 1}".removeprefix(", ")
+    alone = result.scenario.model_copy(update={"vary": None, "optimise": None, "title": title})
+    alone = with_whole_paths(alone, result.scenario)
+    return with_parameters(alone, varied_parameters(result.scenario), case["parameters"].values()).rechecked()
 
 
 @dataclass(frozen=True)
@@ -169,12 +166,9 @@ class DesignPlan:
 
     def of(self, rows: Sequence[tuple[Value, ...]]) -> DesignPlan:
         """The same plan for cases with these values of the varied parameters."""
-        columns = [[row[k] for row in rows] for k in range(len(self.study.varied))]
-        cases = tuple(
-            Case(k * self.study.realisations.count + r, row, r)
-            for k, row in enumerate(rows)
-            for r in range(self.study.realisations.count)
-        )
+        each = product(rows, range(self.study.realisations.count))
+        cases = tuple(Case(k, row, realisation) for k, (row, realisation) in enumerate(each))
+        columns = ([row[k] for row in rows] for k in range(len(self.study.varied)))
         coordinates = tuple(map(_coordinate, self.study.varied, columns))
         return replace(self, cases=cases, shape=(len(rows),), coordinates=coordinates)
 
@@ -357,18 +351,14 @@ def _plan(
     search = plain(scenario.optimise)
     all_of_it = [analysis, kind, search, plain(case), places, columns, asked, realisations.as_data(), contents]
     fingerprint = hashlib.sha256(json.dumps(all_of_it, sort_keys=True).encode()).hexdigest()
-    rows = product(*columns) if kind == "grid" else zip(*columns, strict=True)
-    each = product(rows, range(realisations.count))
-    cases = tuple(Case(k, values, realisation) for k, (values, realisation) in enumerate(each))
-    return DesignPlan(
-        scenario=scenario,
-        kind=kind,
-        coordinates=tuple(map(_coordinate, varied, columns)),
-        shape=tuple(len(c) for c in columns) if kind == "grid" else (len(columns[0]),),
-        study=Study(analysis, with_whole_paths(case, scenario), varied, realisations, asked, fingerprint),
-        cases=cases,
-        most=len(cases) // realisations.count if scenario.optimise is None else scenario.optimise.most_cases,
-    )
+    rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
+    study = Study(analysis, with_whole_paths(case, scenario), varied, realisations, asked, fingerprint)
+    most = len(rows) if scenario.optimise is None else scenario.optimise.most_cases
+    plan = DesignPlan(scenario, kind, (), (), study, (), most).of(rows)
+    if kind != "grid":
+        return plan
+    grid = tuple(map(_coordinate, varied, columns))
+    return replace(plan, coordinates=grid, shape=tuple(len(c) for c in columns))
 
 
 def _case(scenario: Scenario, seed_varies: bool) -> Scenario:

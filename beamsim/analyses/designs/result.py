@@ -201,8 +201,7 @@ _SUMMARY = (
     Entry("failed", "1", "cases that failed"),
     Entry("passing", "1", "cases that meet every limit", "passing"),
     Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin"),
-    Entry("as_it_is", "", "of a search: value of each objective of the scenario as it is, and its smallest margin and "
-             "the limit", "as it is"),
+    Entry("as_it_is", "", "of a search: the scenario as it is, as the best cases are", "as it is"),
     Entry("near_best", "", "of a search for one objective: by number its smallest and largest value in the designs "
              "that meet every limit and are within 1 % of the best one", "within 1 %"),
     Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "

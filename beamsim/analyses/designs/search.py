@@ -42,12 +42,11 @@ def search(plan: DesignPlan, evaluate: Evaluator) -> Outcome:
     Outcome
         Complete, or why the best design is in doubt.
     """
-    designs = _Designs(plan, evaluate)
-    designs.tried([tuple(int(p.nominal) if p.whole else p.nominal for p in plan.study.varied)])
     settings = plan.scenario.optimise
     assert settings is not None
-    several = len(objectives(plan.scenario)) > 1
-    return (_front if several else _best)(designs, settings, plan.scenario.limits is not None)
+    evaluate([plan.cases[0].values])
+    method = _front if len(objectives(plan.scenario)) > 1 else _best
+    return method(_Designs(plan, evaluate), settings, plan.scenario.limits is not None)
 
 
 class _Designs:
@@ -62,10 +61,6 @@ class _Designs:
         """Objectives (objectives, n) and excess of the limits (n,) of points (n, parameters) of the unit cube."""
         rows = list(zip(*distributed(self.plan.study.varied, cube), strict=True))
         self.points |= dict(zip(rows, cube, strict=True))
-        return self.tried(rows)
-
-    def tried(self, rows: list[tuple[Value, ...]]) -> tuple[Floats, Floats]:
-        """The same of the values of the varied parameters."""
         new = [row for row in dict.fromkeys(rows) if row not in self.known]
         if new:
             outcomes = [outcome for of_case in self.evaluate(new) for outcome in of_case]
@@ -111,6 +106,12 @@ def _best(designs: _Designs, settings: Optimise, limited: bool) -> Outcome:
         vectorized=True, updating="deferred", rng=np.random.default_rng(settings.seed),
         constraints=NonlinearConstraint(beyond, -np.inf, 0.0) if limited else (),
     )  # fmt: skip
+
+    def placed(design: Floats, point: Floats) -> Floats:
+        design = design.copy()
+        design[free] = point
+        return design
+
     free = np.array([not (p.values or p.whole) for p in varied])
     settled, least, taken = bool(found.success) or designs.exhausted, np.inf, list[Floats]()
     for _ in range(STARTS if free.any() else 0):
@@ -119,9 +120,7 @@ def _best(designs: _Designs, settings: Optimise, limited: bool) -> Outcome:
             break
 
         def merit(point: Floats, start: Floats = start) -> float:
-            design = start.copy()
-            design[free] = point
-            values, excess = designs(design[None])
+            values, excess = designs(placed(start, point)[None])
             return float(values[0, 0]) if excess[0] == 0.0 else np.inf
 
         first = start[free]
@@ -130,9 +129,7 @@ def _best(designs: _Designs, settings: Optimise, limited: bool) -> Outcome:
             merit, first, method="Nelder-Mead", bounds=Bounds(0.0 * first, 0.0 * first + 1.0),
             options={"initial_simplex": simplex, "xatol": RESOLUTION, "fatol": np.inf, "maxfev": room},
         )  # fmt: skip
-        end = start.copy()
-        end[free] = local.x
-        taken += [start, end]
+        taken += [start, placed(start, local.x)]
         if local.fun < least:
             least, settled = local.fun, bool(local.success)
     return COMPLETE if settled else unsettled(len(designs.evaluate.rows))
@@ -153,7 +150,7 @@ def _front(designs: _Designs, settings: Optimise, limited: bool) -> Outcome:
             "pip install 'beamsim[optimise]', or add the objectives up: minimise: {peak_force: 40 N, ...}",
         ) from None  # fmt: skip
     size = min(40, max(12, settings.most_cases // 10))
-    generations = max(2, settings.most_cases // size)
+    generations = max(2, (settings.most_cases - 1) // size)
     cube = problem.Problem(n_var=len(designs.plan.study.varied), n_obj=2, n_ieq_constr=int(limited), xl=0.0, xu=1.0)
     algorithm = nsga2.NSGA2(pop_size=size)
     algorithm.setup(cube, termination=("n_gen", generations), seed=settings.seed)
