@@ -18,7 +18,7 @@ RECEPTANCE = 1.0 / (STIFFNESS - OMEGA**2 * MASS + 1j * OMEGA * DASHPOT)
 BOX = {"probe": "mass", "displacement": ["-10 mm", "10 mm"], "velocity": ["-1 m/s", "1 m/s"]}
 
 
-def case(**sweep):
+def case(excitation=None, **sweep):
     starts = {"kind": "states", "number": 40, "seed": 3, "box": [BOX]}
     return beamsim.load_scenario(
         {
@@ -26,7 +26,8 @@ def case(**sweep):
                 "masses": [MASS], "springs": [STIFFNESS], "dashpots": [DASHPOT],
                 "snubbers": [{"name": "stop", "mass": 1, "side": "below", "stiffness": STOP, "gap": GAP}],
             },
-            "excitation": {
+            "excitation": excitation
+            or {
                 "kind": "harmonic", "applied_to": {"mass": 1}, "level": f"{FORCE} N", "frequency": f"{HZ} Hz",
             },
             "probes": [{"name": "mass", "mass": 1}],
@@ -236,3 +237,26 @@ def test_limits_and_the_largest_values_are_of_all_stable_motions(result):
         summary = beamsim.coexisting(scenario, workers=1).summary
         assert summary["peak_force_n"]["stop"] == pytest.approx(largest, rel=1e-9)
         assert summary["margins"]["peak_force"]["verdict"] == verdict
+
+
+def test_a_pulse_of_the_base_is_an_impulse_on_the_mass():
+    """Of one mass on the base: a change of the base's velocity is an impulse of mass times it, the other way."""
+    base = {"kind": "harmonic", "applied_to": "base", "level": f"{FORCE / MASS} m/s^2", "frequency": f"{HZ} Hz"}
+    kinds = [{"kind": "impulse", "probe": "mass", "to": "0.4 N s"}, {"kind": "base_pulse", "to": "0.4 m/s"}]
+    starts = {
+        "kind": "states",
+        "number": 2,
+        "seed": 3,
+        "box": [BOX | {"displacement": [0, "1e-6 m"], "velocity": [0, 0]}],
+    }
+    result = beamsim.coexisting(case(base, starts=starts, disturbances=kinds, unstable=False), workers=1)
+    impulse, pulse = result.disturbances
+    assert (impulse.unit, pulse.unit) == ("N s", "m/s")
+    assert MASS * abs(pulse.amplitude) == pytest.approx(abs(impulse.amplitude), rel=0.01)
+
+
+def test_convergence_is_that_of_the_largest_values():
+    asked = case(starts={"kind": "phases", "number": 2}, convergence="on", unstable=False)
+    summary = beamsim.coexisting(asked, workers=1).summary
+    assert summary["convergence"]["peak_displacement_m"] == {"mass": 0.0}  # an oscillator has no finer model
+    assert summary["doubtful"] == []
