@@ -3,7 +3,8 @@ stops that are pressed further than their tables of force and deflection go."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -64,6 +65,19 @@ def deflection_warnings(scenario: Scenario, modes: ModeTable, motions: Iterable[
         for probe, values in motion.items():
             peaks[probe] = max(peaks.get(probe, 0.0), float(np.nanmax(values, initial=0.0)))
     return large_deflections(scenario, peaks)
+
+
+def curve_warnings(scenario: Scenario, modes: ModeTable, curves: Sequence[Any]) -> list[str]:
+    """What `deflection_warnings` and `forces_beyond_tables` say of curves or branches.
+
+    Parameters
+    ----------
+    scenario, modes : as of these.
+    curves : with ``displacement`` and ``force`` by name, each with its peaks.
+    """
+    deflections = ({name: x.peak for name, x in curve.displacement.items()} for curve in curves)
+    forces = ({name: x.peak for name, x in curve.force.items()} for curve in curves)
+    return [*deflection_warnings(scenario, modes, deflections), *forces_beyond_tables(scenario, forces)]
 
 
 def forces_beyond_tables(scenario: Scenario, forces: Iterable[Mapping[str, Floats]]) -> list[str]:

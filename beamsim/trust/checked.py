@@ -7,7 +7,7 @@ normal mode where it is asked for. Without a comparison the summary says so. Run
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -33,7 +33,6 @@ from beamsim.trust.convergence import (
 )
 
 if TYPE_CHECKING:
-    from beamsim.analyses.branch import ResponseBranch
     from beamsim.analyses.coexisting.result import CoexistingResult
     from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.designs.plan import DesignPlan
@@ -197,7 +196,7 @@ def coexisting(
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     again = partial(compute, stop=stop, workers=workers, scheduler=scheduler)
-    return _checked(partial(again, scenario), again, asked, _of_motions, progress, stop)
+    return _checked(partial(again, scenario), again, asked, _of_continuation, progress, stop)
 
 
 def nnm(
@@ -303,25 +302,14 @@ def _of_sweep(result: SweepResult) -> Values:
 def _of_continuation(result: ContinuationResult) -> Values:
     """Largest displacements with their frequencies by probe, level and period; largest values of all stable motions;
     frequencies."""
-    peaks: list[dict[str, Any]] = result.summary["peaks"]
+    peaks: list[dict[str, Any]] = result.summary.get("peaks", [])  # coexisting motions have none of a curve
     names = [f"{p['probe']} level {p['level']:.6g} period {p['period_multiple']}" for p in peaks]
     displacement = {name: float(p["value_m"]) for name, p in zip(names, peaks, strict=True)}
-    entries = _of_stable(result.branches)
-    entries["peak_displacement_m"] = displacement | entries.get("peak_displacement_m", {})
-    frequency = {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)}
-    return compared(entries | {"peak_frequency_hz": frequency}) | _frequencies(result)
-
-
-def _of_motions(result: CoexistingResult) -> Values:
-    """Largest values of all stable motions; frequencies."""
-    return compared(_of_stable(result.branches)) | _frequencies(result)
-
-
-def _of_stable(branches: Sequence[ResponseBranch]) -> dict[str, Any]:
-    entries: dict[str, Any] = {}
-    for value, name, largest, _ in largest_of_stable(branches):
+    entries: dict[str, dict[str, float]] = {"peak_displacement_m": displacement}
+    for value, name, largest, _ in largest_of_stable(result.branches):
         entries.setdefault(value.entry, {})[name] = largest / value.scale
-    return entries
+    frequency = {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)}
+    return compared(entries | ({"peak_frequency_hz": frequency} if frequency else {})) | _frequencies(result)
 
 
 def _of_mode(result: NormalModeResult) -> Values:

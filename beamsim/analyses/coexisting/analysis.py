@@ -18,7 +18,7 @@ from beamsim.analyses.continuation.branches import SETTINGS, Budget, Tracer, coi
 from beamsim.analyses.continuation.refinement import Wanted, with_points_at
 from beamsim.analyses.continuation.side_branches import side_branches
 from beamsim.analyses.designs.statistics import probability
-from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
+from beamsim.analyses.doubts import curve_warnings, reduction_checked
 from beamsim.analyses.parallel import working
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.errors import NotTrustedError
@@ -221,14 +221,11 @@ def _gathered(
         found = len(m.starts), part, low, high, exponent, size
         motions.append(CoexistingMotion(m.hz, number, m.kind, period, m.stable, *found))
     names, units, *_ = zip(*marches.settings.starts.ranges, strict=True)
-    deflections = [{name: each.peak for name, each in branch.displacement.items()} for branch in branches]
-    forces = [{name: each.peak for name, each in branch.force.items()} for branch in branches]
-    doubts = (*deflection_warnings(scenario, system.modes, deflections), *forces_beyond_tables(scenario, forces))
     return CoexistingResult(
         scenario=scenario, outcome=COMPLETE, modes=system.modes, motions=tuple(motions), branches=branches,
         parameter="frequency", unit="Hz", level_unit=scenario.level_unit or "1", frequency_hz=np.array(hz), start=rows,
         coordinate_names=names, coordinate_units=units, destination=destination, cycles=cycles,
-        warnings=(*scenario.warnings, *system.warnings, *doubts),
+        warnings=(*scenario.warnings, *system.warnings, *curve_warnings(scenario, system.modes, branches)),
     )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ from beamsim.analyses.continuation.paths import ResponseModel, response_model
 from beamsim.analyses.continuation.refinement import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
 from beamsim.analyses.continuation.side_branches import leavings, side_branches
-from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
+from beamsim.analyses.doubts import curve_warnings, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.analyses.values import (
     DISPLACEMENT,
@@ -149,10 +149,7 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
             *scenario.warnings,
             *model.system.warnings,
             *((WITHOUT_CERTIFICATE,) if uncertified else ()),
-            *deflection_warnings(
-                scenario, model.system.modes, ({n: x.peak for n, x in b.displacement.items()} for b in branches)
-            ),
-            *forces_beyond_tables(scenario, ({n: x.peak for n, x in b.force.items()} for b in branches)),
+            *curve_warnings(scenario, model.system.modes, branches),
         ),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.doubts import deflection_warnings, forces_beyond_tables, reduction_checked
+from beamsim.analyses.doubts import curve_warnings, reduction_checked
 from beamsim.analyses.gapping import (
     contact_levels,
     gapping,
@@ -165,14 +165,7 @@ def _result(
             *system.warnings,
             *_not_followed(system, summary["margins"]),
             *([] if correction is None else correction.warnings(held=holds_levels(settings))),
-            *deflection_warnings(
-                scenario,
-                system.modes,
-                ({name: x.peak for name, x in curve.displacement.items()} for curve in curves.values()),
-            ),
-            *forces_beyond_tables(
-                scenario, ({name: x.peak for name, x in curve.force.items()} for curve in curves.values())
-            ),
+            *curve_warnings(scenario, system.modes, list(curves.values())),
         ),
         wall_time_s=wall_time_s,
     ).with_summary(
