@@ -249,3 +249,17 @@ def test_sweeps_up_and_down_with_their_jumps():
     holds(result.nonlinear.parameters, TRUTH | {"identify_stiffness.nonlinear.tests[*].gain": 1.1})
     assert not result.warnings
     assert [test.name for test in result.nonlinear.transients] == ["up", "down"]
+
+
+@pytest.mark.parametrize(
+    ("keys", "path"),
+    [
+        ({"excitation": {"kind": "sampled", "applied_to": {"mass": 1}, "file": "no.csv"}}, "tests[0].excitation.file"),
+        ({"start": {"mode": 3, "amplitude": 1.0}}, "tests[0].start.mode"),
+    ],
+)
+def test_what_is_wrong_with_a_test_is_said_of_its_keys(keys, path):
+    scenario, times = load_scenario(case(transient(**keys))), np.arange(100.0)
+    with pytest.raises(ScenarioError) as caught:
+        identify_stiffness(scenario, [MeasuredSignal("mass", times, np.sin(times), unit="m")])
+    assert caught.value.problems[0].path == f"identify_stiffness.nonlinear.{path}"

@@ -12,6 +12,7 @@ where that is less.
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from math import nan
 from typing import Any, NamedTuple, Self
@@ -21,6 +22,7 @@ import numpy as np
 from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.result import TransientFit
 from beamsim.analyses.run.exact_motion import exact_flow
+from beamsim.errors import rooted
 from beamsim.flow.channels import Observed
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
@@ -141,13 +143,15 @@ class Transient(Test):
         measured = np.asarray(signal.y, dtype=float)
         scatter = float(np.sqrt(np.median(np.diff(measured, 6) ** 2) / (0.4549 * 924)))  # median of chi^2, see above
         largest = float(np.ptp(measured[part]))
-        sigma = scatter if test.noise is None else test.noise * float(np.abs(measured[part]).max())
+        # 1e-6: least scatter of a record without noise, over its range
+        sigma = max(scatter, 1e-6 * largest)
+        if test.noise is not None:
+            sigma = test.noise * float(np.abs(measured[part]).max())
         if largest == 0.0:
             raise MeasurementError("does not change", "check channel, begin and duration")
-        known = test.noise is not None or scatter > 1e-6 * largest
         return cls(
-            number, test.label, probe, test.quantity, known, free, time[part], measured[part],
-            sigma if known else 0.01 * largest, test.noise is not None, duration, reach,
+            number, test.label, probe, test.quantity, True, free, time[part], measured[part], sigma,
+            test.noise is not None, duration, reach,
         )  # fmt: skip
 
     def first(self, share: float) -> Self:
@@ -177,7 +181,8 @@ class Transient(Test):
         assert isinstance(test, TransientTest)
         start = test.start or ("static_equilibrium" if run is None else run.start)
         excitation = scenario.excitation if test.excitation is None else test.excitation
-        return scenario.model_copy(update={"excitation": excitation, "run": Run(duration=self.duration, start=start)})
+        case = scenario.model_copy(update={"excitation": excitation, "run": Run(duration=self.duration, start=start)})
+        return case.with_source(scenario.source)  # without text, where keys would be those of other sections
 
     def predicted(self, case: Scenario, near: Prediction | None, shared: SharedBuilds) -> Prediction:
         """The exact motion.
@@ -197,7 +202,12 @@ class Transient(Test):
         UnpredictableError
             Where it has too many events.
         """
-        system = build_system(case, shared, recovered=False)
+        test, at = fit_of(case).tests[self.number], f"identify_stiffness.nonlinear.tests[{self.number}]"
+        with ExitStack() as places:
+            for key, section in {"excitation": "excitation", "start": "run.start"}.items():
+                if getattr(test, key) is not None:
+                    places.enter_context(rooted(section, f"{at}.{key}"))
+            system = build_system(case, shared, recovered=False)
         if system.cubic.count:
             raise UnpredictableError("cubic springs have no exact flow")
         motion = simulate(exact_flow(system, self.duration), system.initial_state, max_events=MOST_EVENTS)
