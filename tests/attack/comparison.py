@@ -52,7 +52,7 @@ class Finding:
     events: int = 0
     periods: float = 0.0  # of the first mode, compared
     share: float = 0.0  # of the intended duration, compared
-    seconds: tuple = (0.0, 0.0)  # ours, theirs
+    seconds: tuple = (0.0, 0.0)  # ours; the package, and ours with finer steps where these differ
     finer: int = 1
     reason: str = ""  # why a difference is none of the package
 
