@@ -100,8 +100,8 @@ def report_systems(findings):
         longest = [max(f.seconds[k] for f in compared) for k in range(2)]
         lines.append(
             f"  {sum(f.events for f in compared)} contact events; median {periods[len(periods) // 2]:.1f} periods "
-            f"of the first mode; longest time of a system: ours {longest[0]:.1f} s, the package and finer steps of ours "
-            f"{longest[1]:.1f} s"
+            f"of the first mode; longest time of a system: ours {longest[0]:.1f} s, the package and ours with finer "
+            f"steps {longest[1]:.1f} s"
         )
     for name, count in sorted(features.items()):
         lines.append(f"  {name:<44} {count:>6}" + (f"   differing {differing[name]}" if differing[name] else ""))
