@@ -49,16 +49,7 @@ from beamsim.scenario.studies import (
     Tolerances,
     Zipped,
 )
-from beamsim.scenario.sweep import (
-    Continuation,
-    HarmonicBalance,
-    LevelPath,
-    PhaseResonance,
-    PositionPath,
-    SnubberPath,
-    SteppedSine,
-    SweptSine,
-)
+from beamsim.scenario.sweep import Continuation, HarmonicBalance, LevelPath, PhaseResonance, PositionPath, SnubberPath
 
 MOST_SAMPLES = 50_000_000
 """Largest number of samples of histories; more would not fit into memory."""
@@ -623,26 +614,22 @@ def _limits(scenario: ScenarioParts) -> Problems:
 
 def _limit_curves(scenario: ScenarioParts, limits: Limits) -> Problems:
     """Curves of spectra that are not asked for, and of places that there are not."""
-    given = {"srs": scenario.run is not None and scenario.run.srs is not None,
-             "psd": scenario.run is not None and scenario.excitation.stationary,
-             "response": isinstance(scenario.sweep, SweptSine | SteppedSine)}  # fmt: skip
-    remedies = {
-        "srs": "add run.srs: {from: 10 Hz, to: 2 kHz}",
-        "psd": "limit peaks or srs, or give random noise or a record with stationary: true",
-        "response": "limit peaks, or add sweep: {kind: swept_sine, ...} or {kind: stepped, ...}",
-    }
-    needed = {
-        "srs": "shock response spectra",
-        "psd": "a run with a stationary input",
-        "response": "a sweep in frequency",
-    }
+    run = scenario.run
+    asked = {  # whether there is what is limited, what that is, and a remedy
+        "srs": (run is not None and run.srs is not None, "shock response spectra",
+                "add run.srs: {from: 10 Hz, to: 2 kHz}"),
+        "psd": (run is not None and scenario.excitation.stationary, "a run with a stationary input",
+                "limit peaks or srs, or give random noise or a record with stationary: true"),
+        "response": (getattr(scenario.sweep, "kind", "") in ("swept_sine", "stepped"), "a sweep in frequency",
+                     "limit peaks, or add sweep: {kind: swept_sine, ...} or {kind: stepped, ...}"),
+    }  # fmt: skip
     probes, snubbers = ([each.name for each in of] for of in (scenario.effective_probes, scenario.all_snubbers))
     places = (each.applied_to for _, each in scenario.excitation.items)
     supports = [at.label for at in places if isinstance(at, MovedSupport) and not at.rotates]
     for name, place, points in limits.given_curves():
-        path, of_force = ("limits", name, place), False
-        if not given[name]:
-            yield problem(path, f"needs {needed[name]}", remedies[name])
+        path, of_force, (given, needed, remedy) = ("limits", name, place), False, asked[name]
+        if not given:
+            yield problem(path, f"needs {needed}", remedy)
         elif name != "srs" and not isinstance(points, str):
             said = meant(points[0][1])
             of_force = said in {each.name for each in (units.FORCE_PSD, units.MOMENT_PSD, units.FORCE, units.MOMENT)}

@@ -53,6 +53,12 @@ MORE = [
     Entry("run", "imported_panel", "", "imported matrices"),
     Entry("run", "dry_friction", "", "friction"),
     Entry("run", "hinged_yoke", "", "a hinge with a rotational spring"),
+    Entry("run", "deployed_boom", "", "a hinge with a stop, friction and a latch"),
+    Entry("run", "earthquake", "", "a base and supports that follow records"),
+    Entry("run", "shock_matched", "", "a record made for a spectrum"),
+    Entry("sweep", "sweep_notched", "", "notches"),
+    Entry("sweep", "design_tornado", "", "a tornado"),
+    Entry("sweep", "design_two_motions", "", "a study of samples"),
     Entry("sweep", "sweep_test", "", "a swept sine"),
     Entry("identify-stiffness", "identify_pad", "", "a pad"),
 ]
