@@ -12,10 +12,11 @@ from beamsim.errors import MethodError
 from beamsim.matrix_files import DIRECTIONS, MODAL
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import bodies_of
+from beamsim.structures.imported import rigid_rows
 from beamsim.structures.matrices import NOT_HELD, MatricesStructure, structure_of
 from beamsim.structures.modes import Modes, natural_modes
 from beamsim.structures.named_matrices import NamedMatrices, size_and_mass
-from beamsim.structures.places import UPWARDS
+from beamsim.structures.places import UPWARDS, BaseDirection
 from beamsim.structures.symmetric_lu import symmetric_lu
 from beamsim.typing import Floats
 
@@ -67,16 +68,11 @@ def check_body(given: NamedMatrices) -> Iterator[CheckRow]:
 
 def _rigid_motions(given: NamedMatrices) -> dict[str, Floats]:
     """(N,) every row under translations, and where all coordinates are known rotations about the origin."""
-    table = given.table
-    motions = {direction: table.of_direction(direction) for direction in DIRECTIONS[:3]}
+    table, none = given.table, np.zeros(0, dtype=np.int64)
     placed = np.array([direction != MODAL for _, direction in table.dofs])
-    places = table.coordinates
-    if places is not None and not np.any(np.isnan(places[placed])):
-        for k, axis in enumerate(np.eye(3)):
-            moved = np.cross(axis, np.nan_to_num(places))
-            motions[DIRECTIONS[3 + k]] = np.sum(
-                [moved[:, i] * table.of_direction(d) for i, d in enumerate(DIRECTIONS[:3])], axis=0
-            ) + table.of_direction(DIRECTIONS[3 + k])
+    unknown = table.coordinates is None or np.any(np.isnan(table.coordinates[placed]))
+    known = DIRECTIONS[:3] if unknown else DIRECTIONS
+    motions = {direction: rigid_rows(table, BaseDirection(direction), none) for direction in known}
     return {name: motion for name, motion in motions.items() if np.any(motion)}
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.result import ChannelComparison, Comparison, PeakPair
+from beamsim.analyses.compare.result import ChannelComparison, Comparison, PeakPair, RecordComparison
 from beamsim.analyses.compare_modes import ModeComparison
 from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
@@ -260,13 +260,9 @@ def comparison_screen(result: Comparison) -> Screen:
                 "phase": f"{phase:+.1f} deg" if math.isfinite(phase) else "",
             }  # fmt: skip
         if (of := c.record) is not None:
-            s = of.summary()
-            rows[-1] |= {
-                "measured peak": amount(of.measured_peak, c.unit, 3),
-                "computed peak": amount(of.predicted_peak, c.unit, 3),
-                "scale": f"{of.scale:.3g}",
-                "response spectra": _largest(s),
-            }
+            sizes = amount(of.measured_peak, c.unit, 3), amount(of.predicted_peak, c.unit, 3)
+            rows[-1] |= dict(zip(("measured peak", "computed peak"), sizes, strict=True))
+            rows[-1] |= {"scale": f"{of.scale:.3g}", "response spectra": _largest(of)}
         rows[-1]["histories"] = f"{percent(c.rms_difference)} rms" if math.isfinite(c.rms_difference) else ""
     for each in result.sweeps[: 2 * SHOWN]:
         rows.append({"": f"{each.place} {each.quantity.replace('_', ' ')}, {each.curve}", "FRAC": f"{each.frac:.3f}"})
@@ -302,22 +298,23 @@ def _channels(comparison: Comparison, _: Sequence[Any]) -> Labelled:
     return parts
 
 
-def _largest(record: Mapping[str, float]) -> str:
+def _largest(record: RecordComparison) -> str:
     """The largest difference of the response spectra."""
-    return f"{record['largest_difference_db']:+.2f} dB at {record['largest_frequency_hz']:.4g} Hz"
+    return "{largest_difference_db:+.2f} dB at {largest_frequency_hz:.4g} Hz".format(**record.summary())
 
 
-def _record(c: ChannelComparison) -> Iterator[str]:
+def _record(c: ChannelComparison) -> list[str]:
     """Peaks, scale and response spectra of a record that does not repeat."""
     if (of := c.record) is None:
-        return
-    s = of.summary()
+        return []
     peaks = f"{amount(of.predicted_peak, c.unit)} predicted, {amount(of.measured_peak, c.unit)} measured"
-    yield f"peaks: {peaks}, ratio {s['peak_ratio']:.4g}"
-    scale = f"{of.scale:.4g} (standard error {of.scale_error:.2g})"
-    yield f"scale: predicted over measured {scale}, correlation {of.correlation:.4f}"
     ends = f"{of.frequency_hz[0]:.4g} to {of.frequency_hz[-1]:.4g} Hz, Q = {of.quality:g}"
-    yield f"response spectra, {ends}: differ by at most {_largest(s)}"
+    return [
+        f"peaks: {peaks}, ratio {of.summary()['peak_ratio']:.4g}",
+        f"scale: predicted over measured {of.scale:.4g} (standard error {of.scale_error:.2g}), "
+        f"correlation {of.correlation:.4f}",
+        f"response spectra, {ends}: differ by at most {_largest(of)}",
+    ]
 
 
 def _harmonics(c: ChannelComparison) -> list[dict[str, Any]]:

@@ -172,7 +172,8 @@ def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
     """The values in SI units over times in s; asks for each unit that neither the file nor the scenario states."""
     problems: list[Problem] = []
     try:
-        signal = in_si(signal, excitation.unit, excitation.quantity or "acceleration", "excitation.unit")
+        dimension = LEVEL_DIMENSIONS[excitation.quantity or "acceleration"]
+        signal = in_si(signal, excitation.unit, dimension, "excitation.unit")
     except ScenarioError as error:
         problems += error.problems
     if not (excitation.time_unit or signal.axis_unit):

@@ -14,6 +14,7 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import spoken
+from beamsim.scenario.quantities import motion_dimension
 
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
 
@@ -42,7 +43,7 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
                 read_signals(path, test.axis_unit), name, test.quantity, path, required=test.channel is not None,
                 at=f"{at}.channel",
             )  # fmt: skip
-            signals.append(in_si(signal, test.unit, test.quantity, f"{at}.unit"))
+            signals.append(in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit"))
         except ScenarioError as error:
             problems += [
                 p if p.path else Problem(f"{at}.file", f"= {test.file}: {p.message}", p.remedy) for p in error.problems

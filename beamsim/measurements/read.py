@@ -24,21 +24,11 @@ from beamsim.measurements.signal import (
     split_heading,
     stated,
 )
-from beamsim.scenario.units import (
-    ACCELERATION,
-    ANGLE,
-    FORCE,
-    FREQUENCY,
-    LENGTH,
-    MOMENT,
-    PRESSURE,
-    TIME,
-    VELOCITY,
-    UnitError,
-    read_level,
-)
+from beamsim.scenario import units as si
 
-_MEASURED = (TIME, FREQUENCY, ACCELERATION, VELOCITY, LENGTH, FORCE, MOMENT, ANGLE, PRESSURE)
+_MEASURED = (
+    si.TIME, si.FREQUENCY, si.ACCELERATION, si.VELOCITY, si.LENGTH, si.FORCE, si.MOMENT, si.ANGLE, si.PRESSURE,
+)  # fmt: skip
 _WORD = re.compile(r"\S+(?:\s+[(\[][^)\]]*[)\]])?")  # with its unit
 
 
@@ -143,8 +133,8 @@ def _is_unit(text: str) -> bool:
     if not unit:
         return True
     try:
-        read_level(f"1 {unit}", _MEASURED)
-    except UnitError:
+        si.read_level(f"1 {unit}", _MEASURED)
+    except si.UnitError:
         return False
     return True
 

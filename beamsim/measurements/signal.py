@@ -10,17 +10,13 @@ import numpy as np
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import units
-from beamsim.scenario.excitation import spoken
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.typing import Complexes, Floats
 
 TIME_NAMES = ("time", "t", "zeit", "temps")
 _FREQUENCY_NAMES = ("frequency", "f", "freq", "frequenz", "fréquence")
 
 _BRACKETS = re.compile(r"(.*?)\s*[(\[]([^)\]]*)[)\]]\s*")
-_ENDING = re.compile(
-    r"(.+?)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|n_m|m|n|g|s|ms|us|hz|khz|rad|deg|pa|j)", re.IGNORECASE
-)
+_ENDING = re.compile(r"(.+?)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|n_m|m|n|g|s|ms|us|k?hz|rad|deg|pa|j)", re.IGNORECASE)
 _SPELLED = {"m_per_s2": "m/s^2", "m_per_s": "m/s", "m/s2": "m/s^2", "n": "N", "n_m": "N m", "pa": "Pa",
             "j": "J", "hz": "Hz", "khz": "kHz"}  # fmt: skip
 
@@ -214,14 +210,14 @@ def by_dimension(signals: Sequence[MeasuredSignal], dimensions: Mapping[str, uni
     return found
 
 
-def in_si(signal: MeasuredSignal, unit: str | None, quantity: str | units.Dimension, at: str) -> MeasuredSignal:
+def in_si(signal: MeasuredSignal, unit: str | None, dimension: units.Dimension, at: str) -> MeasuredSignal:
     """The signal converted to SI from the given unit, else from that of the file.
 
     Parameters
     ----------
     signal : as read.
     unit : of the values; by default the one that the file states.
-    quantity : that is measured, as levels of an excitation or motions of a probe are named; or its dimension.
+    dimension : of what is measured.
     at : key of the scenario, or option, with which a user gives the unit.
 
     Returns
@@ -233,13 +229,9 @@ def in_si(signal: MeasuredSignal, unit: str | None, quantity: str | units.Dimens
     ScenarioError
         If neither is given, or the unit is not one of the quantity.
     """
-    if isinstance(quantity, units.Dimension):
-        dimension, called = quantity, quantity.name
-    else:
-        dimension, called = LEVEL_DIMENSIONS[quantity.removeprefix("absolute_")], spoken(quantity)
     named, source = unit or signal.unit, signal.source or signal.name
     example = {units.ACCELERATION.unit: "g", units.LENGTH.unit: "mm"}.get(dimension.unit, dimension.unit)
-    remedy = f"give the unit of the {called}, for example {example}"
+    remedy = f"give the unit of the {dimension.name}, for example {example}"
     if not named:
         raise ScenarioError.at(at, f"is missing, and {source} states no unit of {signal.name}", remedy)
     try:

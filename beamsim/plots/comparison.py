@@ -25,17 +25,22 @@ from beamsim.plots.drawing import (
     marked,
 )
 from beamsim.plots.style import plain_scale
+from beamsim.typing import Floats
 
 HIGHEST_ORDER, DEEPEST_DB = 12.5, 100.0  # of spectra
 _PREDICTED: dict[str, Any] = {"color": DARK, "linestyle": "-", "linewidth": 1.2}
 _MEASURED: dict[str, Any] = {"color": RED, "linestyle": (0, (4, 2)), "linewidth": 1.2}
 
 
+def _both(predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats]) -> list[Curve]:
+    """The curves of both; that of a measurement that has no values is left out."""
+    measured_too = [Curve("measured", *measured, _MEASURED)] if measured[0].size else []
+    return [Curve("predicted", *predicted, _PREDICTED), *measured_too]
+
+
 def histories(c: ChannelComparison) -> Chart:
     """Both time histories, aligned in phase, over the time of the prediction."""
-    curves = [Curve("predicted", c.predicted_time, c.predicted_history, _PREDICTED)]
-    if c.measured_time.size:
-        curves.append(Curve("measured", c.measured_time, c.measured_history, _MEASURED))
+    curves = _both((c.predicted_time, c.predicted_history), (c.measured_time, c.measured_history))
     return Chart(("Time", plain_scale("s")), (c.quantity.replace("_", " ").capitalize(), c.unit), curves)
 
 
@@ -43,31 +48,25 @@ def spectra(c: ChannelComparison) -> Chart:
     """Both spectra in dB re their own maximum, over frequency divided by excitation frequency."""
     forced = bool(np.isfinite(c.excitation_hz))
     unit = c.excitation_hz if forced else 1.0
-    drawn = (("predicted", c.predicted_spectrum, _PREDICTED), ("measured", c.measured_spectrum, _MEASURED))
-    curves = [Curve(label, s.frequency_hz / unit, s.amplitude_db, style) for label, s, style in drawn]
+    drawn = c.predicted_spectrum, c.measured_spectrum
+    curves = _both(*((s.frequency_hz / unit, s.amplitude_db) for s in drawn))
     across = ("Frequency / excitation frequency", "") if forced else ("Frequency", HERTZ)
     last = min(HIGHEST_ORDER, float(c.predicted_spectrum.frequency_hz[-1]) / unit)
-    top = max(0.0, *(float(s.amplitude_db.max()) for _, s, _ in drawn))
+    top = max(0.0, *(float(s.amplitude_db.max()) for s in drawn))
     x_ends = (0.0, last) if forced else (None, None)
     return Chart(across, ("Level (dB re max)", ""), curves, x_ends=x_ends, y_ends=(top - DEEPEST_DB, top + 6))
 
 
 def response_spectra(c: ChannelComparison, of: RecordComparison) -> Chart:
     """Response spectra of both records."""
-    curves = [
-        Curve("predicted", of.frequency_hz, of.predicted_response, _PREDICTED),
-        Curve("measured", of.frequency_hz, of.measured_response, _MEASURED),
-    ]
+    curves = _both((of.frequency_hz, of.predicted_response), (of.frequency_hz, of.measured_response))
     across, up = ("Natural frequency of the oscillator", HERTZ), (f"Response spectrum, Q = {of.quality:g}", c.unit)
     return Chart(across, up, curves, log="xy")
 
 
 def swept_responses(c: SweptComparison) -> Chart:
     """Response over frequency, with the peaks that are compared."""
-    curves = [
-        Curve("predicted", c.frequency_hz, np.abs(c.predicted), _PREDICTED),
-        Curve("measured", c.frequency_hz, np.abs(c.measured), _MEASURED),
-    ]
+    curves = _both((c.frequency_hz, np.abs(c.predicted)), (c.frequency_hz, np.abs(c.measured)))
     for marker, whose, style in (("o", "predicted", _PREDICTED), ("s", "measured", _MEASURED)):
         at = [(getattr(peak, f"{whose}_hz"), getattr(peak, f"{whose}_level")) for peak in c.peaks]
         if at:

@@ -967,8 +967,6 @@ def _identification(scenario: ScenarioParts) -> Problems:
     if steady and not isinstance(scenario.excitation, Harmonic):
         yield not_harmonic(f"{_TOP}.nonlinear", "a harmonic excitation", scenario.excitation)
     names = [probe.name for probe in scenario.effective_probes]
-    if not names:
-        yield problem((_TOP, "nonlinear"), "has no probe to compare with", "give probes where the tests measured")
     for index, test in enumerate(section.nonlinear.tests):
         if test.probe is not None:
             yield from unknown((_TOP, "nonlinear", "tests", index, "probe"), test.probe, "probe", names)

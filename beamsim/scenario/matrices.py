@@ -130,12 +130,11 @@ class DisplacementSystem(Schema):
 
     number: Count
     """Number by which the column ``system`` of the table ``dofs`` names it."""
-    kind: Literal["rectangular", "cylindrical", "spherical"] = "rectangular"
-    """Directions x, y, z of the table are its axes; of a cylinder radial, tangential, axial; of a sphere radial, along
-    the meridian, along the parallel."""
+    kind: Literal["rectangular", "cylindrical"] = "rectangular"
+    """Directions x, y, z of the table are its axes; of a cylinder the radial, the tangential and the axial one."""
     points: tuple[tuple[Coefficient, Coefficient, Coefficient], ...] = Field(min_length=3, max_length=3)
-    """Its origin, a point on its z axis, and one in the half plane of its x axis, as CORD2R, CORD2C and CORD2S have
-    them; [x, y, z] in the axes of the model and the units of the files."""
+    """Its origin, a point on its z axis, and one in the half plane of its x axis, as CORD2R and CORD2C have them;
+    [x, y, z] in the axes of the model and the units of the files."""
 
     def check(self) -> None:
         """Points on a line make no system."""

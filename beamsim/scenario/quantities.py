@@ -198,6 +198,12 @@ LEVEL_DIMENSIONS = {
     "rotation": replace(units.ANGLE, name="rotation", example="0.1 deg"),
 }
 
+
+def motion_dimension(quantity: str) -> units.Dimension:
+    """Dimension of a level, or of a motion of a probe: absolute_acceleration."""
+    return LEVEL_DIMENSIONS[quantity.removeprefix("absolute_")]
+
+
 INTEGRALS = {"velocity": 1, "displacement": 2, "angular_velocity": 1, "rotation": 2}
 """How often the acceleration of a motion is integrated to a quantity; of accelerations and loads 0 times."""
 

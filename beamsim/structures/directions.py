@@ -6,17 +6,17 @@ rows :math:`u_{own} = T u`, and the matrices become :math:`T^T M T`, that of rec
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, identity, lil_array
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files import DIRECTIONS, MODAL
 from beamsim.scenario.matrices import DisplacementSystem
-from beamsim.structures.named_matrices import DofTable, NamedMatrices
+from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.typing import Floats
 
 ROUND_OFF = 1e-9  # of a unit vector
@@ -38,80 +38,45 @@ def along_the_axes(given: NamedMatrices, systems: Sequence[DisplacementSystem]) 
     Raises
     ------
     MethodError
-        About ``dofs`` or ``systems``: a system is unknown, a node has two or lacks coordinates, or the directions
-        that it has are not together some of the axes of the model.
+        About ``dofs``: a system is unknown, a node has two or lacks coordinates, or the directions that it has of its
+        system are not together the axes of these names of the model.
     """
     table, known = given.table, {each.number: each for each in systems}
-    if table.systems is None or not np.any(table.systems):
+    if table.systems is None:
         return given
     blocks: dict[tuple[int, bool], list[int]] = {}
     for i, (node, direction) in enumerate(table.dofs):
         if table.systems[i] and direction != MODAL:
             blocks.setdefault((node, direction in DIRECTIONS[3:]), []).append(i)
-    names, size = list(table.dofs), len(table.dofs)
-    others = np.setdiff1d(np.arange(size), [i for rows in blocks.values() for i in rows])
-    entries = [np.array([others, others, np.ones(others.size)])]
-    for (node, turns), rows in blocks.items():
-        along, axes = _block(table, node, rows, known)
-        for i, axis in zip(rows, along, strict=True):
-            names[i] = (node, DIRECTIONS[axis + 3 * turns])
-        at, to = np.meshgrid(rows, rows, indexing="ij")
-        entries.append(np.array([at.ravel(), to.ravel(), axes.ravel()]))
-    row, column, value = np.hstack(entries)
-    turn = csr_array((value, (row.astype(int), column.astype(int))), shape=(size, size))
+    turn: Any = lil_array(identity(len(table.dofs)))
+    for (node, _), rows in blocks.items():
+        used = sorted(set(table.systems[rows].tolist()))
+        if len(used) > 1 or used[0] not in known:
+            told = f"puts node {node} in system {' and '.join(map(str, used))}, but systems lists"
+            raise MethodError("dofs", f"{told} {', '.join(map(str, known)) or 'none'}", "give it one of the listed")
+        own = [DIRECTIONS.index(table.dofs[i][1]) % 3 for i in rows]
+        point = np.full(3, np.nan) if table.coordinates is None else table.coordinates[rows[0]]
+        axes = axes_at(known[used[0]], point, node)[np.ix_(own, own)]
+        if np.abs(axes @ axes.T - np.eye(len(own))).max() > ROUND_OFF:
+            message = f"gives node {node} only {', '.join(table.dofs[i][1] for i in rows)} of its system"
+            raise MethodError("dofs", message, "export all three translations, and rotations, of nodes with systems")
+        turn[np.ix_(rows, rows)] = axes
+    turn = csr_array(turn)
 
     def turned(matrix: Any) -> Any:
         product = None if matrix is None else turn.T @ matrix @ turn
         return None if product is None else (0.5 * (product + product.T)).tocsc()
 
-    return replace(
-        given,
-        table=DofTable(tuple(names), table.coordinates, turn=turn),
-        mass=turned(given.mass), stiffness=turned(given.stiffness), damping=turned(given.damping),
-        recovery=None if given.recovery is None else (given.recovery @ turn).tocsr(),
-    )  # fmt: skip
-
-
-def _block(
-    table: DofTable, node: int, rows: Sequence[int], known: Mapping[int, DisplacementSystem]
-) -> tuple[list[int], Floats]:
-    """Axes of the model that the rows of a node become, 0 to 2 each, and (k, k) their shares in the rows as they were.
-
-    Parameters
-    ----------
-    table : names, coordinates and systems of all rows.
-    node, rows : its number, and its rows of displacements or of rotations.
-    known : systems by number.
-
-    Raises
-    ------
-    MethodError
-        See `along_the_axes`.
-    """
-    assert table.systems is not None
-    used = {int(table.systems[i]) for i in table.rows_of([node]) if table.dofs[i][1] != MODAL}
-    if len(used) > 1 or not used <= known.keys():
-        told = f"puts node {node} in {' and '.join(f'system {each}' for each in sorted(used))}"
-        raise MethodError("dofs", f"{told}, but systems lists {', '.join(map(str, known)) or 'none'}",
-                          "give each node one of the listed systems, or none")  # fmt: skip
-    point = np.full(3, np.nan) if table.coordinates is None else table.coordinates[rows[0]]
-    own = [DIRECTIONS.index(table.dofs[i][1]) % 3 for i in rows]
-    axes = axes_at(known[used.pop()], point, node)[own]
-    spanned = np.flatnonzero(np.abs(np.linalg.norm(axes, axis=0) - 1.0) < ROUND_OFF).tolist()
-    if len(spanned) < len(own):
-        raise MethodError(
-            "dofs", f"gives node {node} only {', '.join(table.dofs[i][1] for i in rows)} of its system, which are "
-            "not along axes of the model", "export all three translations, and rotations, of nodes with systems",
-        )  # fmt: skip
-    free = iter([axis for axis in spanned if axis not in own])
-    along = [axis if axis in spanned else next(free) for axis in own]
-    return along, axes[:, along]
+    mass, stiffness, damping = (turned(each) for each in (given.mass, given.stiffness, given.damping))
+    recovery = None if given.recovery is None else (given.recovery @ turn).tocsr()
+    table = replace(table, systems=None, turn=turn)
+    return replace(given, table=table, mass=mass, stiffness=stiffness, damping=damping, recovery=recovery)
 
 
 def axes_at(system: DisplacementSystem, point: Floats, node: int) -> Floats:
     """(3, 3) unit vectors of a system at a point, as rows: radial, tangential and axial of a cylinder.
 
-    On the axis of a cylindrical or spherical system they are those of its rectangular one.
+    On the axis of a cylindrical system they are those of its rectangular one.
 
     Parameters
     ----------
@@ -136,14 +101,11 @@ def axes_at(system: DisplacementSystem, point: Floats, node: int) -> Floats:
     if system.kind == "rectangular":
         return axes
     if not np.all(np.isfinite(point)):
-        raise MethodError("dofs", f"has no coordinates of node {node}, which is in the {system.kind} system "
-                          f"{system.number}", "give its x, y and z")  # fmt: skip
-    along = axes @ (point - origin)
-    beside = float(np.hypot(along[0], along[1]))
-    if beside <= ROUND_OFF * max(float(np.linalg.norm(on_axis - origin)), float(np.linalg.norm(along))):
+        message = f"has no coordinates of node {node}, which is in the cylindrical system {system.number}"
+        raise MethodError("dofs", message, "give its x, y and z")
+    along = axes[:2] @ (point - origin)
+    beside = float(np.linalg.norm(along))
+    if beside <= ROUND_OFF * float(np.linalg.norm([point - origin, on_axis - origin])):
         return axes
-    x, y = axes[:2].T @ along[:2] / beside, axes[:2].T @ [-along[1], along[0]] / beside
-    if system.kind == "cylindrical":
-        return np.array([x, y, z])
-    up, out = np.array([along[2], beside]) / np.hypot(along[2], beside)
-    return np.array([out * x + up * z, up * x - out * z, y])
+    cosine, sine = along / beside
+    return np.asarray(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ axes)

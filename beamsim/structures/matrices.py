@@ -120,8 +120,7 @@ class MatricesStructure(BodyStructure):
                 else f"= {node} is not a node of {self.name}",
                 self.table.remedy(node),
             )
-        rows, _ = self.table.row(node, place.direction) or ((), ())
-        if acts and self.massless[list(rows)].max() > 1e-6:
+        if acts and self.massless[self.table.row(node, place.direction) != 0.0].max() > 1e-6:
             return (
                 "node", f"= {node} has no mass in {place.direction}: a force there would move it without inertia",
                 "give the node a mass in the model that writes the matrices, or act on a node with mass",
@@ -153,10 +152,8 @@ class MatricesStructure(BodyStructure):
         """(rows of the files,) row of a place."""
         assert isinstance(place, Place)  # the scenario refuses the others
         table, node = self.given.table, round(place.coordinate)
-        if (found := table.row(node, place.direction)) is None:
+        if (row := table.row(node, place.direction)) is None:
             raise ValueError(f"{place.label} does not exist; {table.remedy(node)}")
-        row = np.zeros(len(table.dofs))
-        row[found[0]] = found[1]
         return row
 
     def forces_of(self, motion: Floats) -> Floats:

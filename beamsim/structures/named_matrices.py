@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_array, csc_array, diags_array
+from scipy.sparse import block_array, csc_array, diags_array, identity
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files import DIRECTIONS, MODAL, Dof
@@ -75,13 +75,12 @@ class DofTable:
         turn = None if self.turn is None else self.turn[rows][:, rows]
         return DofTable(tuple(self.dofs[i] for i in rows), coordinates, systems, turn)
 
-    def row(self, node: int, direction: str) -> tuple[Ints, Floats] | None:
-        """Rows and their shares in a direction of a node, of the model's axes or of its own system (``local_x``)."""
+    def row(self, node: int, direction: str) -> Floats | None:
+        """(N,) shares in a direction of a node, an axis of the model or of its own system (``local_x``)."""
         number = self.number.get((node, direction.removeprefix("local_")))
-        if number is None or self.turn is None or not direction.startswith("local_"):
-            return None if number is None else (np.array([number]), np.ones(1))
-        own = self.turn[[number]].tocoo()
-        return own.coords[1], own.data
+        turned = self.turn is not None and direction.startswith("local_")
+        units = self.turn if turned else identity(len(self.dofs), format="csr")
+        return None if number is None else np.asarray(units[[number]].toarray()[0])
 
     def remedy(self, node: int) -> str:
         """What there is instead of an unknown node, or direction of a node."""

@@ -18,7 +18,7 @@ from beamsim.structures.matrices import read_body
 PLACES = {1: (0, 0, 0), 2: (0.3, 0.1, 0.2), 3: (0.5, -0.2, 0.1), 4: (0.2, 0.4, -0.3), 5: (-0.2, 0.3, 0.5)}
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 POINTS = ((0.05, -0.02, 0.01), (0.15, 0.18, 0.31), (0.9, 0.1, -0.2))  # not along the axes of the model
-KINDS = {"rectangular": 1, "cylindrical": 2, "spherical": 3}  # Nastran's CORD2R, CORD2C, CORD2S
+KINDS = {"rectangular": 1, "cylindrical": 2}  # Nastran's CORD2R, CORD2C
 SYSTEM = {1: 0, 2: 7, 3: 7, 4: 7, 5: 0}  # of the nodes
 
 
@@ -163,14 +163,14 @@ def test_check_finds_the_rigid_motions(tmp_path):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"points": ()}, "dofs puts node 2 in system 7, but systems lists none; give each node one"),
+        ({"points": ()}, "dofs puts node 2 in system 7, but systems lists none; give it one"),
         (
             {"kind": "cylindrical", "coordinates": False},
             "no coordinates of node 2, which is in the cylindrical system 7",
         ),
         (
             {"keep": [0, 1, 2, 6, 12, 13, 14]},
-            "gives node 2 only x of its system, which are not along axes of the model",
+            "gives node 2 only x of its system; export all three translations",
         ),
         ({"points": [[0, 0, 0], [0, 0, 1], [0, 0, 2]]}, "three points on a line"),
     ],
@@ -183,15 +183,17 @@ def test_mistakes_are_located(tmp_path, given, message):
 
 
 def test_some_directions_of_a_node_suffice_where_they_are_axes_of_the_model(tmp_path):
-    """A cylinder about the model's z: z of a node alone; at right angles its radial direction is the model's y."""
-    points = ((0, 0, 0), (0, 0, 1), (1, 0, 0))
-    np.savez(tmp_path / "two.npz", m=np.diag([1.0, 1.0, 1.0]), k=np.diag([1e4, 2e4, 3e4]))
-    (tmp_path / "dofs.csv").write_text("node,direction,x,y,z,system\n1,z,1,1,0,4\n2,x,0,2,0,4\n3,z,0,0,0,\n")
+    """A cylinder about the model's z: z of a node alone, and its x and y together."""
+    np.savez(tmp_path / "two.npz", m=np.eye(4), k=np.diag([1e4, 2e4, 5e4, 3e4]))
+    (tmp_path / "dofs.csv").write_text(
+        "node,direction,x,y,z,system\n1,z,1,1,0,4\n2,x,0,2,0,4\n2,y,0,2,0,4\n3,z,0,0,0,\n"
+    )
     body = {"kind": "matrices", "mass": {"file": "two.npz", "name": "m"}, "stiffness": {"file": "two.npz", "name": "k"},
             "dofs": "dofs.csv", "base": "free",
-            "systems": [{"number": 4, "kind": "cylindrical", "points": [list(p) for p in points]}]}  # fmt: skip
+            "systems": [{"number": 4, "kind": "cylindrical", "points": [[0, 0, 0], [0, 0, 1], [1, 0, 0]]}]}  # fmt: skip
     (tmp_path / "case.yaml").write_text(yaml.safe_dump({"bodies": {"two": body}}))
     scenario = load_scenario(tmp_path / "case.yaml")
     given, _ = read_body(with_places_of_files(scenario, "two"), "two")
-    assert given.table.dofs == ((1, "z"), (2, "y"), (3, "z"))
-    assert given.stiffness.diagonal() == pytest.approx([1e4, 2e4, 3e4])
+    assert given.table.dofs == ((1, "z"), (2, "x"), (2, "y"), (3, "z"))
+    # at (0, 2) the radial direction is y, and the tangential one -x
+    assert given.stiffness.diagonal() == pytest.approx([1e4, 5e4, 2e4, 3e4])

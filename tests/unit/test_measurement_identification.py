@@ -11,6 +11,7 @@ from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import channel_named, read_signals
 from beamsim.measurements.signal import MeasuredSignal, in_si
 from beamsim.scenario import Scenario
+from beamsim.scenario.units import ACCELERATION
 
 TIME = np.arange(4000) / 8000.0
 TRUE = np.array([2.0 * np.exp(0.3j), 0.5 * np.exp(-1.2j), 0.1j])
@@ -129,15 +130,15 @@ def test_units_of_header_and_scenario(tmp_path):
     (signal,) = read_signals(tmp_path / "a.csv", "ms")
     assert signal.x.tolist() == [0.0, 1e-3]
     assert signal.unit == "g"
-    assert in_si(signal, None, "absolute_acceleration", "x").y.tolist() == pytest.approx([9.80665, 19.6133])
-    assert in_si(signal, "mm/s^2", "absolute_acceleration", "x").y.tolist() == pytest.approx([1e-3, 2e-3])
+    assert in_si(signal, None, ACCELERATION, "x").y.tolist() == pytest.approx([9.80665, 19.6133])
+    assert in_si(signal, "mm/s^2", ACCELERATION, "x").y.tolist() == pytest.approx([1e-3, 2e-3])
     with pytest.raises(ScenarioError, match="acceleration"):
-        in_si(signal, "mm", "absolute_acceleration", "x")
+        in_si(signal, "mm", ACCELERATION, "x")
     (tmp_path / "b.csv").write_text("time (s),tip\n0,1\n1,2\n")
     (signal,) = read_signals(tmp_path / "b.csv")
     with pytest.raises(ScenarioError, match=r"x is missing, and .*b\.csv states no unit of tip") as error:
-        in_si(signal, None, "absolute_acceleration", "x")
-    assert error.value.problems[0].remedy == "give the unit of the absolute acceleration, for example g"
+        in_si(signal, None, ACCELERATION, "x")
+    assert error.value.problems[0].remedy == "give the unit of the acceleration, for example g"
 
 
 def test_functions_of_one_name_are_told_apart(tmp_path):

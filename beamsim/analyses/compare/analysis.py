@@ -25,7 +25,7 @@ from beamsim.measurements.channels import channel_named, holds_name, read_signal
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.excitation import spoken
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS
+from beamsim.scenario.quantities import motion_dimension
 from beamsim.scenario.run import SpectrumSettings
 from beamsim.scenario.units import FORCE, MOMENT, Dimension
 from beamsim.typing import Complexes, Floats, Ints
@@ -429,7 +429,7 @@ def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimens
         probes = [name for c in curves for name in c.displacement]
         outputs = {name: output for c in curves for name, output in c.outputs.items()}
         contacts = {name: envelope.unit for c in curves for name, envelope in c.force.items()}
-    of_probe = {q: LEVEL_DIMENSIONS[q.removeprefix("absolute_")] for q in OF_PROBES}
+    of_probe = {q: motion_dimension(q) for q in OF_PROBES}
     found = {name: dict(of_probe) for name in probes}
     for name, unit in contacts.items():
         found.setdefault(name, {}).update([OF_CONTACTS[unit]])

@@ -53,15 +53,9 @@ def compare_records(
     frequency = geomspaced(min(lowest, 0.5 * highest), highest, per_octave)
     ends, values = np.array([begin, end]), lambda at: np.column_stack([spline(at) for spline in both])
     spectra = shock_spectra(frequency, quality, ends, values, 0.0).max(axis=1)
+    scale, scatter = power.sum() / across.sum(), np.sqrt((PARTS - 1) * np.mean((without - without.mean()) ** 2))
+    correlation = across.sum() / np.sqrt(power.sum() * of_measured.sum())
     return RecordComparison(
-        unit=unit,
-        predicted_peak=float(np.abs(own).max()),
-        measured_peak=float(np.abs(y).max()),
-        scale=float(power.sum() / across.sum()),
-        scale_error=float(np.sqrt((PARTS - 1) * np.mean((without - without.mean()) ** 2))),
-        correlation=float(across.sum() / np.sqrt(power.sum() * of_measured.sum())),
-        quality=quality,
-        frequency_hz=frequency,
-        predicted_response=spectra[0],
-        measured_response=spectra[1],
-    )
+        unit, float(np.abs(own).max()), float(np.abs(y).max()), float(scale), float(scatter), float(correlation),
+        quality, frequency, spectra[0], spectra[1],
+    )  # fmt: skip

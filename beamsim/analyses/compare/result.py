@@ -36,22 +36,28 @@ class RecordComparison:
 
     def summary(self) -> dict[str, float]:
         """The numbers, with the largest difference of the spectra."""
-        names = ("predicted_peak", "measured_peak", "scale", "scale_error", "correlation")
         at = int(np.argmax(np.abs(self.difference_db)))
-        largest = {"difference_db": float(self.difference_db[at]), "frequency_hz": float(self.frequency_hz[at])}
-        ratio = {"peak_ratio": self.predicted_peak / self.measured_peak}
-        return {name: getattr(self, name) for name in names} | ratio | {f"largest_{k}": x for k, x in largest.items()}
+        numbers = {"largest_difference_db": self.difference_db[at], "largest_frequency_hz": self.frequency_hz[at]}
+        numbers["peak_ratio"] = self.predicted_peak / self.measured_peak
+        names = ("predicted_peak", "measured_peak", "scale", "scale_error", "correlation")
+        return {name: getattr(self, name) for name in names} | {name: float(x) for name, x in numbers.items()}
 
 
-@declared(along=_ORDER)
-class ChannelComparison:
-    """One quantity at one place, predicted and measured."""
+@declared
+class ComparedChannel:
+    """What is compared with which channel."""
 
     place: str = attribute("", "name of the probe or output; that of the snubber for a force or moment")
     quantity: str = attribute("", "quantity that is compared")
     unit: str = attribute("", "its unit")
     channel: str = attribute("", "channel of the measurement")
     source: str = attribute("", "file of the measurement")
+
+
+@declared(along=_ORDER)
+class ChannelComparison(ComparedChannel):
+    """One quantity at one place, predicted and measured."""
+
     excitation_hz: float = attribute("Hz", "frequency of the excitation; NaN where there is none")
     delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
     order: Floats = axis("1", "frequency over excitation frequency")
@@ -135,14 +141,9 @@ class PeakPair:
 
 
 @declared(along=("frequency_hz",))
-class SweptComparison:
+class SweptComparison(ComparedChannel):
     """One quantity at one place over the frequency of a sweep, predicted and measured."""
 
-    place: str = attribute("", "name of the probe; that of the snubber for a force")
-    quantity: str = attribute("", "quantity that is compared")
-    unit: str = attribute("", "its unit")
-    channel: str = attribute("", "channel of the measurement")
-    source: str = attribute("", "file of the measurement")
     curve: str = attribute("", "curve of the sweep")
     detector: str = attribute("", "what is compared of each cycle: peak, fundamental or rms")
     has_phase: bool = attribute("", "whether phases are compared, too")
