@@ -1,6 +1,6 @@
-"""A design grid on one worker and on two: wall time, processor time, and a check that both tables are identical.
+"""A design grid, or a search, on one worker and on two: wall and processor time, and that both tables are identical.
 
-    python benchmarks/designs_on_two_workers.py [points per axis]
+    python benchmarks/designs_on_two_workers.py [points per axis | search]
 
 Workers are threads here. The machine load before each measurement is printed as well. On a busy machine the ratio of
 wall times is not meaningful; the share of a processor that the workers got shows this.
@@ -19,16 +19,17 @@ from beamsim import load_scenario
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import check_cases, plan_designs
 
-CONFIG = Path(__file__).parents[1] / "configs" / "design_stiffness_gap.yaml"
+CONFIGS = Path(__file__).parents[1] / "configs"
 WORKERS = (1, 2)
 REPEATS = 2
 
 
-def main(points: int) -> None:
-    changes = {f"vary.parameters[{k}].points": points for k in range(2)}
-    plan = plan_designs(load_scenario(CONFIG, changes | {"run.sample_rate": "20 kHz"}))
+def main(asked: str) -> None:
+    changes = {f"vary.parameters[{k}].points": int(asked) for k in range(2)} if asked != "search" else {}
+    config = CONFIGS / f"{'optimise_snubber' if asked == 'search' else 'design_stiffness_gap'}.yaml"
+    plan = plan_designs(load_scenario(config, changes | {"run.sample_rate": "20 kHz"}))
     check_cases(plan)
-    print(f"{len(plan.cases)} cases: {plan.scenario.title}")
+    print(f"{plan.most} cases: {plan.scenario.title}")
     walls: dict[int, list[float]] = {workers: [] for workers in WORKERS}
     tables = {}
     for _ in range(REPEATS):
@@ -55,4 +56,4 @@ def main(points: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    main(sys.argv[1] if len(sys.argv) > 1 else "20")

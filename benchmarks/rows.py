@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -138,6 +139,24 @@ def ensemble(quick: bool) -> tuple[Measurement, float]:
     return lambda: once(20 if quick else 1000), 4.0
 
 
+def search(quick: bool) -> tuple[Measurement, float]:
+    """One design of a search for gap and stiffness of the README's case: the search's time over its designs."""
+    parameters = [
+        {"path": "snubbers.tip.gap", "from": 0.0, "to": 5e-4},
+        {"path": "snubbers.tip.stiffness", "from": 2e4, "to": 5e5, "spacing": "logarithmic"},
+    ]
+    aims = {"minimise": "peak_force", "parameters": parameters, "most_cases": 20 if quick else 300}
+    planned = plan_designs(beamsim.load_scenario(CASE, {"optimise": aims}))
+
+    def once() -> float:
+        begin = time.process_time()
+        result = design_study(planned, workers=1)
+        return (time.process_time() - begin) / result.cases
+
+    once()  # compiles
+    return once, 5.0
+
+
 @contextmanager
 def _temporary(*names: str) -> Iterator[dict[str, str]]:
     """Environment with variables set to empty folders."""
@@ -243,6 +262,7 @@ ROWS = (
     Row("study-snubbers", "one case of a study that varies snubber numbers", "ms", study("snubbers", 12.0)),
     Row("study-beam", "one case of a study that varies beam numbers", "ms", study("beam", 12.0)),
     Row("ensemble", "one of 1000 draws of gap, stiffness and level: peak force", "ms", ensemble, repeat=False),
+    Row("search", "one design of a search for gap and stiffness: peak force", "ms", search, repeat=False),
     Row("plots", "`beamsim run` with its plots, warm cache", "s", cli(3.2, "run", CASE), IMPORT),
     Row("validate", "`beamsim validate`", "s", cli(1.5, "validate", CASE), IMPORT),
     Row("first", "first `beamsim run` after installation", "s", cli(13.0, "run", CASE, fresh=FRESH), IMPORT, False),

@@ -98,6 +98,14 @@ def test_known_cases_are_not_computed_again(grid):
     assert nothing == []
 
 
+SEARCH = """
+optimise:
+  minimise: peak_force
+  most_cases: 24
+  parameters: [{path: snubbers.tip.gap, from: 0 mm, to: 0.3 mm}]
+"""
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_makes_no_difference(grid, tmp_path):
@@ -117,7 +125,11 @@ def test_a_cluster_makes_no_difference(grid, tmp_path):
             "--no-plots",
         ]
         done = invoke("sweep", *arguments)
+        searched = [design_study(load_scenario(BASE + SEARCH), **of) for of in (
+            {"workers": 1}, {"scheduler": cluster.scheduler_address},
+        )]  # fmt: skip
     assert_same(grid, result)
+    assert_same(*searched)
     assert done.exit_code == 0, done.output
     assert_same(grid, open_result(tmp_path / "case.h5"))
 

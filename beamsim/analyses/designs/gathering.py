@@ -103,7 +103,7 @@ def gather(
 
     def described(item: Mapping[str, Any]) -> dict[str, Any]:
         case = item["case"]
-        values = {name: float(aim.values[case]) for name, aim in known_aims.items()}
+        values = {name: float(aim.values.flat[case]) for name, aim in known_aims.items()}
         more = {} if shares is None else {"passing_share": float(shares.flat[case])}
         return {**item, **({} if front is None else {"values": values}), **more, "parameters": _named(plan, case)}
 
@@ -274,16 +274,17 @@ def _judged(plan: DesignPlan, objective: Objective, realised: Mapping[str, Respo
 
 
 def efficient(values: Floats, among: Bools) -> Bools:
-    """Which points no other one is better than in one coordinate and at least as good in all others.
+    """Which points no other one is better than in one coordinate and at least as good in the other.
 
     Parameters
     ----------
-    values : (coordinates, n), to be small.
+    values : (2, n), to be small.
     among : (n,) which points are compared.
     """
-    points = np.where(among, values, np.inf)
-    no_worse = (points[:, :, None] <= points[:, None, :]).all(axis=0)
-    return np.asarray(among & ~(no_worse & ~no_worse.T).any(axis=0) & np.isfinite(points).all(axis=0))
+    among = among & np.isfinite(values).all(axis=0)
+    points, place = np.unique(np.where(among, values, np.inf), axis=1, return_inverse=True)  # along the first one
+    least = np.minimum.accumulate(np.append(np.inf, points[1]))[:-1]
+    return np.asarray(among & (points[1] < least)[place.ravel()])
 
 
 def _search_ended(plan: DesignPlan, ended: Outcome | None, failures: Sequence[CaseFailure], *, found: bool) -> Outcome:
