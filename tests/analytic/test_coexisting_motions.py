@@ -1,6 +1,7 @@
 """Which of several motions: shares, stability and smallest disturbances of an oscillator with a stop."""
 
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -171,7 +172,7 @@ def test_what_has_not_settled_is_counted_and_said(result):
         beamsim.coexisting(case(most_cycles=3, unstable=False), workers=1)
 
 
-def test_a_chaotic_motion_is_named_with_its_exponent_and_peaks():
+def test_a_chaotic_motion_is_named_with_its_exponent_and_peaks(tmp_path):
     """At a stiff stop: several starts come to it, and neighbours part at a rate that is clearly positive."""
     chain_ = {
         "chain.dashpots": [2.0], "chain.snubbers": [
@@ -190,6 +191,27 @@ def test_a_chaotic_motion_is_named_with_its_exponent_and_peaks():
     assert np.isnan(motion.largest_multiplier)
     assert motion.lyapunov_exponent > 3.0
     assert branch.force["stop"].peak[0] > 0.0
+    stored = beamsim.open_result(beamsim.write_result(result, tmp_path / "chaotic.h5"))
+    assert stored.motions[0].kind == result.motions[0].kind
+    assert stored.branches[motion.number - 1].order[1] == 1 / 256  # harmonics of the cycles that are measured
+
+
+def test_a_long_period_is_not_taken_for_a_quasi_periodic_motion():
+    """The beam's motion at 70 Hz repeats after 50 cycles, found by own inspection of its sections to 4e-11; that at
+    62 Hz nearly repeats after 127, and its distances grow in proportion to the time: its exponent is zero."""
+    config = Path(__file__).parents[2] / "configs" / "coexisting_motions.yaml"
+    at_rest = {"probe": "tip", "mode": 1, "displacement": [0, "1 nm"]}
+    starts = {"kind": "states", "number": 2, "box": [at_rest]}
+    changes = {"sweep.starts": starts, "sweep.unstable": False, "sweep.disturbances": []}
+    kinds = {}
+    for hz, longest in ((70.0, 50), (62.0, 16)):
+        asked = changes | {"sweep.at": [hz], "sweep.longest_period": longest, "sweep.most_cycles": 1600}
+        result = beamsim.coexisting(beamsim.load_scenario(config, asked), workers=1)
+        kinds[hz] = {(m.kind, m.period_cycles) for m in result.motions if m.starts}
+    assert kinds == {70.0: {("periodic", 50)}, 62.0: {("quasi-periodic", 0)}}
+    short = changes | {"sweep.at": [70.0, 76.0], "sweep.longest_period": 16}
+    result = beamsim.coexisting(beamsim.load_scenario(config, short), workers=1)
+    assert result.not_settled.tolist() == [2, 0]
 
 
 def test_it_stops_when_it_is_told_to():

@@ -199,7 +199,7 @@ def _measured(marches: Marches, motion: _Motion) -> ResponseBranch:
     if motion.kind == "periodic":
         return branch
     none = np.full_like(branch.floquet_multipliers, np.nan)
-    return replace(branch, stable=np.ones(1, dtype=bool), floquet_multipliers=none, period_multiple=0)
+    return replace(branch, stable=np.ones(1, dtype=bool), floquet_multipliers=none, period_multiple=MEASURED_CYCLES)
 
 
 def _gathered(
@@ -216,7 +216,10 @@ def _gathered(
         destination[at, m.starts] = number
         share = probability(destination[at, cycles[at] > 0] == number) if m.stable and cycles[at].any() else {}
         part, low, high = (float(share.get(name, np.nan)) for name in ("share", "low", "high"))
-        size, period = float(np.abs(branch.floquet_multipliers[0, 0])), branch.period_multiple
+        size, period = (
+            float(np.abs(branch.floquet_multipliers[0, 0])),
+            m.problem.multiple if m.kind == "periodic" else 0,
+        )
         exponent = m.exponent if period == 0 else float(np.log(max(size, 1e-300))) * m.hz / period
         found = len(m.starts), part, low, high, exponent, size
         motions.append(CoexistingMotion(m.hz, number, m.kind, period, m.stable, *found))

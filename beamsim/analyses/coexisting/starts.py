@@ -27,8 +27,8 @@ from beamsim.typing import Floats
 
 REACH = 1.15  # how far beyond the frequencies branches are followed, as a ratio
 NEAR = 100.0  # times the tolerance at which motions count as settled: nearer states are of one motion
-EXPONENT_CYCLES = 200
-SETTLES = 0.01  # contraction a cycle above which a motion comes to repeat, after a long time or with a long period
+EXPONENT_CYCLES = 400
+SETTLES = 0.005  # contraction a cycle above which a motion comes to repeat, after a long time or with a long period
 PHASES = 8  # of a cycle, at which a motion is disturbed
 FINER, LEVELS = 2.0**0.5, 13  # ratio of two amplitudes of a disturbance, and their number
 SHARP = 0.01  # relative, to which the smallest disturbance is bisected
