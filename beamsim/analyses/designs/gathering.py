@@ -332,7 +332,8 @@ def _about_choice(
     """What the choice of a case and the indices lack."""
     if unknown and responses:
         scalar = [name for name, response in responses.items() if is_scalar(response, plan.shape)]
-        yield f"{objective.text}: no case has such a response; they have {', '.join(scalar)}"
+        key, asked = "maximise" if objective.largest else "minimise", " + ".join(name for name, _ in objective.terms)
+        yield f"vary.{key} = {asked}: no case has such a response; they have {', '.join(scalar)}"
     for name in limits if responses else ():
         if not any(is_scalar(r, plan.shape) for r in responses_of(responses, limited_response(name))):
             yield f"limits.{name}: no case has a response that is compared with it, so no case meets every limit"

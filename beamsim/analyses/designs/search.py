@@ -44,7 +44,12 @@ def search(plan: DesignPlan, evaluate: Evaluator) -> Outcome:
     """
     settings = plan.scenario.optimise
     assert settings is not None
-    evaluate([plan.cases[0].values])
+    first = evaluate([plan.cases[0].values])[0][0]
+    for name in (name for aim in objectives(plan.scenario) for name, _ in aim.terms):
+        if first.outcome.complete and not any(f"/{known}".endswith(f"/{name}") for known in first.values):
+            raise ScenarioError.at(
+                "optimise", f"asks for {name}, which no design has", "leave responses out to see all"
+            )
     method = _front if len(objectives(plan.scenario)) > 1 else _best
     return method(_Designs(plan, evaluate), settings, plan.scenario.limits is not None)
 
