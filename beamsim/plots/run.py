@@ -429,7 +429,7 @@ def crossings(response: RandomResponse) -> Chart:
     least = min((float(np.min(c.y, where=c.y > 0, initial=1.0)) for c in curves[:MOST_CURVES]), default=1.0)
     across, up = ("Level above the mean (standard deviations)", ""), ("Upward crossings, those of the mean = 1", "")
     crossed = level[np.any([curve.y > 0.0 for curve in curves], axis=0)] if curves else level
-    ends = min(float(crossed[0]), -4.0), max(float(crossed[-1]), 4.0)
+    ends = min(float(crossed[0]), -4.0) - 0.5, max(float(crossed[-1]), 4.0) + 0.5
     return Chart(across, up, curves, log="y", of="signals", marks=[gaussian], x_ends=ends, y_ends=(0.5 * least, 3.0))
 
 
