@@ -35,7 +35,7 @@ CHUNK = 25  # starts of a task
 STARTS_SHARE = 0.6  # of the time, that of the starts
 SAME = 1e-6  # distance, relative to the size, of two motions found to round-off that are one
 MEASURED_CYCLES = 256  # of a motion that is not periodic
-LONGEST_SIDE = 4  # periods of the excitation in a motion on a branch from a period doubling
+LONGEST_SIDE = 4  # periods of the excitation in a motion whose branch is followed
 
 
 @dataclass
@@ -162,7 +162,8 @@ def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budg
     low, high = marches.settings.ends
     reach = (2.0 * np.pi * low / REACH, 2.0 * np.pi * high * REACH)
     branches: list[OrbitBranch] = []
-    for m in [m for of in motions.values() for m in of if m.kind == "periodic"]:
+    followed = [m for of in motions.values() for m in of if m.kind == "periodic" and m.problem.multiple <= LONGEST_SIDE]
+    for m in followed:
         alike = [b for b in branches if b.problem.multiple == m.problem.multiple]
         if not coincides(m.point, alike) and budget.allows_another(len(branches)):
             halves = [follow(Tracer(m.problem, reach), m.point, way, budget, alike) for way in (1.0, -1.0)]
