@@ -183,14 +183,14 @@ def _sensitivities(result: IdentificationResult, _: Any) -> list[dict[str, str]]
 
 
 def _pad_branches(result: IdentificationResult, _: Any) -> list[dict[str, str]]:
-    pad, rows = result.pad, []
+    pad = result.pad
     assert pad is not None
-    for k, its, tau, of_time in zip(
-        pad.branch_stiffness, pad.branch_interval, pad.relaxation_time, pad.time_interval, strict=True
-    ):
-        row = {"stiffness": amount(k, "N/m", 4), "its interval": _extent(result, its, "N/m")}
-        rows.append(row | {"relaxation time": amount(tau, "s", 4), "interval": _extent(result, of_time, "s")})
-    return rows
+    columns = (pad.branch_stiffness, pad.branch_interval, pad.relaxation_time, pad.time_interval)
+    return [
+        {"stiffness": amount(k, "N/m", 4), "its interval": _extent(result, of_stiffness),
+         "relaxation time": amount(tau, "s", 4), "interval": _extent(result, of_time, "s")}
+        for k, of_stiffness, tau, of_time in zip(*columns, strict=True)
+    ]  # fmt: skip
 
 
 def _extent(_: IdentificationResult, interval: Sequence[float], unit: str = "N/m") -> str:
@@ -226,10 +226,8 @@ IDENTIFICATION_VIEWS: Views = {
     "reachable_hz": _reach,
     "table_slope_n_per_m": _table_slope,
     "pad_branch_stiffness_n_per_m": _pad_branches,
-    "pad_youngs_modulus_pa": lambda result, value: (
-        f"{amount(value, 'Pa', 5)} ({_extent(result, result.summary['pad_youngs_modulus_interval_pa'], 'Pa')})"
-        if math.isfinite(value)
-        else ""
+    "pad_youngs_modulus_interval_pa": lambda result, ends: (
+        _extent(result, ends, "Pa") if math.isfinite(ends[0]) else ""
     ),
     "pad_stiffness_interval_n_per_m": _extent,
     "pad_yaml": lambda _, keys: keys.splitlines(),

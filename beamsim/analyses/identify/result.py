@@ -330,7 +330,7 @@ _SUMMARY = (
     Entry("table_force_n", of="table_slope.force"),
     Entry("table_factor", of="table_slope.factor"),
     Entry("pad_youngs_modulus_pa", "Pa", "Young's modulus of the pad", "pad's Young's modulus"),
-    Entry("pad_youngs_modulus_interval_pa", "Pa", "confidence interval of Young's modulus of the pad"),
+    Entry("pad_youngs_modulus_interval_pa", "Pa", "confidence interval of Young's modulus of the pad", "its interval"),
     Entry("pad_stiffness_n_per_m", of="pad.stiffness", label="pad after a long rest"),
     Entry("pad_stiffness_interval_n_per_m", of="pad.stiffness_interval", label="interval of the pad"),
     Entry("pad_branch_interval_n_per_m", of="pad.branch_interval"),
