@@ -18,16 +18,17 @@ from beamsim.analyses.values import VALUES, limit_label
 from beamsim.cli.report import Labelled, Views, margins
 from beamsim.cli.screens import SHOWN, Screen, rounded
 from beamsim.outcomes import OnLimit
-from beamsim.plots.style import amount, extent, margin_text
+from beamsim.plots.style import amount, extent, is_known, margin_text
 from beamsim.scenario.base import counted
 
 MOST_ROWS = 24
 MOST_BEST = 5
+SLIGHT = 0.1  # change of the logarithm of a probability by one deviation that is as good as none
 
 _DESIGNS = {
     "grid": "grid of ", "zip": "", "one_at_a_time": "one parameter at a time, ",
     "optimise": "search of ", "latin_hypercube": "Latin-hypercube sample of ",
-    "sobol": "Sobol' sample of ", "draws": "ensemble of ",
+    "sobol": "Sobol' sample of ", "draws": "ensemble of ", "reliability": "",
 }  # fmt: skip
 
 
@@ -40,6 +41,8 @@ _STATISTICS = {
 def design_screen(result: DesignsResult) -> Screen:
     """The best cases, or else the ranges of the responses with the cases at their ends; limits and who causes what."""
     s = result.summary
+    if "reliability" in s:
+        return _probability_screen(result, s["reliability"])
     lines = list(_limit_lines(result))
     shown = [(name, s["responses"][name]) for name in _decisive(result) if name in s["responses"]]
     shown = shown or list(s["responses"].items())
@@ -81,6 +84,35 @@ def _near_lines(result: DesignsResult) -> Iterator[str]:
     if near:
         ranges = [f"{parameter_label(p)} {extent(of['smallest'], of['largest'], units[p])}" for p, of in near.items()]
         yield f"within 1 % of the best: {', '.join(ranges)}"
+
+
+def _probability_screen(result: DesignsResult, of: Mapping[str, Any]) -> Screen:
+    """The probability of exceeding the limits, and what each number has to do with it."""
+    p, variation = of["probability"], of["coefficient_of_variation"]
+    lines = []
+    if is_known(variation) and math.isfinite(variation):
+        lines.append(f"95 % interval {of['low']:.2g} to {of['high']:.2g}, coefficient of variation {_share(variation)}")
+    if "distance" in of:
+        index, method = of["reliability_index"], of["method"].replace("_", " ")
+        lines.append(f"reliability index {index:.3g}, design point at a distance of {of['distance']:.3g} ({method})")
+    what = "every limit" if of["event"] == "all_limits" and len(result.limits) > 1 else "a limit"
+    often = f" (one in {float(f'{1.0 / p:.2g}'):,.0f})".replace(",", " ") if is_known(p) and 0.0 < p < 0.1 else ""
+    failed = f", {result.summary['failed']} FAILED" if result.summary["failed"] else ""
+    said = f"{p:.2g}{often}" if is_known(p) else "unknown"
+    verdict = f"probability of exceeding {what} {said}, {of['histories']} histories{failed}"
+    return Screen(verdict, list(_random_rows(result)), lines)
+
+
+def _random_rows(result: DesignsResult) -> Iterator[dict[str, str]]:
+    """The numbers that scatter, the most important one first."""
+    for number in sorted(result.random_numbers or (), key=lambda number: -number.importance):
+        doubles = math.log(2.0) * number.deviation / (number.by_mean or math.nan)
+        shift = f"{'+' * (doubles > 0)}{rounded(doubles, number.unit)}" if abs(number.by_mean) > SLIGHT else ""
+        yield {
+            "": parameter_label(number.path), "mean": rounded(number.mean, number.unit),
+            "deviation": rounded(number.deviation, number.unit), "design point": rounded(number.design, number.unit),
+            "importance": _share(number.importance), "doubles with the mean": shift,
+        }  # fmt: skip
 
 
 def _judged(result: DesignsResult) -> str:
@@ -325,7 +357,14 @@ def _response_label(result: DesignsResult, name: str) -> str:
     return " ".join([*shown, *path[-1:], quantity.removesuffix("_hz").replace("_", " ")])
 
 
+def _reliability(result: DesignsResult, of: Mapping[str, Any]) -> Labelled:
+    """What the first screen says, in rows."""
+    screen = _probability_screen(result, of)
+    return Labelled({"probability": [screen.verdict, *screen.lines], "scatters": list(screen.rows)})
+
+
 DESIGN_VIEWS: Views = {
+    "reliability": _reliability,
     "cases": _cases,
     "passing": _passing,
     "best": _best,

@@ -214,9 +214,13 @@ def _compute(plan: DesignPlan, target: Path, given: Given, resume: bool, options
 
 
 def _best_design(result: DesignsResult, target: Path) -> Iterator[Path]:
-    """Write the best design of a search as a scenario that can be run."""
-    for best in result.summary.get("best", ())[:1]:
-        path = target.with_name(f"{target.stem}_best.yaml")
+    """Write the best design of a search, or the design point of a probability, as a scenario that can be run."""
+    best = result.summary.get("best")
+    cases = {"best": best[0]} if best else {}
+    if point := result.summary.get("reliability", {}).get("design_point"):
+        cases["design_point"] = {"parameters": point}
+    for name, case in cases.items():
+        path = target.with_name(f"{target.stem}_{name}.yaml")
         with replacing(path) as temporary:
-            temporary.write_text(design(result, best).to_yaml(), encoding="utf-8")
+            temporary.write_text(design(result, case).to_yaml(), encoding="utf-8")
         yield path

@@ -31,7 +31,7 @@ from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.scenario import Excitation
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
 from beamsim.scenario.excitation import One, RandomInput, SweptSineInput
-from beamsim.scenario.quantities import power_of
+from beamsim.scenario.quantities import blended, power_of
 from beamsim.typing import Complexes, Floats, Ints
 
 MOST_OF_ANY_SIZE = (
@@ -65,17 +65,19 @@ def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
 
 
 def _spectrum(
-    at_hz: Floats, value: Floats, period: float, count: int, generator: np.random.Generator, gaussian: bool
+    at_hz: Floats, value: Floats, period: float, count: int, seed: int | str, gaussian: bool
 ) -> tuple[Floats, Complexes]:
     """Frequencies (Hz) and complex amplitudes of the sines."""
     frequency = np.arange(count // 2 + 1) / period
     amplitude = np.sqrt(2 * density(frequency, at_hz, value) / period)
     used = np.flatnonzero(amplitude)
     out = np.zeros(frequency.size, dtype=complex)
-    out[used] = np.exp(1j * generator.uniform(0, 2 * np.pi, frequency.size)[used])
-    if gaussian:
-        amplitude = amplitude * np.sqrt(generator.standard_exponential(frequency.size))
-    out[used] *= amplitude[used]
+    for each, share in blended(seed):
+        generator = np.random.default_rng(each)
+        phase, size = generator.uniform(0, 2 * np.pi, frequency.size)[used], amplitude[used]
+        if gaussian:
+            size = size * np.sqrt(generator.standard_exponential(frequency.size))[used]
+        out[used] += share * np.exp(1j * phase) * size
     return frequency, out
 
 
@@ -100,8 +102,7 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
         from scipy.fft import next_fast_len
 
         count = int(next_fast_len(count, real=True))
-    generator = np.random.default_rng(excitation.seed)
-    frequency, amplitude = _spectrum(at, value, period, count, generator, excitation.amplitudes == "random")
+    frequency, amplitude = _spectrum(at, value, period, count, excitation.seed, excitation.amplitudes == "random")
     step = period / count
     pieces = int(np.ceil(total / step)) + 1
     velocity_0 = displacement_0 = 0.0

@@ -307,6 +307,8 @@ def _judgement(result: DesignsResult) -> str:
 
 def design_figures(result: DesignsResult) -> dict[str, Picture]:
     """All pictures of this study; the key is the last part of the file name."""
+    if result.kind == "reliability":
+        return {"probability": _probability(result)} if result.rounds else {}
     if not np.any(result.solved):
         return {}
     best = result.summary["best"][0]["case"] if result.summary.get("best") else None
@@ -404,6 +406,43 @@ def _searched(result: DesignsResult) -> dict[str, Picture]:
             charts.append(Chart(("Time", "s"), ("Contact force", forces[0][1].unit), lines, levels))
         figures["best"] = Picture(f"{result.title}, best design", charts, 1, (6.4, 2.7 * len(charts)))
     return figures
+
+
+def _probability(result: DesignsResult) -> Picture:
+    """The probability over the number of histories, and what each number has to do with it."""
+    names = ("histories", "level", "probability", "variation")
+    x, level, p, v = (np.array([getattr(each, name) for each in result.rounds or ()], dtype=float) for name in names)
+    spread, last = np.exp(1.96 * np.sqrt(np.log1p(np.where(np.isfinite(v), v, 0.0) ** 2))), level == 0.0
+    kinds = (("the limit", last, DARK), ("levels below it", ~last, PALE))
+    curves = [
+        Curve(name, x[of], p[of], {"marker": "o", "markersize": 3, "color": colour})
+        for name, of, colour in kinds
+        if any(of)
+    ]
+
+    def band(ax: Axes, *_: Scale) -> None:
+        ax.fill_between(x[last], (p / spread)[last], (p * spread)[last], color=DARK, alpha=0.18, linewidth=0)
+
+    panels: list[Any] = [Chart(("Histories", ""), ("Probability", ""), curves, log="y", more=band)]
+    if result.random_numbers:
+        panels.append(partial(_plot_importance, result))
+    title = f"{result.title}   (probability of exceeding the limits, 95 % interval)"
+    return Picture(title, panels, len(panels), (5.0 * len(panels), 3.6))
+
+
+def _plot_importance(result: DesignsResult, ax: Axes) -> None:
+    """Bars of the importance of the numbers that scatter, with their values at the design point."""
+    numbers = sorted(result.random_numbers or (), key=lambda number: number.importance)[-MOST_BARS:]
+    shares = [100.0 * number.importance for number in numbers]
+    ax.barh(range(len(numbers)), shares, 0.6, color=DARK)
+    for row, number in enumerate(numbers):
+        away = (number.design - number.mean) / number.deviation
+        text = f" {amount(number.design, number.unit, 3)}, {away:+.1f} deviations"
+        ax.text(shares[row], row, text, va="center", fontsize="x-small")
+    ax.set_yticks(range(len(numbers)), [parameter_label(number.path) for number in numbers])
+    ax.set_title("Value at the design point", fontsize="small", loc="left")
+    ax.set_xlim(0.0, 1.6 * max(shares))
+    finish(ax, "Importance (%)", "")
 
 
 def _explained(result: DesignsResult, quantities: Sequence[str]) -> list[str]:

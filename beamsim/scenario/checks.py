@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
@@ -44,6 +45,7 @@ from beamsim.scenario.studies import (
     IdentifyStiffness,
     LatinHypercube,
     MeasuredShapes,
+    Reliability,
     Sobol,
     SoughtParameter,
     Tolerances,
@@ -1131,8 +1133,10 @@ def _cases(scenario: ScenarioParts) -> Problems:
                 f"have {', '.join(map(str, counts))} values, which cannot be zipped",
                 "give all of them equally many, or write kind: grid",
             )
-    if isinstance(vary, LatinHypercube):
+    if isinstance(vary, LatinHypercube | Reliability):
         yield from _correlation_problems(vary, ("vary",))
+    if isinstance(vary, Reliability):
+        yield from _reliability(scenario, vary)
     if isinstance(vary, Sobol) and vary.samples & (vary.samples - 1):
         power = 2 ** (vary.samples - 1).bit_length()
         yield Problem("vary.samples", f"= {vary.samples} is not a power of two", f"take {power // 2} or {power}")
@@ -1145,6 +1149,31 @@ def _cases(scenario: ScenarioParts) -> Problems:
             f"asks for {count:.3g} cases (at most {MOST_CASES:,} are computed)".replace(",", " "),
             "take fewer values of each parameter, or sample: kind: latin_hypercube with samples: 1000",
         )
+
+
+def _reliability(scenario: ScenarioParts, vary: Reliability) -> Problems:
+    """Nothing or a whole number that scatters, no limit, a random excitation with a method for numbers alone."""
+    excitation: Any = scenario.excitation
+    random = excitation.kind == "random"
+    if not (vary.parameters or random):
+        yield Problem("vary.parameters", "is empty, and the excitation is not random", "list the numbers that scatter")
+    if scenario.limits is None:
+        yield Problem("limits", "is missing, so that there is nothing to exceed", "add limits: {peak_force: 50 N}")
+    if random and vary.method in ("form", "importance_sampling"):
+        yield Problem(
+            "vary.method", f"= {vary.method} is for numbers alone, and the excitation is random",
+            "write subset, or monte_carlo",
+        )  # fmt: skip
+    for k, parameter in enumerate(vary.parameters):
+        with suppress(Unfit):  # is reported with the parameter
+            if resolve_parameter(scenario, parameter).whole:
+                message = f"= {parameter.path} is a whole number, which does not scatter"
+                yield problem(("vary", "parameters", k, "path"), message, "leave it out")
+    if any(force.kind == "random" for _, force in excitation.items) and not random:
+        message = "has a random one, of which every history would have the same realisation"
+        yield Problem("excitation.forces", message, "use one random excitation alone")
+    if random and getattr(excitation, "amplitudes", None) == "fixed":
+        yield Problem("excitation.amplitudes", "= fixed is no Gaussian process", "leave it out, or write random")
 
 
 def _parameter_problems(scenario: ScenarioParts, parameters: Sequence[Any], section: Path) -> Problems:
@@ -1167,7 +1196,7 @@ def _parameter_problems(scenario: ScenarioParts, parameters: Sequence[Any], sect
                 break
 
 
-def _correlation_problems(sample: LatinHypercube | Tolerances, section: Path) -> Problems:
+def _correlation_problems(sample: LatinHypercube | Reliability | Tolerances, section: Path) -> Problems:
     """Correlations of what is no parameter, of one with itself, or stated twice; samples too small to have them."""
     paths, stated = [parameter.path for parameter in sample.parameters], set[frozenset[str]]()
     for k, correlation in enumerate(sample.correlations):

@@ -626,8 +626,9 @@ class RandomInput(Driven):
     """Random input."""
     psd: Annotated[tuple[PsdPoint, ...], Field(min_length=2)]
     """Density over frequency; log-log interpolation between the points, zero outside."""
-    seed: q.NotNegativeWhole = 0
-    """Seed of the random numbers: the same seed gives the same input."""
+    seed: q.Seed = 0
+    """Seed of the random numbers: the same seed gives the same input. Or a blend of the inputs of several seeds with
+    random amplitudes, 0.8*4 + 0.6*7, as studies of reliability find it."""
     amplitudes: Literal["fixed", "random"] | None = None
     """Amplitudes of the sines: fixed by the density, or random as those of a Gaussian process, whose RMS scatters
     between records. By default fixed, but random in a study over seeds."""
@@ -651,6 +652,8 @@ class RandomInput(Driven):
             )
         if self.quantity != self.takes[0]:
             raise Unfit(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
+        if isinstance(self.seed, str) and self.amplitudes != "random":
+            raise Unfit("blends inputs of random amplitudes", "write amplitudes: random", ("seed",))
 
     @property
     def stationary(self) -> bool:

@@ -35,10 +35,13 @@ from beamsim.scenario.studies import (
     IdentifyStiffness,
     LatinHypercube,
     ListedParameter,
+    Measured,
     OneAtATime,
     Optimise,
     RangedParameter,
+    Reliability,
     SampledRange,
+    Scattered,
     Sobol,
     SoughtParameter,
     TolerancedParameter,
@@ -364,9 +367,12 @@ class VariedParameter:
 
 
 def varied_parameters(scenario: ScenarioParts) -> tuple[VariedParameter, ...]:
-    """The varied parameters of a scenario that passed its checks."""
+    """The varied parameters of a scenario that passed its checks, of reliability also the realisation of its noise."""
     assert scenario.study is not None
-    return tuple(resolve_parameter(scenario, parameter) for parameter in scenario.study.parameters)
+    numbers = tuple(resolve_parameter(scenario, parameter) for parameter in scenario.study.parameters)
+    if isinstance(scenario.study, Reliability) and scenario.excitation.kind == "random":
+        return (*numbers, _number(scenario, "excitation.seed", [("excitation", "seed")]))
+    return numbers
 
 
 def drawn_parameters(scenario: ScenarioParts, draws: Mapping[str, list[Any]]) -> tuple[VariedParameter, ...]:
@@ -424,6 +430,8 @@ def case_count(vary: Vary | Optimise) -> int:
     """Number of cases that are solved at most, each realisation counted."""
     if isinstance(vary, Sobol):
         return vary.samples * (len(vary.parameters) + 2)
+    if isinstance(vary, Reliability):
+        return vary.most_cases
     if isinstance(vary, LatinHypercube | Optimise):
         count = vary.samples if isinstance(vary, LatinHypercube) else vary.most_cases
     else:
@@ -467,6 +475,9 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
         if len(set(values)) < len(values):
             raise Unfit("lists a value twice", "list every value once", ("values",))
         return replace(number, values=values)
+    if isinstance(parameter, Measured):
+        data = () if isinstance(parameter.data, str) else parameter.data
+        return replace(number, values=tuple(read_end(value, ("data", k)) for k, value in enumerate(data)))
     if choices_at(scenario, first) or isinstance(nominal, str):
         raise Unfit(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
     points = getattr(parameter, "points", 0)
@@ -489,11 +500,15 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
                 "vary them separately",
                 ("path",),
             )
-        deviation = _deviation(scenario, first, parameter.tolerance, float(nominal))
+        key = "deviation" if isinstance(parameter, Scattered) else "tolerance"
+        deviation = _deviation(scenario, first, getattr(parameter, key), float(nominal), key)
+        if getattr(parameter, "distribution", "") == "lognormal" and not float(nominal) > 0.0:
+            raise Unfit(f"is about {nominal:g}, which is not positive", "write distribution: normal", ("distribution",))
         low, high, spacing = float(nominal) - deviation, float(nominal) + deviation, "linear"
     for end in (low, high):
         for place in places:
-            _read(scenario, place, end, ("tolerance" if hasattr(parameter, "tolerance") else "from",))
+            if not isinstance(parameter, Scattered):  # which has no ends
+                _read(scenario, place, end, ("tolerance" if hasattr(parameter, "tolerance") else "from",))
     if number.whole and points and abs(high - low) + 1 < points:
         raise Unfit(
             f"= {points} is more than the whole numbers from {low:g} to {high:g}", "take fewer points", ("points",)
@@ -569,9 +584,9 @@ def _read(scenario: ScenarioParts, place: Path, value: Value, at: Path) -> Value
     return str(read) if isinstance(read, q.Rate | Share) else read  # a share follows the length in each case
 
 
-def _deviation(scenario: ScenarioParts, place: Path, tolerance: Value, nominal: float) -> float:
-    """Deviation in SI units: a share of the nominal value, or an absolute one in the field's dimension."""
-    at: Path = ("tolerance",)
+def _deviation(scenario: ScenarioParts, place: Path, tolerance: Value, nominal: float, key: str) -> float:
+    """Deviation under a key in SI units: a share of the nominal value, or an absolute one in the field's dimension."""
+    at: Path = (key,)
     field = field_type_at(scenario, place)
     try:
         if isinstance(tolerance, str) and tolerance.rstrip().endswith("%"):

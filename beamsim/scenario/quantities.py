@@ -365,6 +365,41 @@ class Whole(FieldType):
 
 
 @dataclass(frozen=True)
+class SeedType(Whole):
+    """A seed, or a blend of the realisations of several: 0.8*4 + 0.6*7."""
+
+    minimum: int = 0
+
+    def read(self, value: Any) -> int | str:
+        """Return the integer, or the text of the blend."""
+        if isinstance(value, str) and "*" in value:
+            blended(value)
+            return value
+        seed: int = super().read(value)
+        return seed
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return an integer or a text."""
+        return {"anyOf": [super().json_schema(), {"type": "string", "pattern": "\\*"}]}
+
+
+def blended(seed: int | str) -> list[tuple[int, float]]:
+    """The seeds of a blend and the share of the realisation of each, whose squares add up to one.
+
+    >>> blended("4*7 + 3*8")
+    [(7, 0.8), (8, 0.6)]
+    """
+    if not isinstance(seed, str):
+        return [(seed, 1.0)]
+    try:
+        terms = [(Whole(0).read(of), float(share)) for share, of in (term.split("*") for term in seed.split("+"))]
+        size = math.hypot(*(share for _, share in terms))
+        return [(of, share / size) for of, share in terms]
+    except (ValueError, ZeroDivisionError):
+        raise UnitError("is no seed", "write a whole number, or shares of several: 0.8*4 + 0.6*7") from None
+
+
+@dataclass(frozen=True)
 class TextType(FieldType):
     """Text; ``name`` restricts it to valid names of datasets and columns."""
 
@@ -487,6 +522,7 @@ Level = Annotated[float, LevelType()]
 PositiveLevel = Annotated[float, LevelType(above=0.0)]
 SweepRate = Annotated[Rate, RateType()]
 NotNegativeWhole = Annotated[int, Whole(0)]
+Seed = Annotated[int | str, SeedType()]
 SpectralDensity = Annotated[
     float,
     LevelType(tuple((d.name, d) for d in units.LEVEL_PSD), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), minimum=0.0),

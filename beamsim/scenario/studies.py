@@ -13,12 +13,13 @@ from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, counted, demand_rising, kind_of
 from beamsim.scenario.body import Ratios
 from beamsim.scenario.excitation import Excitation
-from beamsim.scenario.quantities import NotNegativeWhole, NumberOrText, Quantile, SteppedCount, Text
+from beamsim.scenario.quantities import FileName, NotNegativeWhole, NumberOrText, Quantile, SteppedCount, Text
 from beamsim.scenario.run import Start
 
 AnyValue = Annotated[float | str, NumberOrText(words=True)]
 Aim = Annotated[Text | tuple[Text, ...] | dict[Text, AnyValue], BY_FORM]
 Spacing = Literal["linear", "logarithmic"]
+LEAST_DATA = 10  # measured values of a number of which a distribution is made
 
 
 class _Parameter(Schema):
@@ -103,6 +104,34 @@ class SampledTolerance(_Toleranced):
     """Uniform within the tolerance; or normal, truncated at the tolerance of three standard deviations."""
 
 
+class Scattered(_Parameter):
+    """A number that scatters about its value in the scenario, which is the mean."""
+
+    known_by: ClassVar[tuple[str, ...]] = ("deviation",)
+
+    deviation: AnyValue
+    """Standard deviation: in percent of the scenario's value, or in the quantity's own unit."""
+    distribution: Literal["normal", "lognormal"] = "normal"
+    """Lognormal of what cannot be negative, such as a stiffness."""
+
+
+class Measured(_Parameter):
+    """A number of which measured values are known; its distribution is a smooth one through these."""
+
+    known_by: ClassVar[tuple[str, ...]] = ("data",)
+
+    data: Annotated[tuple[AnyValue, ...] | FileName, BY_FORM]
+    """The values, with or without unit; or a file with columns, relative to the scenario's folder, whose headings may
+    have units."""
+    column: Text = "1"
+    """Heading of the column of the file, or its number."""
+
+    def check(self) -> None:
+        """Refuse values that are too few for a distribution."""
+        if not isinstance(self.data, str) and len(self.data) < LEAST_DATA:
+            raise Unfit(f"has {counted(len(self.data), 'value')}", f"measure {LEAST_DATA} or more", ("data",))
+
+
 AnyParameter = Annotated[
     ListedParameter | Catalogue | TolerancedParameter | RangedParameter,
     Variants(
@@ -117,6 +146,11 @@ SoughtInRange = Annotated[
 SampledParameter = Annotated[
     SampledTolerance | SampledRange,
     Variants("names no range to sample", "give path with from and to, or with a tolerance"),
+]
+
+RandomParameter = Annotated[
+    Scattered | Measured | SampledTolerance | SampledRange,
+    Variants("has no distribution", "give path with a deviation, with data, with a tolerance, or with from and to"),
 ]
 
 
@@ -240,6 +274,38 @@ class Sobol(_Study):
     """The varied parameters, which are independent of each other."""
 
 
+Variation = Annotated[float, q.Quantity(replace(units.RATIO, example="10 %"), above=0.0)]
+
+
+class Reliability(Schema):
+    """How likely it is that a limit is exceeded. A random excitation is another one in every history."""
+
+    section: ClassVar[str] = "vary"
+
+    kind: Literal["reliability"] = "reliability"
+    """The probability of exceeding limits."""
+    method: Literal["monte_carlo", "form", "importance_sampling", "subset"] | None = None
+    """Monte Carlo; the first-order reliability method (FORM), which has no interval; importance sampling about the
+    design points, the default; or subset simulation, the default with a random excitation."""
+    event: Literal["any_limit", "all_limits"] = "any_limit"
+    """What is to be unlikely: that any limit is exceeded (a series system), or all of them are (a parallel one)."""
+    coefficient_of_variation: Variation | None = None
+    """Largest standard deviation of the probability over itself; what is less sure is not reliable. By default 10 %, of
+    a subset simulation 30 %."""
+    samples: SteppedCount = 1000
+    """Histories of each level of a subset simulation, with which importance sampling begins, and of further batches."""
+    most_cases: SteppedCount = 20_000
+    """Number of histories at most."""
+    seed: NotNegativeWhole = 0
+    """Seed of the random generator."""
+    parameters: tuple[RandomParameter, ...] = ()
+    """The numbers that scatter; none is needed with a random excitation."""
+    correlations: tuple[Correlation, ...] = ()
+    """Which of them go together; all others are independent."""
+    responses: tuple[Text, ...] = ()
+    """Responses that are computed beside those of limits."""
+
+
 class Optimise(Schema):
     """The best design: a search for the numbers with the smallest or largest response that meet every limit."""
 
@@ -270,7 +336,7 @@ class Optimise(Schema):
             raise Unfit(f"= {count} objectives, of which two are compared", "add some up: {peak_force: 40 N, ...}")
 
 
-Vary = Annotated[Grid | Zipped | OneAtATime | LatinHypercube | Sobol, BY_FORM]
+Vary = Annotated[Grid | Zipped | OneAtATime | LatinHypercube | Sobol | Reliability, BY_FORM]
 
 
 Probability = Annotated[float, q.Quantity(replace(units.RATIO, example="95 %"), above=0.0, below=1.0)]

@@ -92,6 +92,22 @@ def test_a_tolerance_alone_is_the_run_with_it():
     assert abs(swing["smallest_at"]) == abs(swing["largest_at"]) == 5e-5
 
 
+@pytest.mark.slow
+def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_agrees():
+    pytest.importorskip("openturns")
+    result = beamsim.design_study(shipped(CONFIGS / "exceedance.yaml"))
+    of = result.summary["reliability"]
+    assert result.complete
+    assert 3e-5 < of["low"] < of["probability"] < of["high"] < 3e-4
+    assert beamsim.run(design(result, {"parameters": of["design_point"]})).summary["peak_force_n"][
+        "tip"
+    ] == pytest.approx(28.0, rel=1e-3)
+    changes = {"vary.method": "form"}
+    first = beamsim.design_study(beamsim.load_scenario(CONFIGS / "exceedance.yaml", changes)).summary["reliability"]
+    assert first["distance"] == pytest.approx(of["distance"], abs=1e-3)
+    assert of["low"] / 1.3 < first["probability"] < 1.3 * of["high"]
+
+
 # --- searches ---------------------------------------------------------------------------------------------------------
 
 

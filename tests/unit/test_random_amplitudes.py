@@ -84,3 +84,13 @@ def test_other_studies_and_single_runs_keep_fixed_amplitudes():
         "vary={kind: grid, parameters: [{path: 'chain.masses[0]', values: [1, 2]}]}",
     ])  # fmt: skip
     assert getattr(plan_designs(other).study.case.excitation, "amplitudes", None) is None
+
+
+def test_a_blend_is_the_sum_of_realisations_and_has_their_scatter():
+    first, second = noise(4, "random"), noise(7, "random")
+    blend = noise("0.8*4 + 0.6*7", "random")
+    assert blend == pytest.approx(0.8 * first + 0.6 * second, abs=1e-12 * np.abs(blend).max())
+    assert noise("8*4+6*7", "random") == pytest.approx(blend, abs=1e-12 * np.abs(blend).max())  # shares of a whole
+    assert np.array_equal(noise("1*4", "random"), first)
+    total = np.mean([np.mean(noise(f"0.8*{k} + 0.6*{k + 1000}", "random") ** 2) for k in range(200)])
+    assert total == pytest.approx(np.mean([np.mean(noise(k, "random") ** 2) for k in range(2000, 2200)]), rel=0.1)

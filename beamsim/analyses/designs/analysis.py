@@ -71,6 +71,7 @@ def design_study(
         plan = plan_designs(scenario)
         check_cases(plan)
     ended: Outcome | None = None
+    histories: Any = None
     known, total = tuple(known), plan.most * plan.study.realisations.count
 
     def solved(outcome: CaseOutcome) -> None:
@@ -83,9 +84,15 @@ def design_study(
         progress(len(known) / total)
     options: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "stop": stop, "most": plan.most}
     with Evaluator(plan.study, known=known, each=solved, **options) as evaluate:
-        ended = (named("beamsim.analyses.designs.search:search") if plan.searches else _all_cases)(plan, evaluate)
+        if plan.kind == "reliability":
+            histories = named("beamsim.analyses.designs.reliability:asked")(plan, evaluate)
+        else:
+            ended = (named("beamsim.analyses.designs.search:search") if plan.searches else _all_cases)(plan, evaluate)
     ended = unsettled(plan.most) if evaluate.ended == "most_cases" else ended
-    return gather(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
+    result = gather(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
+    if histories is not None and evaluate.ended != "interrupted":
+        result = named("beamsim.analyses.designs.reliability:concluded")(result, histories)
+    return result
 
 
 def _all_cases(plan: DesignPlan, evaluate: Evaluator) -> None:

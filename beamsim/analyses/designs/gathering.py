@@ -86,10 +86,11 @@ def gather(
         pairs = zip(aims, known_aims.values(), strict=True)
         eligible = front = efficient(np.array([(-1.0 if a.largest else 1.0) * r.values for a, r in pairs]), eligible)
     # the best of many parts is no choice
-    chosen = plan.kind not in (*SAMPLES, "one_at_a_time") or bool(objective.terms)
+    chosen = plan.kind not in (*SAMPLES, "one_at_a_time", "reliability") or bool(objective.terms)
     best = best_cases(values, margins, eligible, largest=objective.largest) if chosen and not unknown else []
     if plan.searches:
         ended = _search_ended(plan, ended, failures, found=bool(best))
+    if plan.kind == "optimise":
         nearest = best or best_cases(None, margins, solved, largest=True) or [{"case": 0}]
         worst = _margins_of_one(plan, outcomes, nearest[0]["case"])
         first = best_cases(values, margins, np.arange(solved.size) == 0, largest=True)
@@ -129,8 +130,8 @@ def gather(
             *_about_tables(plan, realised),
         ),
         wall_time_s=wall_time_s,
-        objectives=known_aims if plan.searches else None,
-        front=front if plan.searches else None,
+        objectives=known_aims if plan.kind == "optimise" else None,
+        front=front if plan.kind == "optimise" else None,
         fingerprint=plan.fingerprint,
     ).with_summary(
         solved=solved.size - missing - len(failures),
@@ -143,7 +144,7 @@ def gather(
         best=[described(item) for item in best] or None,
         tolerances=_tolerances(realisations),
         scatter=_scatter(stored, best, meets if limits else None, solved.size),
-        margins=worst if limits else None,
+        margins=worst if limits and plan.kind != "reliability" else None,
         probability=probability(passing.ravel()[drawn]) if limits and drawn.any() else None,
         sensitivity=_sensitivity(plan, responses, sensitivity) or None,
         processor_time_s=sum(outcome.processor_time_s for outcome in outcomes.values()),
@@ -374,7 +375,7 @@ def _sensitivity(
     """By response and parameter: Sobol' indices, the range over its values alone, or the rank correlation."""
     if plan.kind == "sobol":
         return {item.name: _by_parameter(plan, item) for item in indices}
-    if plan.kind not in (*SAMPLES, "one_at_a_time"):
+    if plan.kind not in (*SAMPLES, "one_at_a_time", "reliability"):
         return {}
     numbers = {c.path: c.values for c in plan.coordinates if c.numeric or plan.kind not in SAMPLES}
     measure = rank_correlations if plan.kind in SAMPLES else swings

@@ -31,7 +31,7 @@ from beamsim.scenario.parameters import (
     with_values,
 )
 from beamsim.scenario.scenario import named_files
-from beamsim.scenario.studies import Correlation, LatinHypercube, OneAtATime, Optimise, Sobol
+from beamsim.scenario.studies import Correlation, LatinHypercube, OneAtATime, Optimise, Reliability, Sobol
 from beamsim.typing import Floats
 
 MOST_CHECKED = 400  # cases checked before the first is solved
@@ -137,14 +137,20 @@ def with_parameters(scenario: Scenario, varied: Iterable[VariedParameter], value
 
 
 def design(result: DesignsResult, case: Mapping[str, Any]) -> Scenario:
-    """The scenario of a case, as ``best`` and ``as_it_is`` of the summary have it, without the study.
+    """The scenario of a case, as ``best`` and ``as_it_is`` of the summary have it, or of numbers, without the study.
 
     Its paths of files begin at the root.
     """
-    title = f"{result.title}, design {case['case'] + 1}".removeprefix(", ")
+    called, varied = (
+        f"design {case['case'] + 1}" if "case" in case else "design point",
+        varied_parameters(result.scenario),
+    )
+    title = f"{result.title}, {called}".removeprefix(", ")
     alone = result.scenario.model_copy(update={"vary": None, "optimise": None, "title": title})
     alone = with_whole_paths(alone, result.scenario)
-    return with_parameters(alone, varied_parameters(result.scenario), case["parameters"].values()).rechecked()
+    if varies_seed(varied):
+        alone = with_values(alone, {("excitation", "amplitudes"): "random"})
+    return with_parameters(alone, varied, case["parameters"].values()).rechecked()
 
 
 @dataclass(frozen=True)
@@ -162,7 +168,7 @@ class DesignPlan:
     @property
     def searches(self) -> bool:
         """Whether a search asks for the cases one after the other, so that none is known beforehand."""
-        return self.kind == "optimise"
+        return self.kind in ("optimise", "reliability")
 
     def of(self, rows: Sequence[tuple[Value, ...]]) -> DesignPlan:
         """The same plan for cases with these values of the varied parameters."""
@@ -198,11 +204,11 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
         columns = sobol(varied, vary.samples, vary.seed)
     elif isinstance(vary, OneAtATime):
         columns = one_at_a_time(varied)
-    elif isinstance(vary, Optimise):
+    elif isinstance(vary, Optimise | Reliability):
         columns = [[p.nominal] for p in varied]
     else:
         columns = [listed_values(parameter) for parameter in varied]
-    aims = [(key, aim) for key in ("minimise", "maximise") if (aim := getattr(vary, key))]
+    aims = [(key, aim) for key in ("minimise", "maximise") if (aim := getattr(vary, key, ""))]
     needed = [(key, name) for key, aim in aims for name in ((aim,) if isinstance(aim, str) else aim)]
     for key, name in needed:
         _check_response(scenario, name, f"{vary.section}.{key}")
@@ -213,6 +219,8 @@ def plan_designs(scenario: Scenario) -> DesignPlan:
     objectives(scenario)  # whose values that count as one may be none
     names = tuple(name for _, name in needed)
     given = vary.responses or (names if isinstance(vary, Optimise) else ())
+    if isinstance(vary, Reliability) and scenario.limits is not None:
+        given = (*given, *(limited_response(name).rpartition("/")[2] for name in scenario.limits.given))
     asked = _asked(scenario, given, f"{vary.section}.responses", names)
     return _plan(scenario, vary.kind, varied, columns, asked, Realisations.of(scenario))
 
@@ -353,7 +361,7 @@ def _plan(
     fingerprint = hashlib.sha256(json.dumps(all_of_it, sort_keys=True).encode()).hexdigest()
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
     study = Study(analysis, with_whole_paths(case, scenario), varied, realisations, asked, fingerprint)
-    most = len(rows) if scenario.optimise is None else scenario.optimise.most_cases
+    most = getattr(scenario.study, "most_cases", len(rows))
     plan = DesignPlan(scenario, kind, (), (), study, (), most).of(rows)
     if kind != "grid":
         return plan
@@ -464,19 +472,24 @@ def _correlated(paths: list[str], cube: Floats, correlations: Sequence[Correlati
     """
     from scipy.stats import norm
 
-    wanted, scores = np.eye(len(paths)), norm.ppf(cube)
+    scores = norm.ppf(cube)
+    present = np.linalg.cholesky(np.corrcoef(scores, rowvar=False))
+    mixed = mixing(paths, correlations) @ np.linalg.solve(present, scores.T)
+    return np.asarray(np.take_along_axis(np.sort(cube, axis=0), mixed.argsort(axis=1).argsort(axis=1).T, axis=0))
+
+
+def mixing(paths: list[str], correlations: Sequence[Correlation]) -> Floats:
+    """The triangular matrix that makes normal numbers with rank correlations of independent ones."""
+    wanted = np.eye(len(paths))
     for each in correlations:
         i, j = map(paths.index, each.between)
         wanted[i, j] = wanted[j, i] = 2.0 * math.sin(math.pi / 6.0 * each.coefficient)
     try:
-        mixing = np.linalg.cholesky(wanted)
+        return np.asarray(np.linalg.cholesky(wanted), dtype=float)
     except np.linalg.LinAlgError:
         pairs = ", ".join(f"{each.coefficient:g} of {' and '.join(each.between)}" for each in correlations)
         message = f"asks for rank correlations that no numbers have together: {pairs}"
         raise ScenarioError.at("vary", message, "state the third one of three, or smaller ones") from None
-    present = np.linalg.cholesky(np.corrcoef(scores, rowvar=False))
-    ranks = (mixing @ np.linalg.solve(present, scores.T)).argsort(axis=1).argsort(axis=1).T
-    return np.asarray(np.take_along_axis(np.sort(cube, axis=0), ranks, axis=0))
 
 
 def sobol(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:

@@ -16,7 +16,21 @@ from beamsim.analyses.result import CONVERGENCE, Result
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import limited
 from beamsim.errors import ScenarioError
-from beamsim.fields import JSON, Axes, Counter, Entry, as_text, attribute, axis, dataset, declared, key, members, stored
+from beamsim.fields import (
+    JSON,
+    Axes,
+    Counter,
+    Entry,
+    as_text,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    key,
+    members,
+    stored,
+    table,
+)
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import Value
@@ -171,6 +185,30 @@ class SobolIndices:
     total_order_high: Floats = dataset("1", "upper end of the 95 % interval of total_order")
 
 
+@declared
+class RandomNumber:
+    """A number that scatters, and what it has to do with the probability of exceeding the limits."""
+
+    path: str = key("path of the number in the scenario")
+    unit: str = attribute("", "its unit")
+    mean: float = attribute("{unit}", "mean of its distribution")
+    deviation: float = attribute("{unit}", "standard deviation of its distribution")
+    design: float = attribute("{unit}", "value at the design point")
+    importance: float = attribute("1", "share of the squared derivatives by the means, each times the deviation")
+    by_mean: float = attribute("1", "derivative of the logarithm of the probability by the mean, times the deviation")
+    by_deviation: float = attribute("1", "the same by the deviation, times the deviation")
+
+
+@declared
+class Round:
+    """What is known of the probability after some histories."""
+
+    histories: int = dataset("1", "number of histories")
+    level: float = dataset("1", "1 - value / limit that is counted as exceeded; 0 is the limit itself")
+    probability: float = dataset("1", "probability of that")
+    variation: float = dataset("1", "its coefficient of variation; infinite or not a number where there is none")
+
+
 @dataclass(frozen=True)
 class CaseFailure:
     """A case without responses."""
@@ -199,6 +237,10 @@ _SUMMARY = (
     Entry("cases", "1", "number of cases", "cases", of="cases"),
     Entry("solved", "1", "cases with responses"),
     Entry("failed", "1", "cases that failed"),
+    Entry("reliability", "", "probability that limits are exceeded, with the ends of its 95 % interval and its "
+             "coefficient of variation; reliability_index; method, event, target of the coefficient, histories and how "
+             "many of them failed; design_point by path with its distance in standard deviations; and by path what a "
+             "number has to do with it", "reliability"),
     Entry("passing", "1", "cases that meet every limit", "passing"),
     Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin"),
     Entry("as_it_is", "", "of a search: the scenario as it is, as the best cases are", "as it is"),
@@ -279,6 +321,12 @@ class DesignsResult(Result):
     runs: dict[str, RunOfDesign] | None = members(
         f"{_GROUP}/runs", RunOfDesign, called="<design>", default=None
     )  # of a search: of the scenario as it is, and of the best design
+    random_numbers: tuple[RandomNumber, ...] | None = members(
+        f"{_GROUP}/random_numbers", RandomNumber, called="<number>", default=None
+    )  # of a study of reliability
+    rounds: tuple[Round, ...] | None = table(
+        f"{_GROUP}/rounds", Round, Counter("round", "number of the round"), default=None
+    )
     fingerprint: str = attribute("", "hash of all that the responses depend on", at=_GROUP, default="")
 
     @property

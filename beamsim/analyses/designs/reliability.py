@@ -1,0 +1,334 @@
+"""How likely it is that limits are exceeded: what scatters, the limit state of histories, and the methods."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from beamsim.analyses.designs import sampling
+from beamsim.analyses.designs.analysis import Ended, Evaluator
+from beamsim.analyses.designs.plan import DesignPlan, mixing
+from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RandomNumber, Round, limited_response
+from beamsim.analyses.designs.statistics import probability
+from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.read import read_csv
+from beamsim.measurements.signal import MeasurementError, column_named
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
+from beamsim.scenario import Scenario
+from beamsim.scenario.base import Unfit, path_text
+from beamsim.scenario.parameters import VariedParameter, read_as
+from beamsim.scenario.studies import LEAST_DATA, Measured, RandomParameter, Reliability, Scattered
+from beamsim.typing import Bools, Floats
+
+FAILED = -1.0  # of the limit state: a history without result counts as one that exceeds the limits
+SHIFT = 1e-4  # of a standard deviation, for derivatives
+SURE = 3.0  # standard deviations by which two estimates may differ
+WIDENED = 1.5  # of the deviation that a subset simulation states: its levels depend on each other
+OTHER_METHOD = "write method: importance_sampling"
+
+
+class Scatter:
+    """The numbers that scatter, as functions of independent standard normal variables."""
+
+    def __init__(self, plan: DesignPlan, vary: Reliability) -> None:
+        numbers = plan.study.varied[: len(vary.parameters)]
+        pairs = enumerate(zip(vary.parameters, numbers, strict=True))
+        self.data = [_data(plan.scenario, k, *pair) for k, pair in pairs]
+        self.numbers = [_distribution(*of) for of in zip(vary.parameters, numbers, self.data, strict=True)]
+        self.means = np.array([number.getMean()[0] for number in self.numbers])
+        self.deviations = np.array([number.getStandardDeviation()[0] for number in self.numbers])
+        self.mixing = mixing([number.path for number in numbers], vary.correlations)
+        if numbers:
+            joint = sampling.library().JointDistribution(self.numbers)
+            self._standard = joint.getIsoProbabilisticTransformation()
+            self._inverse = joint.getInverseIsoProbabilisticTransformation()
+
+    def values(self, u: Floats) -> Floats:
+        """(n, d) values of the numbers."""
+        return np.asarray(self._inverse(u @ self.mixing.T)) if self.numbers else u
+
+    def standard(self, x: Floats) -> Floats:
+        """(n, d) standard normal variables of values."""
+        return np.asarray(np.linalg.solve(self.mixing, np.asarray(self._standard(x)).T).T)
+
+    def derivatives(self, u: Floats) -> tuple[Floats, Floats]:
+        """(d, d) derivatives of the variables (d,) of values that stay: by how far the distribution of each number is
+        shifted, in standard deviations, and by the logarithm of its width."""
+        x = self.values(u[None])[0]
+        shifted, widened = x - SHIFT * np.diag(self.deviations), x - SHIFT * np.diag(x - self.means)
+        return (self.standard(shifted) - u) / SHIFT, (self.standard(widened) - u) / SHIFT
+
+
+def _distribution(asked: RandomParameter, varied: VariedParameter, data: list[float]) -> Any:
+    """The distribution of a number that scatters, one of OpenTURNS."""
+    ot, mean, deviation = sampling.library(), 0.5 * (varied.low + varied.high), 0.5 * (varied.high - varied.low)
+    if data:
+        return ot.KernelSmoothing().build([[x] for x in data])
+    if isinstance(asked, Scattered) and asked.distribution == "lognormal":
+        return ot.LogNormalMuSigma(mean, deviation, 0.0).getDistribution()
+    if isinstance(asked, Scattered):
+        return ot.Normal(mean, deviation)
+    if varied.distribution == "normal":
+        return ot.TruncatedNormal(mean, deviation / 3.0, varied.low, varied.high)
+    if varied.spacing == "logarithmic":
+        return ot.LogUniform(math.log(varied.low), math.log(varied.high))
+    return ot.Uniform(varied.low, varied.high)
+
+
+def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: VariedParameter) -> list[float]:
+    """The measured values of parameter ``index``, in SI units; none where it has another distribution."""
+    if not isinstance(asked, Measured) or not isinstance(asked.data, str):
+        return [float(x) for x in varied.values]
+    at = ("vary", "parameters", index, "data")
+    try:
+        column = column_named(read_csv(scenario.folder_of(*at) / asked.data), asked.column)
+        if column.y.size < LEAST_DATA:
+            raise MeasurementError(f"has {column.y.size} values", f"measure {LEAST_DATA} or more")
+        texts = [f"{x!r} {column.unit}".rstrip() for x in column.y.tolist()]
+        return [float(read_as(scenario, varied.places[0], text, at)) for text in texts]
+    except (MeasurementError, OSError) as fault:
+        message, remedy = getattr(fault, "message", "cannot be read"), getattr(fault, "remedy", "correct its name")
+        found = Problem(path_text(at), f"= {asked.data} {message}", remedy)
+    except Unfit as fault:
+        found = fault.problem(())
+    raise scenario.located(ScenarioError(found))
+
+
+class Exceedance:
+    """The limit state, not positive where the limits are exceeded, of histories that are asked for in batches.
+
+    It is 1 - value / limit of the limit that decides, where a value counts with its change by a finer model. What the
+    methods find is kept here.
+
+    Parameters
+    ----------
+    plan : of a study of reliability.
+    evaluate : solves cases, given by the values of the varied parameters.
+    """
+
+    def __init__(self, plan: DesignPlan, evaluate: Evaluator) -> None:
+        vary, limits = plan.scenario.vary, plan.scenario.limits
+        assert isinstance(vary, Reliability)
+        assert limits is not None
+        self.vary, self.limits, self.scatter = vary, limits.given, Scatter(plan, vary)
+        self.noise = plan.scenario.excitation.kind == "random"
+        self.method = vary.method or ("subset" if self.noise else "importance_sampling")
+        self.target = vary.coefficient_of_variation or (0.3 if self.method == "subset" else 0.1)
+        self.generator = np.random.default_rng(vary.seed)
+        sampling.library().RandomGenerator.SetSeed(vary.seed)
+        self.origin = sampling.points_at(np.zeros((1, len(vary.parameters))), [0] if self.noise else [])
+        self.asked = 0  # histories whose outcomes are known
+        self.rounds: list[Round] = []
+        self.estimate = sampling.Estimate(math.nan, math.inf)
+        self.outcome = COMPLETE  # unless the method has no estimate, or says why it is in doubt
+        self.beyond, self.values, self.weights = self.origin.some([]), np.zeros(0), np.zeros(0)  # of the limits
+        self.critical: sampling.Points | None = None  # the design point
+        self._evaluate = evaluate
+
+    def __call__(self, points: sampling.Points) -> Floats:
+        """(n,) values at points."""
+        outcomes = self._evaluate(self.rows(points))
+        self.asked += len(outcomes)
+        return np.array([self._value(outcome) for (outcome,) in outcomes])
+
+    def rows(self, points: sampling.Points) -> list[tuple[Any, ...]]:
+        """The values of the varied parameters at points; a blend as a seed is written."""
+        texts = [[" + ".join(f"{share:.6g}*{seed}" for seed, share in of)] if of else [] for of in points.blends]
+        return [(*x, *text) for x, text in zip(self.scatter.values(points.u).tolist(), texts, strict=True)]
+
+    def _value(self, outcome: CaseOutcome) -> float:
+        each = []
+        for name, limit in self.limits.items():
+            end = f"/{limited_response(name)}"
+            found = [x for key, x in outcome.values.items() if f"/{key}".endswith(end) and isinstance(x, float)]
+            highest = outcome.ranges.get(name, (0.0, max(found, default=math.nan)))[1]
+            each.append(1.0 - highest / limit)
+        value = (min if self.vary.event == "any_limit" else max)(each)
+        return float(value) if np.all(np.isfinite(each)) else FAILED
+
+    def kept(self, points: sampling.Points, values: Floats, weights: Floats) -> Bools:
+        """Keep those of some samples that are beyond the limits, and say which these are."""
+        which = values <= 0.0
+        new = points.some(which)
+        self.beyond = sampling.Points(
+            np.vstack([self.beyond.u, new.u]), np.concatenate([self.beyond.blends, new.blends])
+        )
+        self.values = np.concatenate([self.values, values[which]])
+        self.weights = np.concatenate([self.weights, weights[which]])
+        return which
+
+    def noted(self, estimate: sampling.Estimate) -> bool:
+        """Keep an estimate, and say whether it is sure enough."""
+        self.estimate = estimate
+        self.rounds.append(Round(self.asked, 0.0, *estimate))
+        return estimate.variation <= self.target
+
+    def level(self) -> sampling.SubsetLevel:
+        """The last level of a subset simulation; a round is kept of each."""
+        for level in sampling.subset_levels(self, self.generator, self.vary.samples, self.origin):
+            self.rounds.append(Round(self.asked, level.edge, *level.estimate))
+        if level.edge > 0.0:
+            sentence = "most histories have one value, such as that of a stop that is not reached: nothing leads on"
+            self.outcome = Outcome.of(OutcomeKind.UNTRUSTED, "one_value", sentence, remedy="limit a displacement")
+        return level
+
+
+def monte_carlo(histories: Exceedance) -> None:
+    """Independent histories."""
+    terms: list[Floats] = []
+    while not terms or not histories.noted(sampling.average(terms)):
+        points = sampling.drawn(histories.generator, histories.vary.samples, histories.origin)
+        terms.append(histories.kept(points, histories(points), np.ones(len(points.u))).astype(float))
+
+
+def form(histories: Exceedance) -> None:
+    """What is beyond the plane that touches the limit state where it is nearest to the medians."""
+    from scipy.special import ndtr
+
+    safe = float(histories(histories.origin)[0]) > 0.0
+    point, found = sampling.nearest_point(histories, histories.origin.u[0])
+    if found:
+        histories.critical, distance = sampling.points_at(point[None]), float(np.linalg.norm(point))
+        histories.noted(sampling.Estimate(float(ndtr(-distance if safe else distance)), math.nan))
+        kind, code, sentence = OutcomeKind.NOTED, "first_order", "first-order approximation, which has no interval"
+    else:
+        kind, code, sentence = OutcomeKind.FAILED, "no_design_point", "gradients lead to no point of the limit"
+    histories.outcome = Outcome.of(kind, code, sentence, remedy=OTHER_METHOD)
+
+
+def subset(histories: Exceedance) -> None:
+    """Levels up to the limits."""
+    level = histories.level()
+    if level.edge == 0.0:
+        histories.kept(level.inside, level.values, np.ones(level.values.size))
+        histories.estimate = level.estimate
+
+
+def importance_sampling(histories: Exceedance) -> None:
+    """Samples about the design points, in the directions in which a subset simulation exceeds the limits."""
+    from scipy.stats import norm
+
+    level = histories.level()
+    if level.edge > 0.0:
+        return
+    centres: list[Floats] = []
+    for start in sampling.directions(level.inside.u):
+        point, found = sampling.nearest_point(histories, start)
+        centre = point if found else start
+        if all(np.linalg.norm(centre - other) > 0.5 for other in centres):
+            centres.append(centre)
+    histories.critical = sampling.points_at(np.array([min(centres, key=lambda u: float(np.linalg.norm(u)))]))
+    mixture, terms = sampling.about(np.array(centres), level.inside.u), list[Floats]()
+    while not terms or not histories.noted(sampling.average(terms)):
+        u = np.asarray(mixture.getSample(histories.vary.samples))
+        weights = np.exp(norm.logpdf(u).sum(axis=1) - np.ravel(mixture.computeLogPDF(u)))
+        points = sampling.points_at(u)
+        terms.append(weights * histories.kept(points, histories(points), weights))
+    apart = abs(math.log(histories.estimate.probability / level.estimate.probability))
+    if apart > SURE * math.sqrt(math.log1p((WIDENED * level.estimate.variation) ** 2)):
+        sentence = f"the subset simulation that it began with finds {level.estimate.probability:.2g}, far from it"
+        histories.outcome = Outcome.of(OutcomeKind.UNTRUSTED, "regions", sentence, remedy="write method: subset")
+
+
+METHODS = {"monte_carlo": monte_carlo, "form": form, "subset": subset, "importance_sampling": importance_sampling}
+
+
+def asked(plan: DesignPlan, evaluate: Evaluator) -> Exceedance:
+    """The histories that the method of a study asks for, until its estimate is sure enough or no more are allowed."""
+    histories = Exceedance(plan, evaluate)
+    with suppress(Ended):
+        METHODS[histories.method](histories)
+        if histories.critical is None and histories.weights.size:
+            of = -histories.values if histories.noise else np.linalg.norm(histories.beyond.u, axis=1)
+            histories.critical = histories.beyond.some([int(np.argmin(of))])
+            if not histories.noise:
+                histories.critical = sampling.points_at(
+                    sampling.nearest_point(histories, histories.critical.u[0])[0][None]
+                )
+    return histories
+
+
+def concluded(result: DesignsResult, histories: Exceedance) -> DesignsResult:
+    """The result of the cases with the probability, how sure it is, and what it depends on."""
+    from scipy.special import ndtri
+
+    estimate, critical = histories.estimate, histories.critical
+    low, high = _interval(histories)
+    said: dict[str, Any] = {
+        "method": histories.method, "event": histories.vary.event, "probability": estimate.probability, "low": low,
+        "high": high, "coefficient_of_variation": estimate.variation, "target": histories.target,
+        "reliability_index": float(-ndtri(estimate.probability)), "histories": histories.asked,
+    }  # fmt: skip
+    numbers: tuple[RandomNumber, ...] = ()
+    warnings = result.warnings
+    if critical is not None:
+        row = histories.rows(critical)[0]
+        if histories.scatter.numbers:
+            numbers = _numbers(result, histories, critical, said["reliability_index"])
+        said |= {"design_point": dict(zip((c.path for c in result.coordinates), row, strict=True))}
+        said |= {"distance": float(np.linalg.norm(critical.u))} if not histories.noise else {}
+        warnings += tuple(
+            f"{number.path} at the design point is beyond what was measured, in the tail of the fit"
+            for number, data in zip(numbers, histories.scatter.data, strict=True)
+            if data and not min(data) <= number.design <= max(data)
+        )
+    found = replace(result, random_numbers=numbers, rounds=tuple(histories.rounds), warnings=warnings)
+    return replace(found, summary=result.summary | {"reliability": said}).ended(_ended(histories))
+
+
+def _ended(histories: Exceedance) -> Outcome:
+    """How sure the estimate is."""
+    weight, variation = float(histories.weights.sum()), histories.estimate.variation
+    lost = float(histories.weights[histories.values == FAILED].sum()) / weight if weight else 0.0
+    if histories.outcome is not COMPLETE:
+        return histories.outcome
+    if variation > histories.target:
+        sentence = f"coefficient of variation of {_percent(variation)} after {histories.asked} histories"
+        remedy = f"give more samples or most_cases, or ask for more than {_percent(histories.target)}"
+        return Outcome.of(OutcomeKind.UNTRUSTED, "scatter", sentence, remedy=remedy, variation=variation)
+    if lost > histories.target:
+        sentence = f"{_percent(lost)} of the probability is that of histories that failed"
+        return Outcome.of(OutcomeKind.UNTRUSTED, "cases_failed", sentence, remedy="see failures", share=lost)
+    return COMPLETE
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %" if math.isfinite(share) else "no known size"
+
+
+def _interval(histories: Exceedance) -> tuple[float, float]:
+    """Ends of the 95 % interval: of Clopper and Pearson for a share of histories, else of a lognormal distribution."""
+    estimate = histories.estimate
+    if histories.method == "monte_carlo" and histories.rounds:
+        of = probability(np.arange(histories.rounds[-1].histories) < histories.weights.size)
+        return of["low"], of["high"]
+    factor = math.exp(1.96 * math.sqrt(math.log1p(estimate.variation**2)))
+    return estimate.probability / factor, min(1.0, estimate.probability * factor)
+
+
+def _numbers(
+    result: DesignsResult, histories: Exceedance, critical: sampling.Points, index: float
+) -> tuple[RandomNumber, ...]:
+    """What each number has to do with the probability.
+
+    Its derivatives follow from the mean of the variables beyond the limits: as the normal distribution of a variable is
+    shifted, the logarithm of a probability grows by the mean of the variable in that event.
+    """
+    from scipy.stats import norm
+
+    u, scatter = critical.u[0], histories.scatter
+    if histories.weights.size:
+        mean = histories.weights @ histories.beyond.u / histories.weights.sum()
+    else:  # beyond a plane at that index
+        mean = u / index * math.exp(norm.logpdf(index) - norm.logsf(index))
+    shifted, widened = scatter.derivatives(mean if histories.noise else u)
+    by_mean, by_width = -shifted @ mean, -widened @ mean
+    importance = by_mean**2 / max(float(by_mean @ by_mean), 1e-300)
+    x = scatter.values(u[None])[0]
+    columns = zip(scatter.means, scatter.deviations, x, importance, by_mean, by_width, strict=True)
+    paths = [(c.path, c.unit) for c in result.coordinates]
+    return tuple(RandomNumber(*of, *map(float, row)) for of, row in zip(paths, columns, strict=False))

@@ -1,0 +1,222 @@
+"""Probability that a limit state is not positive, in the space of independent standard normal variables.
+
+Subset simulation (S. K. Au and J. L. Beck, Probabilistic Engineering Mechanics 16, 2001) comes to rare events by
+levels; its chains take steps that keep the normal distribution (I. Papaioannou et al., ibid. 41, 2015), whose length
+follows their acceptance. OpenTURNS finds the nearest point of the limit state and draws about several of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamsim.errors import ScenarioError
+from beamsim.typing import Bools, Floats
+
+KEPT = 0.1  # share of the samples of a level from which those of the next one start
+ACCEPTANCE = 0.44  # of steps, at which chains move fastest
+MOST_REGIONS, APART = 4, 0.5  # design points, and the largest cosine between the directions of two
+WIDTH = 1.1  # standard deviation about design points, where the limit state may curve
+STEP, NEAR = 1e-4, 1e-5  # of differences, and errors at which the search for the nearest point ends
+FOUND = 0.03  # distance from the limit, in standard deviations, from which the end of the search is no point of it
+
+
+class Points(NamedTuple):
+    """Samples of standard normal variables, and of realisations of a random process.
+
+    A realisation is a blend of those of several seeds: tuples of seed and share, whose squares add up to one.
+    """
+
+    u: Floats  # (n, d)
+    blends: NDArray[np.object_]  # (n,) of tuples, which are empty without a process
+
+    def some(self, which: Any) -> Points:
+        """Those with these numbers, or where it is true."""
+        return Points(self.u[which], self.blends[which])
+
+
+LimitState = Callable[[Points], Floats]
+"""(n,) values, not positive beyond the limit."""
+
+
+class Estimate(NamedTuple):
+    """A probability with its coefficient of variation."""
+
+    probability: float
+    variation: float
+
+
+def points_at(u: Floats, seeds: Sequence[int] = ()) -> Points:
+    """Points of coordinates (n, d), with the realisations of seeds."""
+    blends: list[tuple[tuple[int, float], ...]] = [((seed, 1.0),) for seed in seeds] or [()] * len(u)
+    return Points(u, np.fromiter(blends, dtype=object, count=len(u)))
+
+
+def drawn(generator: np.random.Generator, count: int, like: Points) -> Points:
+    """Independent samples of as many variables as points have, with a realisation where they have one."""
+    seeds = generator.integers(2**31, size=count if like.blends[0] else 0).tolist()
+    return points_at(generator.standard_normal((count, like.u.shape[1])), seeds)
+
+
+def average(terms: Sequence[Floats]) -> Estimate:
+    """The mean of independent numbers, whose coefficient of variation is infinite where all are zero."""
+    values = np.concatenate(terms)
+    mean = float(values.mean())
+    return Estimate(mean, float(values.std()) / mean / math.sqrt(values.size) if mean > 0.0 else math.inf)
+
+
+class SubsetLevel(NamedTuple):
+    """A level of a subset simulation."""
+
+    estimate: Estimate  # of the probability to be within it
+    inside: Points  # samples within it
+    values: Floats  # of the limit state there
+    edge: float  # the largest of them that is within; zero at the limit
+
+
+def subset_levels(
+    state: LimitState, generator: np.random.Generator, count: int, origin: Points
+) -> Iterator[SubsetLevel]:  # fmt: skip
+    """Yield the levels of a subset simulation, the last at the limit, or where most of the samples have one value.
+
+    Parameters
+    ----------
+    state : the limit state.
+    generator : of all random numbers.
+    count : samples of a level.
+    origin : a point with as many variables as there are, and with a realisation where there is a process.
+
+    Yields
+    ------
+    SubsetLevel
+    """
+    points, chains, width = drawn(generator, count, origin), max(1, round(count * KEPT)), 0.6
+    values, probability, variance, steps = state(points), 1.0, 0.0, 1
+    while True:
+        order = np.argsort(values, kind="stable")
+        edge = max(0.0, float(values[order[chains - 1]]))
+        inside = values <= edge
+        share = float(inside.mean())
+        probability *= share
+        variance += (1.0 - share) / (share * values.size) * _correlation(inside.reshape(-1, steps))
+        yield SubsetLevel(Estimate(probability, math.sqrt(variance)), points.some(inside), values[inside], edge)
+        if edge == 0.0 or share > 0.5:
+            return
+        first = order[:chains]
+        points, values, width = _chains(state, generator, points.some(first), values[first], width)
+        steps = values.size // chains
+
+
+def _correlation(inside: Bools) -> float:
+    """Factor of the variance of a share by the correlation along (chains, steps)."""
+    share, steps = inside.mean(), inside.shape[1]
+    if share == 1.0:
+        return 1.0
+    lags = [(1.0 - k / steps) * ((inside[:, k:] & inside[:, :-k]).mean() - share**2) for k in range(1, steps)]
+    return max(1.0, 1.0 + 2.0 * float(sum(lags) / (share * (1.0 - share))))
+
+
+def _chains(
+    state: LimitState, generator: np.random.Generator, points: Points, values: Floats, width: float
+) -> tuple[Points, Floats, float]:
+    """Chains from points, one after the other, that stay within the largest of their values; the width of a step."""
+    edge, count = float(values.max()), values.size
+    along, of = [points], [values]
+    for step in range(1, round(1.0 / KEPT)):
+        stays, new = math.sqrt(1.0 - width**2), drawn(generator, count, points)
+        blends = [
+            (*((seed, stays * share) for seed, share in old), *((seed, width * share) for seed, share in added))
+            for old, added in zip(points.blends, new.blends, strict=True)
+        ]
+        tried = Points(stays * points.u + width * new.u, np.fromiter(blends, dtype=object, count=count))
+        reached = state(tried)
+        goes = reached <= edge
+        points = Points(np.where(goes[:, None], tried.u, points.u), np.where(goes, tried.blends, points.blends))
+        values = np.where(goes, reached, values)
+        along.append(points)
+        of.append(values)
+        width = min(1.0, max(0.05, width * math.exp((float(goes.mean()) - ACCEPTANCE) / math.sqrt(step))))
+    order = np.arange(len(of) * count).reshape(-1, count).T.ravel()
+    each = Points(np.concatenate([p.u for p in along]), np.concatenate([p.blends for p in along]))
+    return each.some(order), np.concatenate(of)[order], width
+
+
+def library() -> Any:
+    """OpenTURNS.
+
+    Raises
+    ------
+    ScenarioError
+        If it is not installed.
+    """
+    try:
+        return import_module("openturns")
+    except ImportError:
+        remedy = "pip install 'beamsim[reliability]'"
+        raise ScenarioError.at("vary.kind", "= reliability needs OpenTURNS, which is not installed", remedy) from None
+
+
+def nearest_point(state: LimitState, start: Floats) -> tuple[Floats, bool]:
+    """The point where a limit state is zero that is nearest to the origin (A. M. Hasofer and N. C. Lind, 1974).
+
+    Parameters
+    ----------
+    state : the limit state, whose gradient is found by differences.
+    start : (d,) of the search by Rackwitz and Fiessler.
+
+    Returns
+    -------
+    (d,) point, and whether it is one.
+    """
+    ot, raised, slope = library(), list[Exception](), 1.0
+
+    def values(u: Any) -> Any:
+        try:
+            return state(points_at(np.asarray(u, dtype=float)))[:, None] / slope
+        except Exception as error:  # OpenTURNS would make another one of it
+            raised.append(error)
+            raise
+
+    function = ot.PythonFunction(start.size, 1, func_sample=values)
+    function.setGradient(ot.NonCenteredFiniteDifferenceGradient([STEP] * start.size, function.getEvaluation()))
+    search = ot.AbdoRackwitz(ot.NearestPointProblem(function, 0.0))
+    search.setStartingPoint(start)
+    search.setMaximumIterationNumber(40)
+    search.setCheckStatus(False)
+    for error in ("Absolute", "Relative", "Residual", "Constraint"):
+        getattr(search, f"setMaximum{error}Error")(NEAR)
+    try:
+        slope = float(np.linalg.norm(function.gradient(start)))  # its line search counts on a slope of about one
+        if not slope > 0.0:
+            return start, False
+        search.run()
+        point = np.asarray(search.getResult().getOptimalPoint(), dtype=float)
+        return point, bool(np.all(np.isfinite(point))) and abs(float(values([point])[0, 0])) < FOUND
+    except Exception:
+        if raised:
+            raise raised[0] from None
+        return start, False
+
+
+def directions(u: Floats) -> Floats:
+    """Of points (n, d) those nearest to the origin in directions that are apart."""
+    chosen: list[Floats] = []
+    for point in u[np.argsort(np.linalg.norm(u, axis=1), kind="stable")]:
+        unit = point / np.linalg.norm(point)
+        if len(chosen) < MOST_REGIONS and all(unit @ c / np.linalg.norm(c) < APART for c in chosen):
+            chosen.append(point)
+    return np.array(chosen)
+
+
+def about(centres: Floats, u: Floats) -> Any:
+    """A mixture of normal distributions of OpenTURNS: half of it about centres (k, d), half like samples (n, d)."""
+    ot, size = library(), u.shape[1]
+    spread = ot.CovarianceMatrix((1.1 * np.cov(u, rowvar=False).reshape(size, size) + 0.05 * np.eye(size)).tolist())
+    near = [ot.Normal(centre.tolist(), ot.CovarianceMatrix((WIDTH**2 * np.eye(size)).tolist())) for centre in centres]
+    shares = [0.5 / len(near)] * len(near)
+    return ot.Mixture([*near, ot.Normal(u.mean(axis=0).tolist(), spread)], [*shares, 0.5])

@@ -1,0 +1,292 @@
+"""Probabilities of exceeding limits, against closed forms: the values of the cases are formulas of the numbers here.
+
+Those of real histories are compared with independent integration in tests/reference/test_reliability_of_histories.py.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from beamsim.analyses.designs.analysis import CaseSolver, design_study
+from beamsim.analyses.designs.result import CaseOutcome
+from beamsim.errors import ScenarioError
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, exit_code
+from beamsim.scenario import load_scenario
+
+pytest.importorskip("openturns")
+
+FORCE, DISPLACEMENT = "snubbers/stop/peak_force", "probes/mass/peak_displacement"
+TEN = 10  # springs, each of 1 kN/m
+
+
+@pytest.fixture
+def solved_by(monkeypatch):
+    """Makes the values of every case those of a formula of the varied numbers, by name; None fails."""
+
+    def use(formula):
+        def solve(self, case):
+            values = formula(*case.values)
+            if values is None:
+                return CaseOutcome(case.number, {}, Outcome.of(OutcomeKind.FAILED, "failed", "no"), given=case.values)
+            values = values if isinstance(values, dict) else {FORCE: values}
+            return CaseOutcome(case.number, values, COMPLETE, given=case.values)
+
+        monkeypatch.setattr(CaseSolver, "solve", solve)
+
+    return use
+
+
+def scenario(parameters, limits="{peak_force: 1 N}", count=1, **study):
+    """A chain of masses with a stop, with a study of reliability."""
+    masses, springs = ", ".join(["1 kg"] * count), ", ".join(["1 kN/m"] * count)
+    keys = {"kind": "reliability", **study}
+    return load_scenario(f"""\
+chain: {{masses: [{masses}], springs: [{springs}]}}
+snubbers: [{{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 100 kN/m}}]
+probes: [{{name: mass, mass: 1}}]
+excitation: {{kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2}}
+run: {{duration: 0.2 s}}
+limits: {limits}
+vary: {{{", ".join(f"{key}: {value}" for key, value in keys.items())}, parameters: [{", ".join(parameters)}]}}
+""")
+
+
+def found(case, **options):
+    result = design_study(case, workers=1, **options)
+    return result, result.summary["reliability"]
+
+
+def of_springs(limit, **study):
+    """Springs that scatter by 10 % each, and the limit on the sum of them that is so many deviations above the mean."""
+    parameters = [f"{{path: 'chain.springs[{k}]', deviation: 10 %}}" for k in range(TEN)]
+    total = 1e3 * TEN + limit * 100.0 * math.sqrt(TEN)
+    return scenario(parameters, f"{{peak_force: {total!r} N}}", TEN, **study)
+
+
+# --- the methods, on a linear limit state of normal numbers -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("limit", [-1.0, 2.0, 4.75])
+def test_first_order_reliability_is_exact_where_the_limit_is_linear(solved_by, limit):
+    solved_by(lambda *springs: sum(springs))
+    result, of = found(of_springs(limit, method="form"))
+    assert of["probability"] == pytest.approx(norm.sf(limit), rel=1e-6)
+    assert of["reliability_index"] == pytest.approx(limit, abs=1e-6)
+    assert of["distance"] == pytest.approx(abs(limit), abs=1e-6)
+    assert list(of["design_point"].values()) == pytest.approx([1e3 + limit * 100.0 / math.sqrt(TEN)] * TEN, rel=1e-6)
+    assert [n.importance for n in result.random_numbers] == pytest.approx([1.0 / TEN] * TEN, rel=1e-4)
+    assert result.outcome.code == "first_order"
+    assert of["histories"] < 120
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_in_a_million_of_ten_numbers_takes_fewer_than_ten_thousand_histories(solved_by, seed):
+    solved_by(lambda *springs: sum(springs))
+    result, of = found(of_springs(4.75, seed=seed))
+    exact = norm.sf(4.75)
+    assert result.complete
+    assert of["method"] == "importance_sampling"
+    assert of["coefficient_of_variation"] <= 0.1
+    assert of["histories"] < 10_000
+    assert abs(math.log(of["probability"] / exact)) < 3.5 * of["coefficient_of_variation"]
+    assert of["distance"] == pytest.approx(4.75, abs=0.01)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_probability_as_often_as_they_say(solved_by):
+    """19 of 20 of importance sampling; those of subset simulations somewhat less often, as their levels depend on each
+    other."""
+    solved_by(lambda *springs: sum(springs))
+    for method, limit, samples, least in (("importance_sampling", 2.5, 1000, 17), ("subset", 3.5, 500, 15)):
+        every = [found(of_springs(limit, method=method, samples=samples, seed=seed))[1] for seed in range(20)]
+        inside = [of["low"] < norm.sf(limit) < of["high"] for of in every]
+        assert sum(inside) >= least, method
+        spread = np.std(np.log([of["probability"] for of in every]))
+        assert spread < 2.0 * np.mean([of["coefficient_of_variation"] for of in every]), method
+
+
+def test_monte_carlo_has_the_interval_of_clopper_and_pearson(solved_by):
+    solved_by(lambda *springs: sum(springs))
+    result, of = found(of_springs(1.5, method="monte_carlo"))
+    share, count = of["probability"], result.rounds[-1].histories  # without those that found the design point
+    assert result.complete
+    assert abs(share - norm.sf(1.5)) < 3.5 * math.sqrt(norm.sf(1.5) / count)
+    assert of["coefficient_of_variation"] == pytest.approx(math.sqrt((1.0 - share) / share / count), rel=1e-9)
+    assert of["low"] < norm.sf(1.5) < of["high"]
+
+
+def test_what_is_less_sure_than_asked_is_not_reliable(solved_by):
+    solved_by(lambda *springs: sum(springs))
+    result, of = found(of_springs(4.0, method="monte_carlo", most_cases=3000))
+    assert (of["probability"], of["low"]) == (0.0, 0.0)
+    assert of["high"] == pytest.approx(3.7 / 3000, rel=0.01)  # Clopper and Pearson of none: 1 - 0.025^(1/n)
+    assert (result.outcome.code, int(exit_code(result.outcome))) == ("scatter", 3)
+    result, of = found(of_springs(4.0, method="subset", samples=1000, most_cases=2000))
+    assert math.isnan(of["probability"])
+    assert result.outcome.code == "scatter"
+
+
+def test_the_same_seed_gives_the_same_bits(solved_by):
+    solved_by(lambda *springs: sum(springs))
+    for method in ("monte_carlo", "importance_sampling", "subset"):
+        first, second, other = (
+            found(of_springs(2.0, method=method, samples=200, seed=s, most_cases=3000))[1] for s in (1, 1, 2)
+        )
+        assert first == second
+        assert first["probability"] != other["probability"]
+
+
+# --- distributions ----------------------------------------------------------------------------------------------------
+
+GAP, STIFFNESS, LEVEL = "snubbers.stop.gap", "snubbers.stop.stiffness", "excitation.level"
+
+
+def test_lognormal_numbers_that_go_together(solved_by):
+    """The logarithm of a product of lognormal numbers is normal; the rank correlation is that of normal numbers."""
+    solved_by(lambda gap, stiffness: gap * stiffness)
+    numbers = [
+        f"{{path: {path}, deviation: {share} %, distribution: lognormal}}"
+        for path, share in ((GAP, 20), (STIFFNESS, 30))
+    ]
+    s1, s2 = (math.sqrt(math.log1p(share**2)) for share in (0.2, 0.3))
+    mean = math.log(1e-3 * 1e5) - 0.5 * (s1**2 + s2**2)
+    for rank in (0.0, 0.6, -0.5):
+        r = 2.0 * math.sin(math.pi / 6.0 * rank)
+        size = math.sqrt(s1**2 + s2**2 + 2.0 * r * s1 * s2)
+        limit = math.exp(mean + 3.0 * size)
+        study = {"correlations": f"[{{between: [{GAP}, {STIFFNESS}], coefficient: {rank}}}]"}
+        result, of = found(scenario(numbers, f"{{peak_force: {limit!r} N}}", method="form", **study))
+        assert of["reliability_index"] == pytest.approx(3.0, abs=1e-4)
+        gap = math.log(of["design_point"][GAP])
+        assert gap == pytest.approx(math.log(1e-3) - 0.5 * s1**2 + 3.0 * s1 * (s1 + r * s2) / size, abs=2e-3)
+        assert sum(n.importance for n in result.random_numbers) == pytest.approx(1.0)
+
+
+def test_uniform_logarithmic_and_truncated_numbers(solved_by):
+    """Each alone beyond a value of its own distribution."""
+    cases = {
+        f"{{path: {GAP}, from: 0 mm, to: 2 mm}}": (1.9e-3, 0.05),
+        f"{{path: {STIFFNESS}, from: 10 kN/m, to: 1000 kN/m, spacing: logarithmic}}": (
+            9e5, math.log(1e6 / 9e5) / math.log(100.0),
+        ),
+        f"{{path: {GAP}, tolerance: 0.3 mm, distribution: normal}}": (
+            1.2e-3, (norm.cdf(3.0) - norm.cdf(2.0)) / (norm.cdf(3.0) - norm.cdf(-3.0)),
+        ),
+        f"{{path: {GAP}, tolerance: 0.3 mm}}": (1.27e-3, 0.05),
+    }  # fmt: skip
+    solved_by(lambda number: number)
+    for number, (limit, exact) in cases.items():
+        of = found(scenario([number], f"{{peak_force: {limit!r} N}}", method="form"))[1]
+        assert of["probability"] == pytest.approx(exact, rel=1e-4), number
+
+
+def test_measured_numbers_have_the_smooth_distribution_through_them(solved_by, tmp_path):
+    """Normal kernels about the data, whose common width follows from the standard deviation."""
+    rng = np.random.default_rng(5)
+    data = np.round(rng.normal(1.0, 0.1, 30), 4)
+    solved_by(lambda number: 1e3 * number)
+    (tmp_path / "gaps.csv").write_text("unit,gap (mm)\n" + "\n".join(f"{k},{x}" for k, x in enumerate(data)))
+    for given in ("[" + ", ".join(f"{x} mm" for x in data) + "]", f"{tmp_path / 'gaps.csv'}, column: gap"):
+        result, of = found(scenario([f"{{path: {GAP}, data: {given}}}"], "{peak_force: 1.35 N}", method="form"))
+        (number,) = result.random_numbers
+        assert number.mean == pytest.approx(1e-3 * data.mean())
+        width = math.sqrt((1e3 * number.deviation) ** 2 - data.var())
+        assert 0.02 < width < 0.08
+        assert of["probability"] == pytest.approx(np.mean(norm.sf((1.35 - data) / width)), rel=1e-3)
+        assert any("beyond what was measured" in warning for warning in result.warnings)
+
+
+# --- events -----------------------------------------------------------------------------------------------------------
+
+PAIR = [f"{{path: {GAP}, deviation: 0.1 mm}}", f"{{path: {STIFFNESS}, deviation: 10 %}}"]
+
+
+def of_pair(gap, stiffness):
+    return {DISPLACEMENT: gap, FORCE: stiffness}
+
+
+@pytest.mark.parametrize(("event", "exact"), [
+    ("any_limit", 1.0 - norm.cdf(3.0) * norm.cdf(2.5)), ("all_limits", norm.sf(3.0) * norm.sf(2.5)),
+])  # fmt: skip
+def test_any_of_two_limits_and_both(solved_by, event, exact):
+    solved_by(of_pair)
+    limits = "{peak_displacement: 1.3 mm, peak_force: 125 kN}"
+    for method, allowed in (("importance_sampling", 0.35), ("subset", 0.9)):
+        of = found(scenario(PAIR, limits, event=event, method=method, samples=1000))[1]
+        assert of["probability"] == pytest.approx(exact, rel=allowed), method
+
+
+def test_two_regions_far_apart_are_both_found(solved_by):
+    solved_by(lambda gap, stiffness: abs(gap - 1e-3) * 1e4)
+    of = found(scenario(PAIR, "{peak_force: 4.5 N}"))[1]
+    assert of["probability"] == pytest.approx(2.0 * norm.sf(4.5), rel=0.35)
+
+
+def test_histories_that_fail_count_as_exceeding_and_are_said(solved_by):
+    """Every stiffness below a value fails: beyond that no limit is exceeded."""
+    solved_by(lambda gap, stiffness: None if stiffness < 75e3 else 0.5)
+    result, of = found(scenario(PAIR, method="monte_carlo", coefficient_of_variation=0.2, most_cases=20000))
+    assert of["probability"] == pytest.approx(norm.cdf(-2.5), rel=0.5)
+    assert result.summary["failed"] > 20
+    assert (result.outcome.code, int(exit_code(result.outcome))) == ("cases_failed", 3)
+
+
+def test_a_value_that_most_histories_share_leads_nowhere_and_is_said(solved_by):
+    """As the force of a stop that hardly any history reaches."""
+    solved_by(lambda gap, stiffness: max(0.0, (gap - 1.3e-3) * 1e4))
+    result, of = found(scenario(PAIR, "{peak_force: 2 N}"))
+    assert math.isnan(of["probability"])
+    assert (result.outcome.code, int(exit_code(result.outcome))) == ("one_value", 3)
+    result, _ = found(scenario(PAIR, "{peak_force: 2 N}", method="form"))
+    assert (result.outcome.code, int(exit_code(result.outcome))) == ("no_design_point", 3)
+
+
+# --- what a number has to do with it ----------------------------------------------------------------------------------
+
+
+def exact_derivatives(limit, shares, sizes, rank):
+    """Derivatives of ln P(sum of shares times numbers > limit) by mean and deviation of each, times the deviation."""
+    r = 2.0 * math.sin(math.pi / 6.0 * rank)
+
+    def log_of(shifts, widths):
+        a = np.array(shares) * sizes * widths
+        mean = np.dot(shares, np.array([1e-3, 1e5]) + shifts * sizes)
+        return norm.logsf((limit - mean) / math.sqrt(a @ np.array([[1.0, r], [r, 1.0]]) @ a))
+
+    none, one, steps = np.zeros(2), np.ones(2), 1e-5 * np.eye(2)
+    by_mean = [(log_of(h, one) - log_of(-h, one)) / 2e-5 for h in steps]
+    return by_mean, [(log_of(none, one + h) - log_of(none, one - h)) / 2e-5 for h in steps]
+
+
+@pytest.mark.parametrize("rank", [0.0, 0.5])
+@pytest.mark.parametrize(("method", "allowed"), [("form", 2e-3), ("importance_sampling", 0.12), ("subset", 0.35)])
+def test_derivatives_of_the_probability(solved_by, rank, method, allowed):
+    solved_by(lambda gap, stiffness: 2e4 * gap + 1e-4 * stiffness)
+    by_mean, by_width = exact_derivatives(38.0, (2e4, 1e-4), np.array([1e-4, 1e4]), rank)
+    study = {"correlations": f"[{{between: [{GAP}, {STIFFNESS}], coefficient: {rank}}}]", "samples": 2000}
+    result, _ = found(scenario(PAIR, "{peak_force: 38 N}", method=method, **study))
+    assert [n.by_mean for n in result.random_numbers] == pytest.approx(by_mean, rel=allowed)
+    assert [n.by_deviation for n in result.random_numbers] == pytest.approx(by_width, rel=3.0 * allowed)
+
+
+# --- resuming ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_study_goes_on_where_it_ended(solved_by):
+    solved_by(lambda *springs: sum(springs))
+    case, kept, asked = of_springs(3.0, samples=300), [], []
+    whole = found(case)[1]
+    part = design_study(case, workers=1, each=kept.append, stop=lambda: len(kept) > 1000)
+    assert "reliability" not in part.summary
+    assert part.outcome.code == "cases_missing"
+    rest = found(case, known=kept, each=asked.append)[1]
+    assert rest == whole
+    assert len(kept) + len(asked) == whole["histories"]
+
+
+def test_without_openturns_the_command_to_install_it_is_said(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "openturns", None)
+    with pytest.raises(ScenarioError, match=r"needs OpenTURNS.*pip install 'beamsim\[reliability\]'"):
+        design_study(of_springs(1.0))

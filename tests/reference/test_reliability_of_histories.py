@@ -1,0 +1,149 @@
+"""Probabilities of exceeding limits of real histories, against a million of histories by time stepping of its own."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+import beamsim
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.scenario import load_scenario
+
+pytest.importorskip("openturns")
+pytestmark = pytest.mark.slow
+
+SHOCK = """\
+title: Oscillator with a stop under a shock of its base
+chain: {masses: [1 kg], springs: [1 kN/m], damping: {kind: modal, ratio: 2 %}}
+snubbers: [{name: stop, mass: 1, side: above, stiffness: 20 kN/m, gap: 10 mm}]
+probes: [{name: mass, mass: 1}]
+excitation: {kind: half_sine, applied_to: base, level: -4 g, duration: 20 ms}
+run: {duration: 80 ms, sample_rate: 1 kHz, start: rest}
+limits: {peak_force: 75 N}
+vary:
+  kind: reliability
+  parameters:
+    - {path: snubbers.stop.gap, deviation: 0.5 mm}
+    - {path: snubbers.stop.stiffness, deviation: 10 %, distribution: lognormal}
+    - {path: excitation.level, deviation: 10 %}
+"""
+NOISE = """\
+title: Oscillator with a stop under noise
+chain: {masses: [1 kg], springs: [10 kN/m], damping: {kind: modal, ratio: 5 %}}
+snubbers: [{name: stop, mass: 1, side: above, stiffness: 50 kN/m, gap: 2 mm}]
+probes: [{name: mass, mass: 1}]
+excitation:
+  kind: random
+  applied_to: base
+  psd: [{frequency: 5 Hz, density: 0.01 g^2/Hz}, {frequency: 40 Hz, density: 0.01 g^2/Hz}]
+run: {duration: 0.5 s, sample_rate: 1 kHz, start: rest}
+limits: {peak_force: 110 N}
+vary:
+  kind: reliability
+  parameters: [{path: snubbers.stop.gap, deviation: 0.2 mm}]
+"""
+G = 9.80665
+
+
+def peak_forces(gap, stiffness, base, spring, damping, step, steps):
+    """Largest forces of the stop of oscillators of 1 kg, (n,): the method of Runge and Kutta for all of them at once.
+
+    ``base(k)`` is the acceleration of their bases, (n,), after k half steps; peaks are those of parabolas.
+    """
+
+    def rates(k, x, v):
+        contact = stiffness * np.maximum(x - gap, 0.0)
+        return v, -base(k) - spring * x - 2.0 * damping * math.sqrt(spring) * v - contact
+
+    x, v = np.zeros((2, gap.size))
+    before = older = highest = x
+    for k in range(0, 2 * steps, 2):
+        v1, a1 = rates(k, x, v)
+        v2, a2 = rates(k + 1, x + step / 2 * v1, v + step / 2 * a1)
+        v3, a3 = rates(k + 1, x + step / 2 * v2, v + step / 2 * a2)
+        v4, a4 = rates(k + 2, x + step * v3, v + step * a3)
+        older, before = before, x
+        x, v = x + step / 6 * (v1 + 2 * v2 + 2 * v3 + v4), v + step / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+        bend = np.minimum(older - 2.0 * before + x, -1e-30)
+        peak = np.where((before > older) & (before >= x), before - 0.125 * (x - older) ** 2 / bend, x)
+        highest = np.maximum(highest, peak)
+    return stiffness * np.maximum(highest - gap, 0.0)
+
+
+def of_shocks(gap, stiffness, level):
+    """Forces under half sines of 20 ms."""
+    step = 1e-4
+    return peak_forces(
+        gap, stiffness, lambda k: level * (math.sin(math.pi * k * step / 0.04) if k * step <= 0.04 else 0.0),
+        1e3, 0.02, step, 800,
+    )  # fmt: skip
+
+
+def of_noise(rng, gap):
+    """Forces under noise: a cosine and a sine of normal amplitudes every 2 Hz from 6 to 40 Hz."""
+    step, frequency = 2e-4, np.arange(6.0, 41.0, 2.0)
+    angle = 2.0 * math.pi * np.outer(np.arange(5001) * 0.5 * step, frequency)
+    size = math.sqrt(0.01 * 2.0) * G
+    waves = np.hstack([np.cos(angle), np.sin(angle)]) @ (size * rng.standard_normal((2 * frequency.size, gap.size)))
+    return peak_forces(gap, np.full(gap.size, 50e3), lambda k: waves[k], 1e4, 0.05, step, 2500)
+
+
+def overlap(beyond, count, of):
+    """Whether the 95 % interval of a share meets that of a study."""
+    brute = binomtest(beyond, count).proportion_ci(0.95)
+    return of["low"] < brute.high and brute.low < of["high"]
+
+
+def test_a_million_histories_of_an_oscillator_with_a_stop():
+    """About one in ten thousand exceeds the limit."""
+    rng, width, beyond = np.random.default_rng(2), math.sqrt(math.log1p(0.1**2)), 0
+    for _ in range(20):
+        gap, stiffness, level = rng.standard_normal((3, 50_000))
+        drawn = 0.01 + 5e-4 * gap, 20e3 * np.exp(width * stiffness - 0.5 * width**2), -4.0 * G * (1.0 + 0.1 * level)
+        beyond += int(np.sum(of_shocks(*drawn) > 75.0))
+    assert 50 < beyond < 200
+    result = design_study(load_scenario(SHOCK))
+    of = result.summary["reliability"]
+    assert result.complete
+    assert of["coefficient_of_variation"] <= 0.1
+    assert of["histories"] < 10_000
+    assert overlap(beyond, 1_000_000, of)
+    assert not overlap(2 * beyond, 1_000_000, of)  # it would tell a factor of two
+    at = np.array([[value] for value in of["design_point"].values()])
+    assert of_shocks(*at)[0] == pytest.approx(75.0, rel=1e-3)
+
+
+def test_noise_by_subset_simulation():
+    """About one in two thousand; 36 normal amplitudes and a gap."""
+    rng = np.random.default_rng(3)
+    beyond = sum(int(np.sum(of_noise(rng, rng.normal(2e-3, 2e-4, 2000)) > 110.0)) for _ in range(100))
+    assert 50 < beyond < 400
+    result = design_study(load_scenario(NOISE))
+    of = result.summary["reliability"]
+    assert result.complete
+    assert (of["method"], of["coefficient_of_variation"] <= 0.3, of["histories"] <= 20_000) == ("subset", True, True)
+    assert overlap(beyond, 200_000, of)
+
+
+def test_ten_forces_whose_sum_is_beyond_a_limit_once_in_a_million():
+    """Ten pulses of one shape on one mass: the displacement is as large as the sum of their levels, which is normal."""
+    pulse = "{kind: half_sine, applied_to: {mass: 1}, level: 1 N, duration: 20 ms}"
+    case = f"""\
+chain: {{masses: [1 kg], springs: [1 kN/m]}}
+excitation: {{kind: forces, forces: [{", ".join([pulse] * 10)}]}}
+run: {{duration: 80 ms, sample_rate: 1 kHz}}
+"""
+    one = beamsim.run(load_scenario(case)).summary["peak_displacement_m"]
+    largest = next(iter(one.values())) / 10.0
+    sums = largest * (10.0 + 4.7534243 * 0.1 * math.sqrt(10.0))  # of one in a million
+    study = ", ".join(f"{{path: 'excitation.forces[{k}].level', deviation: 10 %}}" for k in range(10))
+    limited = (
+        f"limits: {{peak_displacement: {sums!r} m}}\nvary: {{kind: reliability, samples: 500, parameters: [{study}]}}\n"
+    )
+    result = design_study(load_scenario(case + limited))
+    of = result.summary["reliability"]
+    assert of["coefficient_of_variation"] <= 0.1
+    assert of["histories"] < 10_000
+    assert of["low"] / 1.15 < 1e-6 < of["high"] * 1.15
+    assert of["distance"] == pytest.approx(4.7534243, abs=0.01)
