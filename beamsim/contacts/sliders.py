@@ -413,7 +413,6 @@ def _segment(
     k, dashpot : see :func:`unloading_law`.
     """
     below, offset, energy, apart, zero = map(float, curves)
-    recovers = place % 3 == 1
     spring, damping, turn = LawSpring(below, DEPTH, offset, energy), LawRow(rate=dashpot), LawRow(1.0, internal=(-1.0,))
     limit, share = LawRow(apart / k, constant=zero / k), 1.0 - apart / k
 
@@ -423,7 +422,7 @@ def _segment(
         crossings += [] if after is None else [Guard(place + 3 + mode, LawRow(-1.0, constant=after))]
         return Phase(f"{name} {place // 3 + 1}", (*guards, *crossings), name != "open", springs=springs, lost=lost)
 
-    if recovers:
+    if place % 3 == 1:  # recovers
         lets_go = (Guard(0, DEPTH),) if ends[0] is None else ()
         guards = (Guard(place + 1, LawRow(rate=-1.0), (DEPTH,)), *lets_go)
         lowest = phase("recovering", 0, guards, (spring,), damping)

@@ -314,10 +314,12 @@ class _Equations:
         if at_once.min() < 0.0:
             return float(step.t_old), int(at_once.argmin())
 
-        def guard(t: float, g: int) -> float:
-            return float(self.guards(np.array([t]), step(np.array([t])).T)[0, g])
-
         a, b, eps = float(times[look]), float(times[look + 1]), 4.0 * float(np.finfo(float).eps)
+        ends = {a: values[look], b: values[look + 1]}  # whose round-off another product of the matrices would change
+
+        def guard(t: float, g: int) -> float:
+            return float((ends[t] if t in ends else self.guards(np.array([t]), step(np.array([t])).T)[0])[g])
+
         fallen = np.flatnonzero(falling[look]).tolist()
         return min((float(brentq(guard, a, b, args=(g,), xtol=eps, rtol=eps)), g) for g in fallen)
 

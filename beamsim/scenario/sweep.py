@@ -530,8 +530,8 @@ OLD_NAMES = {"thesis": "relaxed_minimisation"}
 
 def _renamed(value: Any) -> Any:
     """A method under its present name."""
-    if kind_of(value) in OLD_NAMES:
-        return {**value, "kind": OLD_NAMES[value["kind"]]}
+    if isinstance(kind := kind_of(value), str) and kind in OLD_NAMES:
+        return {**value, "kind": OLD_NAMES[kind]}
     return OLD_NAMES.get(value, value) if isinstance(value, str) else value
 
 

@@ -133,3 +133,26 @@ def test_a_sweep_loses_what_a_run_does(law):
     lost = sum(curve.impacts[side].energy_lost[0] for side in ("below", "above"))
     assert lost == pytest.approx(sum(impacts[side]["energy_lost_j"] for side in ("below", "above")) / 10, rel=1e-6)
     assert lost > 1e-3
+
+
+def test_events_that_begin_at_round_off_do_not_end_the_time_stepping():
+    """A guard that is zero to round-off where a step begins had another sign when it was computed again."""
+    stops = [
+        {"name": "first", "mass": 1, "side": "below", "gap": 2.2e-3, "unloading": {"stiffness": 61.1e3},
+         "force_deflection": [[0, 0], [2.19e-3, 2.76], [4.51e-3, 17.8], [4.93e-3, 31.9]],
+         "damping": {"kind": "viscous", "coefficient": 7.14}},
+        {"name": "second", "mass": 2, "side": "below", "gap": 1.38e-3, "unloading": {"stiffness": 81.4e3},
+         "force_deflection": [[0, 0], [1.45e-3, 12.5], [1.95e-3, 24.1], [3.68e-3, 25.6]]},
+    ]  # fmt: skip
+    chain = {"masses": [0.688, 2.68], "springs": [2640.0, 1540.0], "dashpots": [2.13, 2.62], "snubbers": stops}
+    run = {"duration": 0.06, "sample_rate": 1000.0, "start": "rest", "convergence": "off"}
+    for level in (25.5, 26.25, 28.5, 31.75, 33.5):
+        ends = [
+            beamsim.run(Scenario.model_validate({
+                "chain": chain, "probes": [{"name": "m", "mass": 2}],
+                "excitation": {"kind": "harmonic", "applied_to": "base", "level": level, "frequency": 7.8},
+                "run": {**run, "method": method},
+            })).probes["m"].displacement
+            for method in ("exact", "reference")
+        ]  # fmt: skip
+        np.testing.assert_allclose(*ends, rtol=0, atol=1e-8)

@@ -356,7 +356,7 @@ def _plan(
     case = _case(scenario, varies_seed(varied))
     analysis = analysis_of(scenario)
     contents = {key: record.get("sha256") for key, record in scenario.file_records(since=math.inf).items()}
-    search = plain(scenario.optimise)
+    search = plain(scenario.vary if kind == "reliability" else scenario.optimise)
     all_of_it = [analysis, kind, search, plain(case), places, columns, asked, realisations.as_data(), contents]
     fingerprint = hashlib.sha256(json.dumps(all_of_it, sort_keys=True).encode()).hexdigest()
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
