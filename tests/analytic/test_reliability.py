@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from beamsim.analyses.designs.analysis import CaseSolver, design_study
+from beamsim.analyses.designs.analysis import design_study
+from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, exit_code

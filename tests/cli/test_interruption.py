@@ -232,7 +232,7 @@ def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_
 
 def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkeypatch, tmp_path):
 
-    from beamsim.analyses.designs.analysis import CaseSolver
+    from beamsim.analyses.designs.cases import CaseSolver
 
     solved = []
 

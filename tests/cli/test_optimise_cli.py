@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.analysis import CaseSolver
+from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.store.studies import journal_path
 from tests.helpers.commands import invoke
 

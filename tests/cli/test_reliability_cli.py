@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 import beamsim
-from beamsim.analyses.designs.analysis import CaseSolver
+from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.store.studies import journal_path
 from tests.helpers.commands import invoke
 

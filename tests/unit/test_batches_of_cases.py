@@ -3,7 +3,7 @@
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.analysis import CaseSolver, Evaluator
+from beamsim.analyses.designs.cases import CaseSolver, Evaluator
 from beamsim.analyses.designs.plan import plan_draws
 from beamsim.scenario import load_scenario
 

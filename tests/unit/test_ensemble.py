@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.analysis import CaseSolver
+from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.store.studies import journal_path, opened_journal
 
 CASE = """\

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.designs import sampling
-from beamsim.analyses.designs.analysis import Ended, Evaluator
+from beamsim.analyses.designs.cases import Ended, Evaluator
 from beamsim.analyses.designs.plan import DesignPlan, mixing
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RandomNumber, Round, limited_response
 from beamsim.analyses.designs.statistics import probability

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.designs.analysis import Evaluator, unsettled
+from beamsim.analyses.designs.cases import Evaluator, unsettled
 from beamsim.analyses.designs.gathering import costs
 from beamsim.analyses.designs.plan import DesignPlan, distributed
 from beamsim.analyses.designs.result import objectives
