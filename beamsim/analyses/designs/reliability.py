@@ -12,6 +12,7 @@ import numpy as np
 from beamsim.analyses.designs import sampling
 from beamsim.analyses.designs.cases import Ended, Evaluator
 from beamsim.analyses.designs.plan import DesignPlan, mixing
+from beamsim.analyses.designs.responses import means
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RandomNumber, Round, limited_response
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import Problem, ScenarioError
@@ -143,8 +144,8 @@ class Exceedance:
     def _value(self, outcome: CaseOutcome) -> float:
         each = []
         for name, limit in self.limits.items():
-            end = f"/{limited_response(name)}"
-            found = [x for key, x in outcome.values.items() if f"/{key}".endswith(end) and isinstance(x, float)]
+            meant, known = limited_response(name), outcome.values.items()
+            found = [x for key, x in known if means(meant, key) and isinstance(x, float)]
             highest = outcome.ranges.get(name, (0.0, max(found, default=math.nan)))[1]
             each.append(1.0 - highest / limit)
         value = (min if self.vary.event == "any_limit" else max)(each)

@@ -38,6 +38,15 @@ def entries_of(asked: Collection[str], stationary: bool) -> tuple[str, ...]:
     return tuple(entry for entry, value in BY_ENTRY.items() if value.name in quantities)
 
 
+def means(asked: str, name: str) -> bool:
+    """Whether a response is meant: by its quantity, or by its name with or without its curve.
+
+    >>> means("peak_force", "snubbers/tip/peak_force"), means("tip/peak_force", "snubbers/tip/peak_force")
+    (True, True)
+    """
+    return f"/{name}".endswith(f"/{asked}")
+
+
 def is_asked(name: str, asked: Collection[str]) -> bool:
     """Whether a response is among those asked for, by its name or by its quantity."""
     return not asked or name in asked or name.rpartition("/")[2] in asked

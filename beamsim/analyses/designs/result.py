@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.responses import describe
+from beamsim.analyses.designs.responses import describe, means
 from beamsim.analyses.result import CONVERGENCE, Result
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import limited
@@ -397,7 +397,7 @@ class DesignsResult(Result):
 
 def responses_of(responses: Mapping[str, Response], name: str) -> list[Response]:
     """The responses of this quantity (``peak_force``), or the one of this name, with or without its curve."""
-    return [response for response in responses.values() if f"/{response.name}".endswith(f"/{name}")]
+    return [response for response in responses.values() if means(name, response.name)]
 
 
 def is_scalar(response: Response, shape: tuple[int, ...]) -> bool:

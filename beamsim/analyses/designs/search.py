@@ -15,6 +15,7 @@ import numpy as np
 from beamsim.analyses.designs.cases import Evaluator, unsettled
 from beamsim.analyses.designs.gathering import costs
 from beamsim.analyses.designs.plan import DesignPlan, distributed
+from beamsim.analyses.designs.responses import means
 from beamsim.analyses.designs.result import objectives
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome
@@ -46,7 +47,7 @@ def search(plan: DesignPlan, evaluate: Evaluator) -> Outcome:
     assert settings is not None
     first = evaluate([plan.cases[0].values])[0][0]
     for name in (name for aim in objectives(plan.scenario) for name, _ in aim.terms):
-        if first.outcome.complete and not any(f"/{known}".endswith(f"/{name}") for known in first.values):
+        if first.outcome.complete and not any(means(name, known) for known in first.values):
             raise ScenarioError.at(
                 "optimise", f"asks for {name}, which no design has", "leave responses out to see all"
             )
