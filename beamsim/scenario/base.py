@@ -125,6 +125,13 @@ def demand_rising(
             raise Unfit(f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, at(index))
 
 
+def _hashable(value: Any) -> Any:
+    """A value of a field, with equal ones for equal mappings."""
+    if isinstance(value, dict):
+        return frozenset((key, _hashable(part)) for key, part in value.items())
+    return tuple(map(_hashable, value)) if isinstance(value, list) else value
+
+
 class Schema(BaseModel):
     """A frozen part of a scenario, which holds what was written.
 
@@ -195,8 +202,7 @@ class Schema(BaseModel):
         return type(other) is type(self) and self._values == other._values
 
     def __hash__(self) -> int:
-        values = (frozenset(value.items()) if isinstance(value, dict) else value for value in self._values)
-        return hash((type(self), *values))
+        return hash((type(self), *map(_hashable, self._values)))
 
     @model_validator(mode="before")
     @classmethod

@@ -124,7 +124,7 @@ def config(path):
     tree = copy.deepcopy(plain(scenario))
     for at, name in named_files(scenario):
         put(tree, at, str((scenario.folder_of(*at) / name).absolute()))
-    for key in ("sweep", "nnm", "identify_stiffness", "vary", "limits", "units", "title"):
+    for key in ("sweep", "nnm", "identify_stiffness", "vary", "optimise", "limits", "units", "title"):
         tree.pop(key, None)
     if "orbit" in str(tree.get("run", {}).get("start")):
         tree["run"]["start"] = "static_equilibrium"

@@ -202,12 +202,13 @@ def test_runs_and_references_that_end_early_are_not_compared(result, monkeypatch
 @pytest.mark.slow
 @pytest.mark.parametrize("path", RUNS, ids=lambda path: path.stem)
 def test_every_shipped_run_agrees_with_the_reference(path):
-    """As long as a thousand periods of the fastest mode."""
+    """As long as a thousand periods of the fastest mode, where one is held by more than its stop."""
     scenario = shipped(path)
     fastest = np.sqrt(build_system(scenario).dynamics.stiffness.max())
+    longest = 1000 * 2 * np.pi / fastest if fastest else np.inf
     short = scenario.run.model_copy(
         update={
-            "duration": min(1000 * 2 * np.pi / fastest, scenario.run.duration), "convergence": "off",
+            "duration": min(longest, scenario.run.duration), "convergence": "off",
             "spectrum": SpectrumSettings(), "srs": None, "fatigue": None, "impacts": None,
         }
     )  # fmt: skip
