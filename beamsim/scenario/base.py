@@ -456,6 +456,7 @@ def suggestion(name: str, names: Iterable[str], otherwise: str) -> str:
 
 
 MEANT = {
+    "clamped": "fixed built_in encastre encastred",
     "coefficient": "c mu friction_coefficient damping_coefficient damping_constant",
     "density": "rho",
     "duration": "t_end end_time total_time",
@@ -463,7 +464,13 @@ MEANT = {
     "factor": "scale scale_factor scaling gain multiplier",
     "from": "min minimum low lower",
     "gap": "clearance play backlash",
+    "half_sine": "shock pulse",
+    "harmonic": "sine sin sinusoidal dwell",
     "level": "amplitude magnitude acceleration",
+    "peak_acceleration": "acceleration max_acceleration",
+    "peak_displacement": "displacement deflection max_displacement",
+    "peak_force": "force contact_force max_force",
+    "pinned": "simply_supported hinged",
     "point_masses": "added_mass added_masses lumped_mass lumped_masses concentrated_masses tip_mass",
     "poissons_ratio": "nu poisson",
     "position": "location coordinate x",
@@ -473,11 +480,13 @@ MEANT = {
     "ratio": "zeta xi lehr critical_damping",
     "rotary_inertia": "moment_of_inertia rotational_inertia inertia",
     "sample_rate": "fs dt time_step sampling_frequency",
+    "sampled": "file record time_history accelerogram",
     "samples": "n draws",
     "second_moment": "i iy izz moment_of_inertia area_moment",
     "snubbers": "stops stop bumpers contacts end_stops",
     "stiffness": "k spring_constant spring_rate",
     "supports": "boundary_conditions boundaries bc constraints",
+    "swept_sine": "sweep chirp sine_sweep",
     "to": "max maximum high upper",
     "youngs_modulus": "e modulus elastic_modulus modulus_of_elasticity",
 }

@@ -171,9 +171,20 @@ def test_round_off_at_the_end_is_forgiven():
 
 
 def test_words_that_mean_a_key_are_no_keys_beside_it():
-    """A key that is proposed exists, and a word that stands for it is no key of the same mapping."""
-    definitions = json_schema()["$defs"].values()
+    """A key or choice that is proposed exists, and a word that stands for it is none beside it."""
+    nodes = list(mappings(json_schema()))
+    groups = [set(node.get("properties", ())) or set(node.get("enum", ())) for node in nodes]
+    kinds = {str(node["const"]) for node in nodes if "const" in node}
     for key, words in MEANT.items():
-        beside = [d["properties"].keys() for d in definitions if key in d.get("properties", ())]
-        assert beside, key
-        assert not any(set(words.split()) & keys for keys in beside), key
+        beside = [names for names in groups if key in names]
+        assert beside or key in kinds, key
+        assert not any(set(words.split()) & names for names in beside), key
+
+
+def mappings(node):
+    """All mappings within a JSON value."""
+    if isinstance(node, dict):
+        yield node
+    if isinstance(node, dict | list):
+        for each in node.values() if isinstance(node, dict) else node:
+            yield from mappings(each)
