@@ -380,7 +380,8 @@ class Variants:
         ):
             return "<text>"
         if self.message or by_kind:
-            return "<number>" if "<number>" in others else None
+            number = not isinstance(value, str) or any(character.isdigit() for character in value)
+            return "<number>" if "<number>" in others and number else None
         return next(
             (tag for tag in ("<number>", "<text>") if tag in others), default or (schemas[-1][0] if schemas else None)
         )

@@ -273,7 +273,7 @@ def _where_it_belongs(key: str, schema: type[Schema]) -> str:
     for section, attribute in schema.keys().items():
         annotation = schema.model_fields[attribute].annotation
         classes = members(annotation)
-        if f"<{key}>" in classes:
+        if f"<{key}>" in classes and "kind" in classes[f"<{key}>"].keys():  # noqa: SIM118
             named = get_origin(annotation) is dict
             return f"write {section}: " + ("{NAME: {kind: %s, ...}}" if named else "{kind: %s, ...}") % key
         if any(key in part.keys() for part in classes.values()):  # noqa: SIM118
