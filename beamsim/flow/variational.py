@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -66,30 +67,56 @@ class FlowOutputs:
     flow : under its loads.
     turn : (n, n) orthogonal; other coordinates for a unit of each of the flow's, in which the outputs are. By default
         those of the flow.
+    own : the flow of these coordinates. They turn on with the phases, so that what holds does not move in the same
+        coordinates as there, and no derivative moves it.
     """
 
-    def __init__(self, flow: ExactFlow, turn: Floats | None = None) -> None:
-        self.flow, self.turn = flow, turn
+    def __init__(self, flow: ExactFlow, turn: Floats | None = None, own: ExactFlow | None = None) -> None:
+        self.flow, self.turn, self.own = flow, turn, own
         self._made: dict[tuple[object, ...], Floats] = {}
+        self._turns: dict[bytes, Floats] = {}
 
-    def _once(self, key: tuple[object, ...], make: Callable[[], Floats]) -> Floats:
+    def _once(self, key: tuple[object, ...], make: Callable[[], Floats], *phases: Ints | None) -> Floats:
         if key not in self._made:
-            self._made[key] = self._turned(make(), states=True)
+            self._made[key] = self._turned(make(), *phases)
         return self._made[key]
 
-    def _turned(self, factors: Floats, *, states: bool) -> Floats:
-        """Factors (k, V) in the other coordinates; of outputs that begin with states, these in them as well."""
+    def _turn_in(self, phases: Ints) -> Floats:
+        """(n, n) the turn in given phases: with the smallest one more that takes what holds there to the same."""
+        assert self.turn is not None
+        held, own = (held_contacts(each.system, phases) for each in (self.flow, self.own or self.flow))
+        if held is None or own is None:
+            return self.turn
+        if (key := phases.tobytes()) not in self._turns:
+            moved, one = self.turn @ held.across, np.eye(self.turn.shape[0])
+            here, there = moved @ moved.T, own.across @ own.across.T
+            left, _, right = np.linalg.svd(there @ here + (one - there) @ (one - here))
+            self._turns[key] = left @ right @ self.turn
+        return self._turns[key]
+
+    def _turned(
+        self, factors: Floats, of: Ints | None = None, to: Ints | None = None, *, states: bool = True
+    ) -> Floats:
+        """Factors (k, V) in the other coordinates; of outputs that begin with states, these in them as well.
+
+        Parameters
+        ----------
+        factors : in the coordinates of the flow.
+        of, to : phases in which the state they take is turned, and the states they give; None: where nothing holds.
+        states : whether the outputs begin with states.
+        """
         if self.turn is not None:
             n = self.turn.shape[0]
+            turn, then = (self.turn if phases is None else self._turn_in(phases) for phases in (of, to))
             for part in (slice(0, n), slice(n, 2 * n)):
-                factors[:, part] = factors[:, part] @ self.turn.T
+                factors[:, part] = factors[:, part] @ turn.T
                 if states:
-                    factors[part] = self.turn @ factors[part]
+                    factors[part] = then @ factors[part]
         return factors
 
     def outputs(self, output_of: OutputOf, phases: Ints) -> Floats:
         """(k, V) outputs of the flow in given phases."""
-        return self._turned(_factors(output_of(phases)), states=False)
+        return self._turned(_factors(output_of(phases)), phases, states=False)
 
     def state(self, initial: Floats) -> Floats:
         """(N,) a state, from its first entries at least."""
@@ -98,25 +125,27 @@ class FlowOutputs:
 
     def rates(self, phases: Ints) -> Floats:
         """(N, V) the time derivative of the state."""
-        return self._once(("rates", phases.tobytes()), lambda: _factors(self.flow.rates(phases)))
+        return self._once(("rates", phases.tobytes()), lambda: _factors(self.flow.rates(phases)), phases, phases)
 
     def event(self, key: EventKey) -> Floats:
         """(N + 1, V) what happens at an event."""
         if key is None:
             return self._once((), lambda: _changed(_state(self.flow)))
         before, contact, after = key
-        return self._once((before.tobytes(), contact, after), lambda: self._event(before, contact, after))
+        then = np.where(np.arange(before.size) == contact, after, before).astype(before.dtype)
+        make = partial(self._event, before, contact, after)
+        return self._once((before.tobytes(), contact, after), make, before, then)
 
     def begun(self, phases: Ints) -> Floats:
         """(N + 1, V) the state with which a motion in given phases starts, from one near it.
 
         What is held rests, and internal states that are penetrations are these.
         """
-        return self._once(("begun", phases.tobytes()), lambda: _changed(self._begun(phases)))
+        return self._once(("begun", phases.tobytes()), lambda: _changed(self._begun(phases)), None, phases)
 
     def kept(self, phases: Ints) -> Floats:
         """(N + 1, V) the state from which `ExactFlow.begin` finds the phases again in which a motion ends."""
-        return self._once(("kept", phases.tobytes()), lambda: _changed(self._kept(phases)))
+        return self._once(("kept", phases.tobytes()), lambda: _changed(self._kept(phases)), phases)
 
     def _event(self, before: Ints, contact: int, after: int) -> Floats:
         flow, contacts = self.flow, self.flow.system.contacts

@@ -110,6 +110,37 @@ CASES = {
         "run": {"duration": 0.4, "convergence": "off"},
     }, ["friction.pad.normal_force", "friction.pad.stiffness", "chain.masses[1]", "chain.snubbers.stop.gap"]),
 }  # fmt: skip
+RUBBING = {"name": "rub", "position": 0.15, "normal_force": 20.0, "coefficient": 0.5}
+CASES |= {
+    # what holds moves otherwise in every model beside it
+    "held beam": (BEAM | {
+        "friction": [RUBBING], "snubbers": BEAM["snubbers"][:1], "excitation": BEAM["excitation"] | {"level": "20 g"},
+    }, ["friction.rub.position", "friction.rub.normal_force", "beam.density", "snubbers.lower.gap"]),
+    # by frequency and time of inputs that begin when there have been many cycles
+    "late pulse": (BEAM | {
+        "excitation": {"kind": "forces", "forces": [
+            {"kind": "harmonic", "applied_to": {"position": 0.27}, "level": 30.0, "frequency": 47.0},
+            {"kind": "half_sine", "applied_to": "base", "level": "15 g", "duration": 0.006, "time": 1.95},
+        ]}, "run": {"duration": 2.0, "convergence": "off"}, "snubbers": BEAM["snubbers"][:1],
+    }, ["excitation.forces[0].frequency", "excitation.forces[1].time"]),
+}  # fmt: skip
+TABLE = {key: STOP[key] for key in ("name", "mass", "side")} | {
+    "force_deflection": {"points": [[0, 0], [5e-4, 8], [1e-3, 25], [6e-3, 250]], "scale": 1.1}, "preload": 9.0
+}  # fmt: skip
+RESTING = OSCILLATOR | {
+    "gravity": 9.8, "constant_forces": [{"mass": 1, "force": -4.0}], "run": {"duration": 0.5, "convergence": "off"},
+    "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": 60.0, "frequency": 12.0},
+}  # fmt: skip
+OF_RESTING = ["gravity", "constant_forces[0].force", "chain.masses[0]", "excitation.level"]
+# all rest on the closed stop at the start
+for name, stop, own in (
+    ("spring", STOP, ["gap", "stiffness"]), ("table", TABLE, ["preload", "force_deflection.scale"]),
+    ("branch", STOP | {"maxwell": [{"stiffness": 2e4, "relaxation_time": 0.01}]},
+     ["gap", "maxwell[0].relaxation_time"]),
+    ("yielding", STOP | {"hardening": {"yield_force": 40.0, "stiffness": 5e3}}, ["gap", "hardening.yield_force"]),
+):  # fmt: skip
+    resting = RESTING | {"chain": OSCILLATOR["chain"] | {"dashpots": [10.0], "snubbers": [stop]}}
+    CASES[f"resting on {name}"] = resting, [*OF_RESTING, *(f"chain.snubbers.stop.{each}" for each in own)]
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -132,6 +163,41 @@ def test_derivatives_are_those_of_whole_runs_beside_it(name):
             scale = abs(values[response] / number.nominal)
             derivative = of[number.path]["derivative"]
             assert derivative == pytest.approx(expected, rel=3e-6, abs=1e-7 * scale), (response, number.path)
+
+
+def test_the_slow_motion_of_a_structure_whose_bending_is_3e9_times_as_stiff():
+    case = {
+        "bodies": {"boom": {
+            "kind": "beam", "length": 0.5, "bending_stiffness": 2e4, "mass_per_length": 1.2,
+            "supports": {"left": "free", "right": "free"}, "point_masses": [{"position": 0.5, "mass": 0.5}],
+        }},
+        "joints": [{"name": "root", "kind": "hinge", "between": [{"body": "boom", "position": 0.0}, "base"],
+                    "rotational_stiffness": 2.0}],
+        "probes": [{"name": "tip", "at": {"body": "boom", "position": 0.5}}], "reduction": {"modes": 4},
+        "run": {"duration": 0.05, "convergence": "off",
+                "start": {"released_force": {"at": {"body": "boom", "position": 0.5}, "force": -0.4}}},
+    }  # fmt: skip
+    path, response, step = "bodies.boom.mass_per_length", "probes/tip/peak_acceleration", 1e-3
+    sides = [
+        run_responses(beamsim.run(load_scenario(case, [f"{path}={1.2 + k * step}"])).summary)[response]
+        for k in (1, -1, 2, -2)
+    ]
+    expected = (8.0 * (sides[0] - sides[1]) - (sides[2] - sides[3])) / (12.0 * step)
+    assert slope(beamsim.run(asked(case, path)), response, path) == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_force_that_is_constant_is_named():
+    """Two equal bodies press each other with the same force at all times, until one of them is another."""
+    bodies = {name: {"kind": "chain", "masses": [1.0], "springs": [4e3]} for name in "ab"}
+    between = [{"body": "a", "mass": 1}, {"body": "b", "mass": 1}]
+    case = {
+        "bodies": bodies, "probes": [{"name": "a", "at": between[0]}],
+        "snubbers": [{"name": "stop", "between": between, "stiffness": 1e5, "preload": 5.0}],
+        "excitation": {"kind": "half_sine", "applied_to": "base", "level": "1 g", "duration": 0.01}, "run": {
+            "duration": 0.1, "convergence": "off"},
+    }  # fmt: skip
+    result = beamsim.run(asked(case, "bodies.a.masses[0]"))
+    assert any("stop/peak_force does not change along the motion" in text for text in result.warnings)
 
 
 def test_two_contacts_that_begin_at_once_move_apart():

@@ -29,6 +29,7 @@ from beamsim.analyses.values import ACCELERATION, PENETRATION, VALUES, Value, se
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput
+from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log
 from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
@@ -36,18 +37,29 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import VariedParameter, resolve_parameter, with_values
 from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet, Rows
-from beamsim.system.parts import SharedBuilds
+from beamsim.system.parts import Parts, SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 STEP = 2.0**-11  # of a number, or of the tolerance of one that is zero, between the systems that are built
-SIDES = ((1, 8.0 / 12.0), (-1, -8.0 / 12.0), (2, -1.0 / 12.0), (-2, 1.0 / 12.0))  # steps, and weights of differences
+SIDES = (1, -1, 2, -2)  # steps to systems that are built beside that of the run
+BOTH = (
+    0.0,
+    8.0 / 12.0,
+    -8.0 / 12.0,
+    -1.0 / 12.0,
+    1.0 / 12.0,
+)  # weights of differences: of the run's own system, and of those
+AHEAD = (-1.5, 2.0, 0.0, -0.5, 0.0)
+APART = 1.5  # ratio of frequencies from which on modes have coordinates of their own
 GRAZING = 1e-9  # of a number: a contact that so small a change takes away is only grazed
 AT_END = 1e-9  # of a segment: what is nearer to its end is there
 ROUND_OFF = 1e-12  # of a peak
+STILL = 1e-9  # of its size, within which a channel is constant
 MISSED = 2
 MISSES = 8  # of each snubber, the nearest ones, that are looked at
-BEND = 0.01  # of their mean, by which derivatives on both sides may differ from it
+BEND = 0.01  # of a derivative, by which that on one side may differ from it
+NEGLIGIBLE = 1e-6  # of a value: changes that are smaller are not looked at
 
 
 class Varied(NamedTuple):
@@ -57,7 +69,6 @@ class Varied(NamedTuple):
     rates: Differences
     rows: dict[FlowOutputs, Rows]  # of the channels, of the systems on both sides
     start: Floats  # (N,) change of the state at the start
-    bend: float  # half the difference of the derivatives on both sides, over their mean
 
 
 class Peak(NamedTuple):
@@ -104,7 +115,8 @@ def sensitivities_of(
     numbers = [resolve_parameter(scenario, each) for each in settings.sensitivities]
     along = _Along(trajectory, _linear(system, chosen))
     plain = with_values(scenario, {("run", "sensitivities"): ()})
-    varied = [_varied(plain, system, along, chosen, number, shared) for number in numbers]
+    pairs = [_varied(plain, system, along, chosen, number, shared) for number in numbers]
+    varied = [each for of in zip(*pairs, strict=True) for each in of]  # from both sides, then from one
     told = along.told(chosen)
     peaks = [along.peak(*key) for key in {key for *_, factors in told.values() for key in factors}]
     peaks = sorted(peaks + along.misses(), key=lambda peak: (peak.segment, peak.time))
@@ -117,15 +129,17 @@ def sensitivities_of(
         name: (value, unit, sum((w * by[key] for key, w in factors.items()), np.zeros(len(varied))))
         for name, (value, unit, factors) in told.items()
     } | _shares(system, trajectory, log, found)
-    rows, warnings = list[Derivative](), list[str]()
+    rows, warnings = list[Derivative](), along.still(told)
     missed = [k for k, peak in enumerate(peaks) if peak.high == MISSED]
     near = [(peaks[k].time, along.output(peaks[k].row, peaks[k].segment, peaks[k].time)[0], slopes[k]) for k in missed]
-    for p, each in enumerate(varied):
+    for p, number in enumerate(numbers):
         holds, time = min(_reaches(found, log, near, p))
-        number, tolerance = each.number, 0.5 * (each.number.high - each.number.low)
+        tolerance, ahead = 0.5 * (number.high - number.low), p + len(numbers)
         about = number.path, number.unit, float(number.nominal), tolerance, holds
         rows += [Derivative(name, value, unit, float(of[p]), *about) for name, (value, unit, of) in values.items()]
-        warnings += _doubts(each, holds, time)
+        size = {name: max(abs(of[p]), NEGLIGIBLE * abs(value) / tolerance) for name, (value, _, of) in values.items()}
+        bends = [(abs(of[ahead] - of[p]) / size[name], name) for name, (_, _, of) in values.items() if size[name]]
+        warnings += _doubts(number, bends, holds, time)
     return tuple(rows), warnings
 
 
@@ -147,20 +161,25 @@ def _reaches(
     yield from ((abs(distance / slope[p]), time) for time, distance, slope in missed if slope[p])
 
 
-def _doubts(varied: Varied, holds: float, time: float) -> Iterator[str]:
+def _doubts(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: float, time: float) -> Iterator[str]:
     """What limits the derivatives by a number.
 
     Parameters
     ----------
-    varied : by the number.
-    holds, time : the smallest change of it that makes or takes away a contact, and when that is, s.
+    number : from the scenario.
+    bends : shares of derivatives by which those on one side differ, with the names of the values.
+    holds, time : the smallest change of the number that makes or takes away a contact, and when that is, s.
     """
-    number, at = varied.number, f"run.sensitivities: {varied.number.path}: at {time:.6g} s a contact is only grazed"
-    if varied.bend > BEND:
+    if bent := [each for each in bends if each[0] > BEND]:
+        bend, name = max(bent)
+        known = f"known to {100.0 * bend:.2g} %" if bend < 1.0 else "not known"
+        others = f", and those of {len(bent) - 1} more" if len(bent) > 1 else ""
         yield (
-            f"run.sensitivities: {number.path}: on both sides of it derivatives differ (a contact just touches, or a "
-            f"node of the mesh moves): they are known to {100.0 * varied.bend:.2g} %"
+            f"run.sensitivities: {number.path}: on both sides of it derivatives differ (a contact just touches, a node "
+            f"of the mesh moves, a record is fitted anew), or they are lost in round-off: that of {name} is "
+            f"{known}{others}"
         )
+    at = f"run.sensitivities: {number.path}: at {time:.6g} s a contact is only grazed"
     if holds <= GRAZING * abs(float(number.nominal)):
         yield f"{at}: the derivatives of what follows are infinite"
     elif holds < 0.5 * (number.high - number.low):
@@ -176,8 +195,8 @@ def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
 def _varied(
     scenario: Scenario, system: StructuralSystem, along: _Along, chosen: Sequence[Value], number: VariedParameter,
     shared: SharedBuilds,
-) -> Varied:  # fmt: skip
-    """What a number changes, from systems that are built on both sides of it.
+) -> tuple[Varied, Varied]:  # fmt: skip
+    """What a number changes, from systems that are built on both sides of it, and from those on one side alone.
 
     Parameters
     ----------
@@ -186,34 +205,74 @@ def _varied(
     number : from the scenario.
     shared : keeps what systems are built from.
     """
-    flow, whole, nominal = along.motion.flow, system.assessment.parts, float(number.nominal)
-    step, rows, starts = STEP * (abs(nominal) or 0.5 * (number.high - number.low)), {}, {}
-    for side, _ in SIDES:
-        try:
-            values = dict.fromkeys(number.places, nominal + side * step)
-            built = build_system(with_values(scenario, values).rechecked(), shared)
-        except ScenarioError as error:
-            message = f"{number.path} has a neighbouring value that is refused: {error.problems[0].message}"
-            remedy = "let what depends on it follow: {path: ..., also: [...]}"
-            raise ScenarioError(Problem("run.sensitivities", message, remedy)) from None
-        other, parts = exact_flow(built, flow.duration), built.assessment.parts
-        if whole.basis.vectors.shape != parts.basis.vectors.shape or not flow.is_like(other):
-            message = f"{number.path} changes the number of nodes or modes of the model, or the pieces of its input"
-            remedy = "give reduction.modes, or a number of elements with which no node of the mesh is at its place"
-            raise ScenarioError(Problem("run.sensitivities", message, remedy))
-        left, _, right = np.linalg.svd(whole.basis.vectors.T @ (whole.structure.mass @ parts.basis.vectors))
-        outputs = FlowOutputs(other, left @ right)
+    own, step = along.outputs, STEP * (abs(float(number.nominal)) or 0.5 * (number.high - number.low))
+    step /= max(1.0, _turned(own.flow, _beside(scenario, own.flow, number, step, shared)[1]) / STEP)
+    rows = {own: along.channels.linear}
+    starts = {own: own.flow.whole_state(system.initial_state)}
+    for side in SIDES:
+        built, flow = _beside(scenario, own.flow, number, side * step, shared)
+        outputs = FlowOutputs(flow, _turn(system.assessment.parts, built.assessment.parts), own.flow)
         rows[outputs] = _linear(built, chosen).linear
         starts[outputs] = outputs.state(built.initial_state)
-    rates = Differences(flow, list(rows), [weight / step for _, weight in SIDES])
-    starts[along.outputs] = flow.whole_state(system.initial_state)
-    phases, size = flow.states[along.motion.state[0]].phases, np.abs(along.motion.y).max(axis=0)
-    bend = 0.0
-    for of in (lambda side: starts[side] / np.where(size > 0.0, size, 1.0), lambda side: side.rates(phases)):
-        own, up, down = (of(side) for side in (along.outputs, *list(rows)[:2]))
-        bent = np.abs(0.5 * (up + down) - own).max()
-        bend = max(bend, float(2.0 * bent / np.abs(up - down).max()) if bent > STEP**2 * np.abs(own).max() else 0.0)
-    return Varied(number, rates, rows, rates.of(starts.__getitem__), bend)
+    both, ahead = (Differences(own.flow, list(rows), [w / step for w in weights]) for weights in (BOTH, AHEAD))
+    one, other = (Varied(number, each, rows, each.of(starts.__getitem__)) for each in (both, ahead))
+    return one, other
+
+
+def _beside(
+    scenario: Scenario, flow: ExactFlow, number: VariedParameter, change: float, shared: SharedBuilds
+) -> tuple[StructuralSystem, ExactFlow]:
+    """The system for another value of a number, and its flow.
+
+    Parameters
+    ----------
+    scenario, flow : of the run.
+    number, change : from the scenario, and by how much it differs.
+    shared : keeps what systems are built from.
+
+    Raises
+    ------
+    ScenarioError
+        Where the value is refused, or the model has another size.
+    """
+    try:
+        values = dict.fromkeys(number.places, float(number.nominal) + change)
+        built = build_system(with_values(scenario, values).rechecked(), shared)
+    except ScenarioError as error:
+        first = error.problems[0]
+        message = f"{number.path} has a neighbouring value that is refused: {first.path} {first.message}"
+        remedy = "let what depends on it follow: {path: ..., also: [...]}"
+        raise ScenarioError(Problem("run.sensitivities", message, remedy)) from None
+    other = exact_flow(built, flow.duration)
+    if flow.sources.amplitude.shape != other.sources.amplitude.shape:
+        message = f"{number.path} changes the number of pieces or sines of the input"
+        raise ScenarioError(Problem("run.sensitivities", message, "vary it in a study: kind: one_at_a_time"))
+    if not flow.is_like(other):
+        message = f"{number.path} changes the number of nodes or modes of the model"
+        remedy = "give reduction.modes, or a number of elements with which no node of the mesh is at its place"
+        raise ScenarioError(Problem("run.sensitivities", message, remedy))
+    return built, other
+
+
+def _turned(flow: ExactFlow, other: ExactFlow) -> float:
+    """rad, by how much inputs of two flows turn against one another where a piece of them begins: far at a late one."""
+    own, changed = flow.sources, other.sources
+    faster, later = np.abs(changed.exponent - own.exponent), np.abs(changed.start - own.start)
+    return float(faster.max() * own.start.max() + np.abs(own.exponent).max() * later.max())
+
+
+def _turn(own: Parts, other: Parts) -> Floats:
+    """(n, n) orthogonal: the coordinates of a system for a unit of each of one beside it.
+
+    Those whose frequencies are far apart stay apart: turned into one another by round-off, the stiffness of the higher
+    ones would outweigh that of the lower ones.
+    """
+    order = np.argsort(own.omega)
+    group = np.empty(order.size, dtype=np.int64)
+    group[order] = np.cumsum(np.append(False, own.omega[order][1:] > APART * own.omega[order][:-1]))
+    common = own.basis.vectors.T @ (own.structure.mass @ other.basis.vectors)
+    left, _, right = np.linalg.svd(np.where(group[:, None] == group, common, 0.0))
+    return np.asarray(left @ right)
 
 
 class _Along:
@@ -246,6 +305,16 @@ class _Along:
                 factors = {(first + best, high): sign for high, sign in enumerate(signs) if sign}
                 told[name] = float(numbers[best]), channel.unit, factors
         return told
+
+    def still(self, told: Mapping[str, tuple[float, str, Mapping[tuple[int, int], float]]]) -> list[str]:
+        """A warning of values whose channel is constant, so that any number may make them larger, either way."""
+        low, _, high, _ = self.extremes
+        flat = high - low <= STILL * np.maximum(np.abs(low), np.abs(high))
+        names = [name for name, (value, _, factors) in told.items() if value and any(flat[row] for row, _ in factors)]
+        message = (
+            "does not change along the motion: its derivatives are those of one instant, and any change may raise it"
+        )
+        return [f"run.sensitivities: {name} {message}" for name in names]
 
     def output(self, row: int, segment: int, time: float) -> Floats:
         """(3,) a channel on a segment, its rate and the rate of that."""
