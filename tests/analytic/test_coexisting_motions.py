@@ -215,13 +215,8 @@ def test_a_long_period_is_not_taken_for_a_quasi_periodic_motion():
 
 
 def test_it_stops_when_it_is_told_to():
-    asked = []
-
-    def stop():
-        asked.append(None)
-        return len(asked) > 12
-
-    result = beamsim.coexisting(case(), None, stop, workers=1)
+    shares = []
+    result = beamsim.coexisting(case(), shares.append, lambda: bool(shares), workers=1)
     left = int(np.sum(result.cycles == 0))
     assert 0 < left < 40
     assert result.outcome.interrupted
