@@ -1,4 +1,4 @@
-"""Workers: threads or processes of this machine, or a Dask cluster, each as an executor of `concurrent.futures`.
+"""Workers: this process alone, processes of this machine, or a Dask cluster.
 
 Results come in the order of completion. They do not depend on the worker, which uses one thread for linear algebra.
 """
@@ -6,16 +6,17 @@ Results come in the order of completion. They do not depend on the worker, which
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from itertools import islice
+from itertools import islice, takewhile
 from multiprocessing import connection, current_process, get_context
 from typing import Any, TypeVar
 
@@ -77,43 +78,54 @@ class Workers:
 
 @contextmanager
 def working(
-    here: Callable[[Stop], Callable[[Item], Result]], there: Callable[[Item], Result], most: int, stop: Stop = never, *,
-    workers: int | None = None, scheduler: str | None = None, threaded: bool = False,
+    make: Callable[[Stop], Callable[[Item], Result]], most: int, stop: Stop = never, *,
+    workers: int = 1, scheduler: str | None = None,
 ) -> Iterator[Callable[[Iterable[Item]], Iterator[Result]]]:  # fmt: skip
-    """Who computes items for all of a block: threads of this process, other processes, or a cluster.
+    """Who computes items for all of a block: this process, several others, or a cluster.
 
     Parameters
     ----------
-    here : of what says whether to end, the function of an item in this process.
-    there : the same function for other processes, to which it is sent.
+    make : of what says whether to end, the function of an item; sent to other processes, each of which calls it once.
     most : items at once; there are no more workers.
-    stop : asked whether to end; what is under way is then not yielded.
-    workers : their number; by default that of the processors.
+    stop : asked whether to end; what other processes are computing is then not yielded.
+    workers : their number; one is this process.
     scheduler : address of a Dask scheduler whose workers are used instead.
-    threaded : whether threads execute the function side by side; else several workers are processes.
 
     Yields
     ------
     A function of items, which yields the results in the order of completion.
+
+    Raises
+    ------
+    ScenarioError
+        If there are fewer workers than one; else as `processes` and `cluster`.
     """
-    count = max(1, min(workers or default_workers(), most))
-    if scheduler is None and (threaded or count == 1):
-        ended = threading.Event()
-        with threads(count, ended) as pool:
-            yield partial(pool.completed, here(lambda: stop() or ended.is_set()), stop=stop)
+    if workers < 1:
+        raise ScenarioError.at("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
+    count = max(1, min(workers, most))
+    if scheduler is None and count == 1:
+        function = make(stop)
+        yield lambda items: map(function, takewhile(lambda _: not stop(), items))
     else:
         with processes(count, stop) if scheduler is None else cluster(scheduler) as pool:
-            yield partial(pool.completed, there, stop=stop)
+            yield partial(pool.completed, partial(_there, pickle.dumps(make)), stop=stop)
 
 
-@contextmanager
-def threads(count: int, ended: threading.Event) -> Iterator[Workers]:
-    """Threads of this process, for functions that spend their time in compiled code; ``ended`` tells them to end."""
-    with ThreadPoolExecutor(count) as pool:
-        try:
-            yield Workers(pool, count)
-        finally:
-            ended.set()
+class _Received(threading.local):
+    """The function that a worker computes by; threads of a cluster's worker have one each."""
+
+    sent: bytes = b""
+    function: Callable[[Any], Any]
+
+
+_RECEIVED = _Received()
+
+
+def _there(sent: bytes, item: Any) -> Any:
+    """Compute an item in another process, which keeps what the function has built for other items."""
+    if _RECEIVED.sent != sent:
+        _RECEIVED.function, _RECEIVED.sent = pickle.loads(sent)(never), sent
+    return _RECEIVED.function(item)
 
 
 @contextmanager

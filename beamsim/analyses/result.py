@@ -9,8 +9,6 @@ from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from matplotlib.figure import Figure
-
 from beamsim.analyses.values import judged
 from beamsim.fields import JSON, Entry, attribute, declared, ending, stored, summary_of
 from beamsim.kinds import kind_of_class, named
@@ -22,6 +20,7 @@ from beamsim.version import __version__
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.figure import Figure
 
 
 # entries that the summaries of several analyses share

@@ -104,7 +104,7 @@ def sweep(
         typer.Option(
             "--workers",
             min=1,
-            help="Threads (processes for sweeps) for vary or coexisting motions; by default one per core.",
+            help="Processes for vary or coexisting motions; by default one per core.",
         ),
     ] = None,
     scheduler: Annotated[

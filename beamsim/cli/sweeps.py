@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from signal import SIGINT
 from typing import Any
@@ -12,8 +11,9 @@ from typing import Any
 from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
 from beamsim.analyses.continuation.overlay import with_overlay
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.designs.plan import DesignPlan, check_cases, design, plan_designs
+from beamsim.analyses.designs.plan import check_cases, design, fingerprint_of, plan_designs
 from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.parallel import default_workers
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded, prepared
 from beamsim.cli.failures import Interruption, interruptible, say
@@ -24,8 +24,9 @@ from beamsim.files import replacing
 from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import Scenario
-from beamsim.store.results import holds, open_result, write_result
-from beamsim.store.studies import journal_path, opened_journal, stored_study
+from beamsim.scenario.base import plain
+from beamsim.store.results import holds, keep_result, open_result, write_result
+from beamsim.store.studies import Journal, journal_path, opened_journal, stored_study
 from beamsim.trust import checked
 from beamsim.version import __version__
 
@@ -35,7 +36,7 @@ _NEEDS_CONTINUATION = "leave it out, or use sweep: {kind: continuation}"
 _OPTIONS = {
     "workers": (("designs", "coexisting"), "vary", "is missing, but --workers applies to its cases", _NEEDS_VARY),
     "scheduler": (("designs", "coexisting"), "vary", "is missing, but --scheduler applies to its cases", _NEEDS_VARY),
-    "resume": (("designs", "sweep"), "", "continues a swept or stepped sine or a study alone", "leave it out"),
+    "resume": (("designs", "coexisting", "sweep"), "", "applies to no continuation", "leave it out"),
     "overlay": (("continuation",), "", "overlays a sweep on a curve by continuation", _NEEDS_CONTINUATION),
     "compare": (("continuation",), "", "compares with a curve of periodic motions", _NEEDS_CONTINUATION),
 }
@@ -60,15 +61,14 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
         allowed, path, message, remedy = _OPTIONS[name]
         if value and kind not in allowed:
             raise ScenarioError(Problem(path or f"--{name}", message, remedy))
+    of_cases = {name: options[name] for name in ("scheduler", "resume")}
+    of_cases["workers"] = options["workers"] or default_workers()
     if kind == "designs":
-        of_study = {name: options[name] for name in ("workers", "scheduler", "resume")}
-        sweep_designs(scenario, target, given, **of_study)
+        sweep_designs(scenario, target, given, **of_cases)
     elif kind == "continuation":
         continue_motions(scenario, target, given, options["overlay"] or (), expansion=bool(options["compare"]))
     elif kind == "coexisting":
-        workers = {name: options[name] for name in ("workers", "scheduler")}
-        with scenario.locating():
-            concluded(kind, target, given, partial(checked.coexisting, scenario, **workers), "motions from many starts")
+        _coexist(scenario, target, given, **of_cases)
     else:
         _sweep_sine(scenario, target, given, resume=options["resume"])
 
@@ -167,35 +167,14 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, *, resume: boo
     """
     plan = plan_designs(scenario)
     check_cases(plan)
-    stored = _finished(plan, target) if resume else None
-    if stored is None:
-        _compute(plan, target, given, resume, options)
+    limits = {} if scenario.limits is None else scenario.limits.given
+    if resume and _finished("designs", target, given, fingerprint=plan.fingerprint, limits=limits):
         return
-    if not given.quiet:
-        say(f"beamsim: {target} is complete; there is nothing to compute")
-    with interruptible() as interrupted:
-        conclude("designs", stored, target, given._replace(no_plots=True), interrupted)
-
-
-def _finished(plan: DesignPlan, target: Path) -> DesignsResult | None:
-    """The result in the file, if it is complete."""
-    if journal_path(target).exists() or not holds(target, "designs"):
-        return None
-    stored: Any = open_result(target, "designs")
-    same = stored.fingerprint == plan.fingerprint and stored.beamsim_version == __version__
-    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
-    return stored if same and stored.complete and dict(stored.limits) == limits else None
-
-
-def _compute(plan: DesignPlan, target: Path, given: Given, resume: bool, options: dict[str, Any]) -> None:
     count = plan.most * plan.study.realisations.count
     cases = f"at most {count}" if plan.searches else f"{count}"
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=resume) as journal, interruptible() as interrupted:
-        if journal.dropped:
-            say(f"beamsim: warning: starting again; --resume would have kept {journal.dropped} of {cases} cases")
-        elif journal.outcomes and not given.quiet:
-            say(f"beamsim: {len(journal.outcomes)} of {cases} cases are already computed")
+        _say_known(journal, f" of {cases} cases", given)
         try:
             with progress_of(f"{cases} cases", shown=not given.quiet) as progress:
                 result = stored_study(plan, journal, target, progress=progress, stop=interrupted, **options)
@@ -211,6 +190,46 @@ def _compute(plan: DesignPlan, target: Path, given: Given, resume: bool, options
             say(f"beamsim: {kept}")
             raise
         conclude("designs", result, target, given, interrupted, _best_design(result, target) if plan.searches else ())
+
+
+def _finished(kind: str, target: Path, given: Given, **same: object) -> bool:
+    """Whether the file has the complete result, with fields that are the same; it is then printed."""
+    if journal_path(target).exists() or not holds(target, kind):
+        return False
+    stored: Any = open_result(target, kind)
+    if not stored.complete or stored.beamsim_version != __version__:
+        return False
+    if any(getattr(stored, name) != value for name, value in same.items()):
+        return False
+    if not given.quiet:
+        say(f"beamsim: {target} is complete; there is nothing to compute")
+    with interruptible() as interrupted:
+        conclude(kind, stored, target, given._replace(no_plots=True), interrupted)
+    return True
+
+
+def _say_known(journal: Journal, cases: str, given: Given) -> None:
+    """What of the cases an earlier call has computed."""
+    if journal.dropped:
+        say(f"beamsim: warning: starting again; --resume would have kept {journal.dropped}{cases}")
+    elif journal.outcomes and not given.quiet:
+        say(f"beamsim: {len(journal.outcomes)}{cases} are already computed")
+
+
+def _coexist(scenario: Scenario, target: Path, given: Given, *, resume: bool, **workers: Any) -> None:
+    """Find coexisting motions, each start and disturbance kept in a journal as soon as it is known."""
+    if resume and _finished("coexisting", target, given, scenario=scenario):
+        return
+    path, fingerprint = journal_path(target), fingerprint_of(scenario, plain(scenario))
+    with opened_journal(path, fingerprint, resume=resume) as journal, interruptible() as interrupted:
+        _say_known(journal, " starts and disturbances", given)
+        known = tuple(journal.outcomes.values())
+        with progress_of("motions from many starts", shown=not given.quiet) as progress, scenario.locating():
+            result = checked.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **workers)
+        keep_result(result, target)
+        if not result.outcome.cut_short:
+            journal.remove()
+        conclude("coexisting", result, target, given, interrupted)
 
 
 def _best_design(result: DesignsResult, target: Path) -> Iterator[Path]:

@@ -1,4 +1,4 @@
-"""Design studies and ensembles that are kept in a file while they are computed.
+"""Design studies, ensembles and coexisting motions that are kept in a file while they are computed.
 
 Each case is written to a journal beside the file as soon as it is solved, so that a killed study can be resumed. The
 first line of the journal identifies the study, followed by a line of JSON for every case in the order of completion.
@@ -34,7 +34,7 @@ def stored_study(
     journal: Journal,
     target: Path,
     *,
-    workers: int | None = None,
+    workers: int = 1,
     scheduler: str | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
@@ -42,7 +42,7 @@ def stored_study(
     """Solve the cases that a journal lacks, each kept in it, and write their table to a file.
 
     The file is written now and then, and with what there is at the end, whatever that is. The journal is removed once
-    the file has everything, or where no case was solved.
+    the file has everything.
 
     Parameters
     ----------
@@ -85,12 +85,10 @@ def stored_study(
     except BaseException:
         if journal.outcomes:
             save()
-        else:
-            journal.remove()
         raise
     if journal.outcomes:
         keep_result(result, target)
-    if not journal.outcomes or result.finished:
+    if result.finished:
         journal.remove()
     return result
 
@@ -101,13 +99,13 @@ def ensemble(
     responses: Sequence[str] = (),
     *,
     file: str | Path | None = None,
-    workers: int | None = None,
+    workers: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> DesignsResult:
     """Solve a scenario for every draw of some of its numbers, and tabulate what comes out.
 
-    What the draws do not change (mesh, modes, reduction) is built once; runs march side by side on threads. The numbers
-    are the same bits whatever the number of threads.
+    What the draws do not change (mesh, modes, reduction) is built once by every worker. The numbers are the same bits
+    whatever the number of workers.
 
     Parameters
     ----------
@@ -118,7 +116,7 @@ def ensemble(
         everything, of which the bending stress takes most of the time.
     file : where the table is stored. While it is computed, each case is kept beside it, so that an ensemble that was
         interrupted goes on where it was when it is called again.
-    workers : number of threads (of processes, where a case is a sweep); by default the number of processors.
+    workers : number of processes; several need the call below ``if __name__ == "__main__":``, as of `design_study`.
     progress : called with the fraction of cases done.
 
     Returns
@@ -163,7 +161,7 @@ def journal_path(target: Path) -> Path:
 
 @contextmanager
 def opened_journal(path: Path, fingerprint: str, *, resume: bool) -> Iterator[Journal]:
-    """The journal of one study, for one process at a time.
+    """The journal of one study, for one process at a time; it goes with the block where nothing was solved.
 
     Parameters
     ----------
@@ -185,7 +183,12 @@ def opened_journal(path: Path, fingerprint: str, *, resume: bool) -> Iterator[Jo
     path.parent.mkdir(parents=True, exist_ok=True)
     with open(path, "a+b") as file:
         _lock(file, path)
-        yield Journal(path, file, _line({"study": f"{fingerprint} by beamsim {__version__}"}), resume=resume)
+        journal = Journal(path, file, _line({"study": f"{fingerprint} by beamsim {__version__}"}), resume=resume)
+        try:
+            yield journal
+        finally:
+            if not journal.outcomes:
+                journal.remove()
 
 
 class Journal:

@@ -15,7 +15,6 @@ from collections import OrderedDict, defaultdict
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from threading import RLock
 from typing import Any, TypeVar
 
 import numpy as np
@@ -52,14 +51,13 @@ Built = TypeVar("Built")
 
 
 class SharedBuilds:
-    """Structures, reduced structures and signals by what each depends on; may be used by several threads."""
+    """Structures, reduced structures and signals by what each depends on."""
 
     def __init__(self) -> None:
         self._kept: defaultdict[str, OrderedDict[Hashable, Any]] = defaultdict(OrderedDict)
-        self._lock = RLock()
 
     def once(self, sort: str, key: Hashable, build: Callable[[], Built]) -> Built:
-        """What ``build`` gives for a key; threads that need the same wait for the one that builds it.
+        """What ``build`` gives for a key.
 
         Parameters
         ----------
@@ -75,14 +73,13 @@ class SharedBuilds:
             hash(key)
         except TypeError:
             return build()
-        with self._lock:
-            kept = self._kept[sort]
-            if key not in kept:
-                kept[key] = build()
-            kept.move_to_end(key)
-            if len(kept) > MOST_KEPT:
-                kept.popitem(last=False)
-            known: Built = kept[key]
+        kept = self._kept[sort]
+        if key not in kept:
+            kept[key] = build()
+        kept.move_to_end(key)
+        if len(kept) > MOST_KEPT:
+            kept.popitem(last=False)
+        known: Built = kept[key]
         return known
 
 

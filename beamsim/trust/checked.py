@@ -170,8 +170,8 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
 
 
 def coexisting(
-    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, workers: int | None = None,
-    scheduler: str | None = None,
+    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, workers: int = 1,
+    scheduler: str | None = None, **kept: Any,
 ) -> CoexistingResult:  # fmt: skip
     """Find coexisting motions; compare their peaks with those of a finer model where ``sweep.convergence: on``.
 
@@ -180,7 +180,8 @@ def coexisting(
     scenario : with a ``sweep`` section of kind coexisting.
     progress : called with the fraction done.
     stop : asked between starts and points whether to end; the result then holds those up to there.
-    workers, scheduler : as of `beamsim.analyses.coexisting.analysis.coexisting`.
+    workers, scheduler, kept : as of `beamsim.analyses.coexisting.analysis.coexisting`; ``known`` and ``each`` are not
+        for the finer model.
 
     Returns
     -------
@@ -196,7 +197,7 @@ def coexisting(
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
     again = partial(compute, stop=stop, workers=workers, scheduler=scheduler)
-    return _checked(partial(again, scenario), again, asked, _of_continuation, progress, stop)
+    return _checked(partial(again, scenario, **kept), again, asked, _of_continuation, progress, stop)
 
 
 def nnm(

@@ -34,7 +34,7 @@ def solved_by(monkeypatch):
             values = values if isinstance(values, dict) else {FORCE: values}
             return CaseOutcome(case.number, values, COMPLETE, given=case.values)
 
-        monkeypatch.setattr(CaseSolver, "solve", solve)
+        monkeypatch.setattr(CaseSolver, "__call__", solve)
 
     return use
 

@@ -80,14 +80,14 @@ def test_an_interrupted_search_goes_on_where_it_was(monkeypatch):
     assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-o", "whole.h5").exit_code == 0
     solved, whole = [], beamsim.open_result("whole.h5").cases
 
-    def solve(self, case, real=CaseSolver.solve):
+    def solve(self, case, real=CaseSolver.__call__):
         solved.append(case.number)
         if len(solved) == 25:  # amid a generation
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(0.3)
         return real(self, case)
 
-    monkeypatch.setattr(CaseSolver, "solve", solve)
+    monkeypatch.setattr(CaseSolver, "__call__", solve)
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
     assert done.exit_code == 130, done.output
     assert "24 of at most 60 cases are in case.h5; --resume computes the others" in done.output

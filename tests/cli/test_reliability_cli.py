@@ -114,7 +114,7 @@ def test_a_history_just_beyond_the_limit_under_noise_is_a_case():
 
 def test_an_interrupted_study_goes_on_where_it_was(monkeypatch):
     assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-o", "whole.h5").exit_code == 0
-    solved, real = [], CaseSolver.solve
+    solved, real = [], CaseSolver.__call__
 
     def solve(self, case):
         if len(solved) == 100:
@@ -122,10 +122,10 @@ def test_an_interrupted_study_goes_on_where_it_was(monkeypatch):
         solved.append(case.number)
         return real(self, case)
 
-    monkeypatch.setattr(CaseSolver, "solve", solve)
+    monkeypatch.setattr(CaseSolver, "__call__", solve)
     assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots").exit_code == 130
     assert journal_path(Path("case.h5")).exists()
-    monkeypatch.setattr(CaseSolver, "solve", real)
+    monkeypatch.setattr(CaseSolver, "__call__", real)
     assert invoke("sweep", "case.yaml", "--workers", 2, "--no-plots", "--resume").exit_code == 0
     one, other = (beamsim.open_result(path) for path in ("whole.h5", "case.h5"))
     assert one.summary["reliability"] == other.summary["reliability"]

@@ -1,10 +1,13 @@
 """Cases that are asked for in batches: numbered in the order asked, known ones not solved again."""
 
+from functools import partial
+
 import pytest
 
 import beamsim
 from beamsim.analyses.designs.cases import CaseSolver, Evaluator
 from beamsim.analyses.designs.plan import plan_draws
+from beamsim.analyses.parallel import working
 from beamsim.scenario import load_scenario
 
 BASE = """\
@@ -18,8 +21,8 @@ FORCE = "snubbers/stop/peak_force"
 
 
 @pytest.fixture
-def study():
-    return plan_draws(load_scenario(BASE), {"snubbers.stop.gap": [1e-3]}, ["peak_force"]).study
+def solver():
+    return partial(CaseSolver, plan_draws(load_scenario(BASE), {"snubbers.stop.gap": [1e-3]}, ["peak_force"]).study)
 
 
 @pytest.fixture
@@ -27,17 +30,17 @@ def solved(monkeypatch):
     """Numbers of the cases that are solved."""
     numbers = []
 
-    def solve(self, case, real=CaseSolver.solve):
+    def solve(self, case, real=CaseSolver.__call__):
         numbers.append(case.number)
         return real(self, case)
 
-    monkeypatch.setattr(CaseSolver, "solve", solve)
+    monkeypatch.setattr(CaseSolver, "__call__", solve)
     return numbers
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_batches_give_what_single_runs_give(study, workers):
-    with Evaluator(study, workers=workers, most=4) as evaluate:
+def test_batches_give_what_single_runs_give(solver, workers):
+    with Evaluator(working(solver, 4, workers=workers), most=4) as evaluate:
         first, second = evaluate(GAPS[:3]), evaluate(GAPS[3:])
     assert evaluate.ended == ""
     assert evaluate.rows == GAPS
@@ -46,11 +49,11 @@ def test_batches_give_what_single_runs_give(study, workers):
         assert outcome.values[FORCE] == pytest.approx(alone["peak_force_n"]["stop"], rel=1e-10)
 
 
-def test_outcomes_that_are_known_are_taken_where_they_belong_to_the_same_case(study, solved):
-    with Evaluator(study, workers=1, most=4) as evaluate:
+def test_outcomes_that_are_known_are_taken_where_they_belong_to_the_same_case(solver, solved):
+    with Evaluator(working(solver, 4), most=4) as evaluate:
         evaluate(GAPS)
     solved.clear()
-    with Evaluator(study, workers=1, most=4, known=evaluate.outcomes.values()) as again:
+    with Evaluator(working(solver, 4), most=4, known=evaluate.outcomes.values()) as again:
         again([GAPS[0]])
         again([GAPS[1], (5e-3,), GAPS[3]])  # the third case is another one than before
     assert solved == [2]
@@ -58,12 +61,12 @@ def test_outcomes_that_are_known_are_taken_where_they_belong_to_the_same_case(st
     assert again.outcomes[2].given == (5e-3,)
 
 
-def test_the_block_ends_after_the_cases_that_are_allowed_and_after_a_stop(study, solved):
-    with Evaluator(study, workers=1, most=3) as evaluate:
+def test_the_block_ends_after_the_cases_that_are_allowed_and_after_a_stop(solver, solved):
+    with Evaluator(working(solver, 3), most=3) as evaluate:
         evaluate(GAPS)
         pytest.fail("went on")
     assert (evaluate.ended, sorted(evaluate.outcomes)) == ("most_cases", [0, 1, 2])
-    with Evaluator(study, workers=1, most=9, stop=lambda: len(solved) > 4) as evaluate:
+    with Evaluator(working(solver, 9, lambda: len(solved) > 4), most=9) as evaluate:
         evaluate(GAPS[:1])
         evaluate(GAPS[1:])
         pytest.fail("went on")

@@ -5,6 +5,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.designs.cases import CaseSolver
+from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.store.studies import journal_path, opened_journal
 
 CASE = """\
@@ -44,11 +45,11 @@ def test_a_row_is_the_run_of_its_draw(whole):
     assert whole.summary["responses"]["snubbers/stop/peak_force"]["mean"] > 0
 
 
-def test_the_number_of_threads_changes_no_bit(scenario, whole):
-    threads = beamsim.ensemble(scenario, DRAWS, workers=3)
-    assert list(threads.table) == list(whole.table)
+def test_the_number_of_workers_changes_no_bit(scenario, whole):
+    shared = beamsim.ensemble(scenario, DRAWS, workers=3)
+    assert list(shared.table) == list(whole.table)
     for name, column in whole.table.items():
-        np.testing.assert_array_equal(threads.table[name], column, err_msg=name)
+        np.testing.assert_array_equal(shared.table[name], column, err_msg=name)
 
 
 def test_seeds_of_a_random_input_are_realisations(scenario):
@@ -57,7 +58,7 @@ def test_seeds_of_a_random_input_are_realisations(scenario):
         {"excitation": {"kind": "random", "applied_to": {"mass": 1}, "psd": [{"frequency": 0.5, "density": 0.1},
          {"frequency": 5, "density": 0.1}], "seed": 1}, "run.duration": 20},
     )  # fmt: skip
-    result = beamsim.ensemble(random, {"excitation.seed": [1, 2, 3]}, ["rms_displacement"], workers=2)
+    result = beamsim.ensemble(random, {"excitation.seed": [1, 2, 3]}, ["rms_displacement"])
     (values,) = (r.values for r in result.responses.values())
     assert np.unique(values).size == 3
     one = beamsim.run(beamsim.load_scenario(random, {"excitation.seed": 2, "excitation.amplitudes": "random"}))
@@ -100,7 +101,7 @@ def test_what_cannot_be_drawn_is_refused_with_its_place(scenario, draws, respons
 
 def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path, monkeypatch):
     file = tmp_path / "gaps.h5"
-    real, solved = CaseSolver.solve, []
+    real, solved = CaseSolver.__call__, []
 
     def until_the_third(self, case):
         if len(solved) == 2:
@@ -109,7 +110,7 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path,
         return real(self, case)
 
     with monkeypatch.context() as patch:
-        patch.setattr(CaseSolver, "solve", until_the_third)
+        patch.setattr(CaseSolver, "__call__", until_the_third)
         with pytest.raises(KeyboardInterrupt):
             beamsim.ensemble(scenario, DRAWS, file=file, workers=1)
     assert journal_path(file).exists()
@@ -121,8 +122,8 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path,
     for name, column in whole.table.items():
         np.testing.assert_array_equal(result.table[name], column, err_msg=name)
         np.testing.assert_array_equal(stored.table[name], column, err_msg=name)
-    with opened_journal(journal_path(file), "another", resume=False):
-        pass
+    with opened_journal(journal_path(file), "another", resume=False) as journal:
+        journal.add(CaseOutcome(0, {}))
     with pytest.raises(beamsim.ResultFileError, match="belongs to another study"):
         beamsim.ensemble(scenario, {"excitation.level": [1.0]}, file=file)
 
@@ -132,7 +133,7 @@ def test_failed_draws_are_counted_and_the_others_kept(scenario, monkeypatch):
     monkeypatch.setattr("beamsim.analyses.designs.plan.MOST_CHECKED", 10)
     stiffness = np.full(25, 1e3)
     stiffness[1] = -1.0
-    result = beamsim.ensemble(scenario, {"chain.snubbers.stop.stiffness": stiffness}, ["contacts"], workers=2)
+    result = beamsim.ensemble(scenario, {"chain.snubbers.stop.stiffness": stiffness}, ["contacts"])
     assert not result.complete
     assert result.summary["failed"] == 1
     assert "chain.snubbers[0].stiffness" in result.failures[0].outcome.text
@@ -153,7 +154,7 @@ def test_a_measured_input_is_found_beside_its_scenario(tmp_path, monkeypatch):
     (folder / "case.yaml").write_text(text)
     monkeypatch.chdir(elsewhere)
     scenario = beamsim.load_scenario(folder / "case.yaml")
-    table = beamsim.ensemble(scenario, {"chain.snubbers.stop.gap": [0.0, 1e-3]}, workers=2).table
+    table = beamsim.ensemble(scenario, {"chain.snubbers.stop.gap": [0.0, 1e-3]}).table
     summary = beamsim.run(scenario).summary
     assert summary["peak_force_n"]["stop"] > 0
     again = beamsim.load_scenario(folder / "case.yaml", {"chain.snubbers[0].gap": 1e-3})

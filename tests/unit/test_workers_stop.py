@@ -1,5 +1,6 @@
 """Workers of a study end when they are told to, and when their caller does."""
 
+import math
 import os
 import signal
 import threading
@@ -7,34 +8,53 @@ import time
 
 import pytest
 
-from beamsim.analyses.parallel import processes, threads
+from beamsim.analyses.parallel import processes, working
+from beamsim.outcomes import never
 
 
-@pytest.mark.parametrize("count", [1, 3])
-def test_nothing_more_is_begun_once_the_caller_stops(count):
-    begun, told = [], threading.Event()
-    with threads(count, threading.Event()) as workers:
-        for number, _ in enumerate(workers.completed(begun.append, range(1000), told.is_set), 1):
+class Noting:
+    """Makes a function that notes in a folder which numbers were begun, and squares them; some take long."""
+
+    def __init__(self, folder, long=math.inf):
+        self.folder, self.long = folder, long
+
+    def __call__(self, stop):
+        return self.square
+
+    def square(self, number):
+        (self.folder / str(number)).touch()
+        time.sleep(3600.0 if number >= self.long else 0.0)
+        return number**2
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_nothing_more_is_begun_once_the_caller_stops(count, tmp_path):
+    told = threading.Event()
+    with working(Noting(tmp_path), 1000, told.is_set, workers=count) as solved:
+        for number, _ in enumerate(solved(range(1000)), 1):
             if number == 2:
                 told.set()
     assert 2 <= number <= 2 * count
-    assert len(begun) <= 3 * count
+    assert len(os.listdir(tmp_path)) <= 3 * count
 
 
-@pytest.mark.parametrize("count", [1, 3])
-def test_threads_give_everything_where_nothing_stops_them(count):
-    with threads(count, threading.Event()) as workers:
-        assert sorted(workers.completed(int, range(50))) == list(range(50))
+@pytest.mark.parametrize("count", [1, 2])
+def test_workers_give_everything_where_nothing_stops_them(count, tmp_path):
+    with working(Noting(tmp_path), 50, never, workers=count) as solved:
+        assert sorted(solved(range(50))) == [number**2 for number in range(50)]
 
 
-def test_threads_end_with_a_caller_that_fails():
-    ended = threading.Event()
-    failing = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+def test_processes_end_with_a_caller_that_fails(tmp_path):
+    def interrupt():
+        while not (tmp_path / "1").exists():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    failing.start()
+    threading.Thread(target=interrupt).start()
     try:
-        with pytest.raises(KeyboardInterrupt), threads(2, ended) as workers:
-            next(workers.completed(lambda _: ended.wait(3600.0), range(3)))
+        with pytest.raises(KeyboardInterrupt), working(Noting(tmp_path, long=1), 3, never, workers=2) as solved:
+            list(solved(range(3)))
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import time as clock
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -12,11 +14,13 @@ import numpy as np
 
 from beamsim.analyses.branch import ResponseBranch
 from beamsim.analyses.coexisting.result import CoexistingMotion, CoexistingResult, SmallestDisturbance
-from beamsim.analyses.coexisting.starts import NEAR, REACH, Destination, Marches, OrbitSection, Task
+from beamsim.analyses.coexisting.starts import NEAR, REACH, Destination, Marches, OrbitSection
 from beamsim.analyses.continuation.analysis import largest_values, response
 from beamsim.analyses.continuation.branches import SETTINGS, Budget, Tracer, coincides, follow, joined
 from beamsim.analyses.continuation.refinement import Wanted, with_points_at
 from beamsim.analyses.continuation.side_branches import side_branches
+from beamsim.analyses.designs.cases import Ended, Evaluator
+from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.statistics import probability
 from beamsim.analyses.doubts import curve_warnings, reduction_checked
 from beamsim.analyses.parallel import working
@@ -31,7 +35,6 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Whe
 from beamsim.scenario import Scenario
 from beamsim.typing import Floats
 
-CHUNK = 25  # starts of a task
 STARTS_SHARE = 0.6  # of the time, that of the starts
 SAME = 1e-6  # distance, relative to the size, of two motions found to round-off that are one
 MEASURED_CYCLES = 256  # of a motion that is not periodic
@@ -67,8 +70,8 @@ class _Motion:
 
     def is_of(self, end: Destination, within: float) -> bool:
         """Whether a start has come to this motion."""
-        if self.kind != "periodic" or end.exponent is not None:
-            return end.exponent is not None and end.exponent.kind == self.kind
+        if self.kind != "periodic" or end.kind != "periodic":
+            return end.kind == self.kind
         return self.known.holds(end, within)
 
     def is_as(self, other: _Motion) -> bool:
@@ -80,20 +83,21 @@ _Order = Sequence[tuple[int, _Motion]]  # each with its number at its frequency
 
 
 def coexisting(
-    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, workers: int | None = None,
-    scheduler: str | None = None,
+    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, workers: int = 1,
+    scheduler: str | None = None, known: Iterable[CaseOutcome] = (), each: Callable[[CaseOutcome], None] | None = None,
 ) -> CoexistingResult:  # fmt: skip
     """Find the motions at each frequency of a scenario, and what share of the starts comes to each.
 
-    The result does not depend on the number or kind of workers.
+    The result does not depend on the number or kind of workers, or on which outcomes were known before.
 
     Parameters
     ----------
     scenario : with a ``sweep`` section of kind coexisting and a harmonic excitation.
     progress : called with the fraction done.
     stop : asked between starts and points of branches; the result then holds the starts up to there.
-    workers : number of processes that share the starts; by default the number of processors.
-    scheduler : address of a Dask scheduler whose workers are used instead.
+    workers, scheduler : that share starts and disturbances, as of `beamsim.analyses.designs.analysis.design_study`.
+    known : outcomes of starts and disturbances of an earlier call that was interrupted.
+    each : called with every new one, in the order of completion.
 
     Returns
     -------
@@ -106,20 +110,26 @@ def coexisting(
     KeyboardInterrupt
         If it was time to stop before any motion was found.
     NotTrustedError
-        If none is found.
+        If none is found, or workers end unexpectedly.
     """
     begin, processor = clock.perf_counter(), processor_time()
     marches = Marches(scenario, stop)
     hz, rows, budget = marches.settings.frequencies, marches.drawn(), Budget(4000, 300.0, stop)
-    tasks = [Task(f, k, rows[k : k + CHUNK]) for f in hz for k in range(0, len(rows), CHUNK)]
-    ends: dict[float, dict[int, Destination]] = {f: {} for f in hz}
-    with working(
-        partial(Marches, scenario), Marches(scenario), len(tasks), stop, workers=workers, scheduler=scheduler
-    ) as completed:
-        for done, (task, found) in enumerate(completed(tasks), 1):
-            ends[task.hz] |= dict(enumerate(found, task.first))
-            if progress is not None:
-                progress(STARTS_SHARE * done / len(tasks))
+    starts = [(f, 0, *row) for f in hz for row in rows.tolist()]
+
+    def solved(outcome: CaseOutcome) -> None:
+        if each is not None:
+            each(outcome)
+        if progress is not None and outcome.index < len(starts):
+            progress(STARTS_SHARE * len(evaluate.outcomes) / len(starts))
+
+    solving = working(partial(Marches, scenario), sys.maxsize, stop, workers=workers, scheduler=scheduler)
+    with Evaluator(solving, most=sys.maxsize, known=known, each=solved) as evaluate:
+        with suppress(Ended):
+            evaluate(starts)
+        ends: dict[float, dict[int, Destination]] = {f: {} for f in hz}
+        for index, outcome in evaluate.outcomes.items():
+            ends[hz[index // len(rows)]][index % len(rows)] = Destination.of(outcome)
         motions = {f: _attracting(marches, f, of) for f, of in ends.items()}
         if marches.settings.unstable and not stop():
             _add_unstable(marches, motions, budget)
@@ -129,7 +139,7 @@ def coexisting(
                 raise KeyboardInterrupt
             raise NotTrustedError("no start has settled, and no periodic motion was found; raise sweep.most_cycles")
         result = _gathered(marches, order, rows, ends)
-        result = replace(result, disturbances=tuple(_disturbances(marches, order, completed)))
+        result = replace(result, disturbances=_disturbances(marches, order, evaluate))
     result = replace(result, outcome=_outcome(marches, result, budget), wall_time_s=clock.perf_counter() - begin)
     return result.with_summary(**_summary(marches, result), processor_time_s=processor_time() - processor)
 
@@ -145,11 +155,11 @@ def _attracting(marches: Marches, hz: float, ends: Mapping[int, Destination]) ->
             point = solve_at(problem, np.append(end.state, flow.omega), SETTINGS, flow.omega)
             found = None if point is None else _Motion(hz, problem, point)
             motion = found and next((m for m in motions if m.is_as(found)), found)
-        elif motion is None and end.exponent is not None and end.exponent.kind != "not settled":
+        elif motion is None and end.kind != "not settled":
             u = np.append(end.state, flow.omega)
             passage = flow.carry(end.state, MEASURED_CYCLES / hz)
             point = BranchPoint(u, np.zeros(u.size), np.ones(u.size), np.nan, 1.0, 0, passage)
-            motion = _Motion(hz, ForcedOrbits(flow, "frequency"), point, end.exponent.kind, end.exponent.value)
+            motion = _Motion(hz, ForcedOrbits(flow, "frequency"), point, end.kind, end.exponent)
         if motion is not None and motion.stable:
             motions += [] if any(motion is m for m in motions) else [motion]
             motion.starts.append(number)
@@ -177,20 +187,23 @@ def _add_unstable(marches: Marches, motions: Mapping[float, list[_Motion]], budg
                 of += [] if any(m.is_as(motion) for m in of) else [motion]
 
 
-def _disturbances(marches: Marches, order: _Order, completed: Any) -> Iterator[SmallestDisturbance]:
+def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> tuple[SmallestDisturbance, ...]:
     """The smallest disturbance of each kind that leaves each stable periodic motion."""
-    tasks = [
-        Task(m.hz, k, known=m.known, disturbance=each)
-        for k, (_, m) in enumerate(order)
-        for each in marches.settings.disturbances
+    asked = [
+        (number, m, k)
+        for number, m in order
+        for k in range(len(marches.settings.disturbances))
         if m.stable and m.kind == "periodic"
     ]
-    found = {(task.first, task.disturbance): smallest for task, smallest in completed(tasks)}
-    for key in ((task.first, task.disturbance) for task in tasks):
-        (number, motion), each, unit = order[key[0]], key[1], "N s" if key[1].probe else "m/s"
-        if key in found:
-            amplitude, time = found[key]
-            yield SmallestDisturbance(motion.hz, number, each.kind, each.probe, unit, amplitude, time, each.to)
+    first, smallest = len(evaluate.rows), list[SmallestDisturbance]()
+    with suppress(Ended):
+        evaluate([(m.hz, k + 1, *m.known.states.ravel().tolist()) for _, m, k in asked])
+    for index, (number, m, k) in enumerate(asked, first):
+        if index in evaluate.outcomes:
+            each, found = marches.settings.disturbances[k], dict[str, Any](evaluate.outcomes[index].values)
+            about = m.hz, number, each.kind, each.probe, "N s" if each.probe else "m/s"
+            smallest.append(SmallestDisturbance(*about, found["amplitude"], found["time"], each.to))
+    return tuple(smallest)
 
 
 def _measured(marches: Marches, motion: _Motion) -> ResponseBranch:

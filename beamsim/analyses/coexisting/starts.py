@@ -7,8 +7,9 @@ al., Nature Physics 9, 2013: the share of random starts that come to a motion is
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,11 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.continuation.paths import ResponseModel, response_model
+from beamsim.analyses.designs.plan import Case
+from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ScenarioError
 from beamsim.flow.periodic_flow import PeriodicFlow
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.orbits.steady import Exponent, largest_exponent, settle, stepper_on
-from beamsim.outcomes import Stop, never
+from beamsim.orbits.steady import largest_exponent, settle, stepper_on, velocity_weights
+from beamsim.outcomes import COMPLETE, Stop, interruption, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts
 from beamsim.typing import Floats
@@ -40,7 +43,14 @@ class Destination(NamedTuple):
     period: int  # cycles; 0 where the motion does not repeat
     cycles: int  # until then
     state: Floats  # (N,) at phase zero
-    exponent: Exponent | None = None  # of what does not repeat
+    kind: str = "periodic"  # or that of its exponent
+    exponent: float = np.nan  # 1/s, of what does not repeat
+
+    @classmethod
+    def of(cls, outcome: CaseOutcome) -> Destination:
+        """That of a start."""
+        values: dict[str, Any] = {**outcome.values, "state": np.array(outcome.values["state"])}
+        return cls(**values)
 
 
 class OrbitSection(NamedTuple):
@@ -56,24 +66,14 @@ class OrbitSection(NamedTuple):
         return end.period == self.states.shape[0] and bool(away <= within * size)
 
 
-class Task(NamedTuple):
-    """Starts at a frequency, or a motion to be disturbed."""
-
-    hz: float
-    first: int  # number of the first start, or of the motion
-    rows: Floats = np.zeros((0, 0))  # (starts, coordinates)
-    known: OrbitSection | None = None
-    disturbance: Any = None
-
-
 @dataclass(frozen=True)
 class Marches:
-    """What workers compute of a scenario.
+    """What workers compute of a scenario: starts and disturbances, each a case.
 
     Parameters
     ----------
     scenario : with a ``sweep`` section of kind coexisting.
-    stop : asked between starts.
+    stop : asked within a case.
     """
 
     scenario: Scenario
@@ -92,11 +92,16 @@ class Marches:
         followed = Continuation.model_construct(from_=low / REACH, to=high * REACH)
         return response_model(self.scenario.model_copy(update={"sweep": followed, "run": None}))
 
-    def flow_at(self, hz: float) -> PeriodicFlow:
-        """The flow at a frequency, Hz."""
+    @cached_property
+    def flow(self) -> PeriodicFlow:
+        """Of that structure at the first of these frequencies."""
         problem = self.model.problem(self.model.levels[0])
         assert isinstance(problem, ForcedOrbits)
-        return problem.flow.under(2.0 * np.pi * hz)
+        return problem.flow
+
+    def flow_at(self, hz: float) -> PeriodicFlow:
+        """The flow at a frequency, Hz."""
+        return self.flow.under(2.0 * np.pi * hz)
 
     def drawn(self) -> Floats:
         """(starts, coordinates) that are drawn, the same at every frequency."""
@@ -105,15 +110,23 @@ class Marches:
         u = np.random.default_rng(starts.seed).random((starts.number, low.size))
         return np.asarray(low + u * (high - low))
 
-    def __call__(self, task: Task) -> tuple[Task, Any]:
-        """A task and its result: the destinations of starts, as far as it was not time to stop, or a disturbance.
+    def __call__(self, case: Case) -> CaseOutcome:
+        """A case, begun at a frequency: the destination of a start, or the smallest disturbance that leaves a motion.
 
-        The smallest disturbance that leaves is its amplitude with the sign, and the time in the motion's period.
+        Its values are the frequency, Hz, and either 0 and what is drawn of the start, or the number of the disturbance
+        from 1 and the states of the motion at phase zero.
         """
-        flow = self.flow_at(task.hz)
-        if task.known is not None:
-            return task, self._smallest(flow, task.known, task.disturbance)
-        return task, [self._from_row(flow, row) for row in task.rows if not self.stop()]
+        hz, number, *values = case.values
+        flow, begin, found = self.flow_at(float(hz)), clock.thread_time(), dict[str, Any]()
+        if number:
+            known = OrbitSection(np.reshape(values, (-1, flow.size)), velocity_weights(flow, flow.omega))
+            amplitude, time = self._smallest(flow, known, self.settings.disturbances[int(number) - 1])
+            found = {"amplitude": amplitude, "time": time}
+        else:
+            end = self._from_row(flow, np.array(values, dtype=float))
+            found = end._asdict() | {"state": end.state.tolist()}
+        outcome = interruption("before it was known") if self.stop() else COMPLETE
+        return CaseOutcome(case.number, found, outcome, clock.thread_time() - begin, given=case.values)
 
     def _from_row(self, flow: PeriodicFlow, row: Floats) -> Destination:
         """Where a start with these coordinates ends."""
@@ -179,10 +192,11 @@ class Marches:
             stepper, motion, tolerance=s.steady_to, longest_period=s.longest_period, most_cycles=s.most_cycles
         )
         state = motion.y.copy()
-        exponent = None if found.period or not named else largest_exponent(stepper, motion, EXPONENT_CYCLES)
-        if exponent is not None and exponent.value * period < -SETTLES:
-            exponent = replace(exponent, kind="not settled")
-        return Destination(found.period, found.cycles, state, exponent)
+        if found.period or not named:
+            return Destination(found.period, found.cycles, state)
+        exponent = largest_exponent(stepper, motion, EXPONENT_CYCLES)
+        kind = "not settled" if exponent.value * period < -SETTLES else exponent.kind
+        return Destination(found.period, found.cycles, state, kind, exponent.value)
 
     def _smallest(self, flow: PeriodicFlow, known: OrbitSection, disturbance: Any) -> tuple[float, float]:
         """The smallest disturbance found, over phases of the motion and both signs: by rising amplitudes, then halves.

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterable
-from typing import Any
+from functools import partial
 
-from beamsim.analyses.designs.cases import Evaluator, unsettled
+from beamsim.analyses.designs.cases import CaseSolver, Evaluator, unsettled
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_designs
 from beamsim.analyses.designs.reliability import Exceedance, asked, concluded
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.designs.search import search
+from beamsim.analyses.parallel import working
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
 
@@ -19,7 +20,7 @@ from beamsim.scenario import Scenario
 def design_study(
     scenario: Scenario | DesignPlan,
     *,
-    workers: int | None = None,
+    workers: int = 1,
     scheduler: str | None = None,
     known: Iterable[CaseOutcome] = (),
     each: Callable[[CaseOutcome], None] | None = None,
@@ -34,7 +35,8 @@ def design_study(
     ----------
     scenario : with ``vary`` or ``optimise``; or its plan from `plan_designs`, already checked by `check_cases`. Each
         case is a sweep if there is a section ``sweep``, else a run.
-    workers : number of processes on this machine; by default the number of processors.
+    workers : number of processes on this machine; one is this process, several start beside it and import the script
+        that calls, so that its call stands below ``if __name__ == "__main__":``.
     scheduler : address of a Dask scheduler whose workers are used instead.
     known : outcomes of an earlier, unfinished study.
     each : called with every new outcome, in the order of completion.
@@ -71,8 +73,9 @@ def design_study(
 
     if progress is not None:
         progress(len(known) / total)
-    options: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "stop": stop, "most": plan.most}
-    with Evaluator(plan.study, known=known, each=solved, **options) as evaluate:
+    unknown, count = total - len(known), plan.study.realisations.count
+    solving = working(partial(CaseSolver, plan.study), unknown, stop, workers=workers, scheduler=scheduler)
+    with Evaluator(solving, most=plan.most, realisations=count, known=known, each=solved) as evaluate:
         if plan.kind == "reliability":
             histories = asked(plan, evaluate)
         elif plan.searches:

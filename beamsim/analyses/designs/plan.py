@@ -355,10 +355,10 @@ def _plan(
     places = [[parameter.places, sorted(map(str, parameter.choices.items()))] for parameter in varied]
     case = _case(scenario, varies_seed(varied))
     analysis = analysis_of(scenario)
-    contents = {key: record.get("sha256") for key, record in scenario.file_records(since=math.inf).items()}
     search = plain(scenario.vary if kind == "reliability" else scenario.optimise)
-    all_of_it = [analysis, kind, search, plain(case), places, columns, asked, realisations.as_data(), contents]
-    fingerprint = hashlib.sha256(json.dumps(all_of_it, sort_keys=True).encode()).hexdigest()
+    fingerprint = fingerprint_of(
+        scenario, analysis, kind, search, plain(case), places, columns, asked, realisations.as_data()
+    )
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
     study = Study(analysis, with_whole_paths(case, scenario), varied, realisations, asked, fingerprint)
     most = getattr(scenario.study, "most_cases", len(rows))
@@ -367,6 +367,12 @@ def _plan(
         return plan
     grid = tuple(map(_coordinate, varied, columns))
     return replace(plan, coordinates=grid, shape=tuple(len(c) for c in columns))
+
+
+def fingerprint_of(scenario: Scenario, *data: Any) -> str:
+    """Hash of plain data, and of the contents of the files that a scenario names."""
+    contents = {key: record.get("sha256") for key, record in scenario.file_records(since=math.inf).items()}
+    return hashlib.sha256(json.dumps([*data, contents], sort_keys=True).encode()).hexdigest()
 
 
 def _case(scenario: Scenario, seed_varies: bool) -> Scenario:

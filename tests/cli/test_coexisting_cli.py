@@ -1,0 +1,110 @@
+"""`beamsim sweep` of kind coexisting: going on after being interrupted or killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from sampling import slow_after
+
+import beamsim
+from beamsim.analyses.coexisting.starts import Marches
+from beamsim.store.studies import journal_path
+from tests.helpers.commands import invoke
+
+CASE = """\
+chain:
+  masses: [1]
+  springs: [4 kN/m]
+  dashpots: [4]
+  snubbers: [{name: stop, mass: 1, side: below, stiffness: 40 kN/m, gap: 2 mm}]
+probes: [{name: mass, mass: 1}]
+excitation: {kind: harmonic, applied_to: {mass: 1}, level: 4 N, frequency: 14 Hz}
+sweep:
+  kind: coexisting
+  at: [14 Hz]
+  unstable: false
+  starts: {kind: states, number: 16, box: [{probe: mass, displacement: [-10 mm, 10 mm], velocity: [-1 m/s, 1 m/s]}]}
+  disturbances: [{kind: impulse, probe: mass, to: 0.5 N s}]
+"""
+JOURNAL = journal_path(Path("case.h5"))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "case.yaml").write_text(CASE)
+    assert invoke("sweep", folder / "case.yaml", "--workers", 1, "--no-plots", "-o", folder).exit_code == 0
+    return folder / "case.h5"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("case.yaml").write_text(CASE)
+
+
+def same_results(whole):
+    found = []
+    for path in (whole, "case.h5"):
+        with h5py.File(path) as file:
+            datasets = {}
+            file.visititems(lambda name, item, kept=datasets: kept.update({name: item[()]} if item.shape != () else {})
+                            if isinstance(item, h5py.Dataset) else None)  # fmt: skip
+        found.append((datasets, beamsim.open_result(path).summary))
+    (one, summary), (other, resumed) = found
+    assert one.keys() == other.keys()
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, other[name], err_msg=name)
+    for entry in ("motions", "disturbances", "not_settled"):
+        assert resumed[entry] == summary[entry]
+    assert summary["disturbances"]
+
+
+@pytest.mark.parametrize("last", slow_after(1, [10, 17]))  # amid the starts, and amid the disturbances
+def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch):
+    begun = []
+
+    def solve(self, case, real=Marches.__call__):
+        begun.append(case.number)
+        if len(begun) == last:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.3)
+        return real(self, case)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    monkeypatch.setattr(Marches, "__call__", solve)
+    done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
+    signal.signal(signal.SIGINT, before)
+    assert done.exit_code == 130, done.output
+    part = beamsim.open_result("case.h5")
+    assert part.outcome.interrupted
+    assert np.count_nonzero(part.cycles) == min(last - 1, 16)
+    again = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--resume")
+    assert again.exit_code == 0, again.output
+    assert f"{last - 1} starts and disturbances are already computed" in again.output
+    assert sorted(begun) == sorted([last - 1, *range(len(begun) - 1)])  # only what was under way is computed twice
+    same_results(whole)
+    assert not JOURNAL.exists()
+    assert "nothing to compute" in invoke("sweep", "case.yaml", "--resume").output
+
+
+@pytest.mark.slow
+def test_a_killed_one_goes_on_where_it_was(whole):
+    command = [sys.executable, "-m", "beamsim", "sweep", "case.yaml", "--workers", "2", "--no-plots"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        while process.poll() is None and not (JOURNAL.exists() and JOURNAL.read_bytes().count(b"\n") > 10):
+            time.sleep(0.002)
+        process.kill()
+    assert JOURNAL.read_bytes().count(b"\n") > 10
+    assert not Path("case.h5").exists()
+    refused = invoke("sweep", "case.yaml", "--resume", "--set", "excitation.level=3.9 N")
+    assert refused.exit_code == 2
+    assert "belongs to another study" in refused.output
+    assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--resume").exit_code == 0
+    same_results(whole)
