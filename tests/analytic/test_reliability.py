@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from beamsim.analyses.designs import sampling
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.analyses.designs.result import CaseOutcome
@@ -97,15 +98,35 @@ def test_one_in_a_million_of_ten_numbers_takes_fewer_than_ten_thousand_histories
 
 @pytest.mark.slow
 def test_intervals_hold_the_probability_as_often_as_they_say(solved_by):
-    """19 of 20 of importance sampling; those of subset simulations somewhat less often, as their levels depend on each
-    other."""
+    """19 of 20."""
     solved_by(lambda *springs: sum(springs))
-    for method, limit, samples, least in (("importance_sampling", 2.5, 1000, 17), ("subset", 3.5, 500, 15)):
-        every = [found(of_springs(limit, method=method, samples=samples, seed=seed))[1] for seed in range(20)]
-        inside = [of["low"] < norm.sf(limit) < of["high"] for of in every]
-        assert sum(inside) >= least, method
-        spread = np.std(np.log([of["probability"] for of in every]))
-        assert spread < 2.0 * np.mean([of["coefficient_of_variation"] for of in every]), method
+    every = [found(of_springs(2.5, method="importance_sampling", seed=seed))[1] for seed in range(20)]
+    assert sum(of["low"] < norm.sf(2.5) < of["high"] for of in every) >= 17
+    spread = np.std(np.log([of["probability"] for of in every]))
+    assert spread < 2.0 * np.mean([of["coefficient_of_variation"] for of in every])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("region", ["plane", "box"])
+def test_subset_simulations_are_as_sure_as_they_say(region):
+    """Of 200: their mean, and how often the interval holds the probability; levels that share ancestors vary together."""
+    count, probability, each = 37, 4e-4, []
+    sides = norm.isf(probability / 2 / count)  # of the box, within round-off of the exact one
+
+    def state(points):
+        inside = points.u.sum(axis=1) / math.sqrt(count) / norm.isf(probability)
+        return 1.0 - (inside if region == "plane" else np.abs(points.u).max(axis=1) / sides)
+
+    exact = probability if region == "plane" else 1.0 - (1.0 - 2.0 * norm.sf(sides)) ** count
+    for seed in range(200):
+        rng, origin = np.random.default_rng(seed), sampling.points_at(np.zeros((1, count)))
+        *_, last = sampling.subset_levels(state, rng, 5000, origin)
+        each.append(last.estimate)
+    found, stated = np.array(each).T
+    factor = np.exp(1.96 * np.sqrt(np.log1p(stated**2)))
+    assert abs(found.mean() - exact) < 3.0 * found.std() / math.sqrt(200)
+    assert 0.91 <= np.mean((found / factor < exact) & (exact < found * factor)) <= 0.98
+    assert 0.8 < stated.mean() / (found.std() / exact) < 1.2
 
 
 def test_monte_carlo_has_the_interval_of_clopper_and_pearson(solved_by):

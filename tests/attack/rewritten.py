@@ -92,7 +92,8 @@ def scenario_of(seed, folder):
     built = build_system(beamsim.load_scenario(tree))
     squared = np.asarray(built.dynamics.stiffness)
     moving = np.sqrt(squared[squared > 1e-9 * squared.max()])
-    longest = PERIODS * 2 * math.pi / float(moving.min())
+    slowest = float(moving.min()) if moving.size else 2 * math.pi  # rad/s, also of bodies that only stops hold
+    longest = PERIODS * 2 * math.pi / slowest
     for duration in (longest, 0.1 * longest, 0.01 * longest):  # of records that end before
         timing = {"duration": duration, "sample_rate": 150 / duration, "spectrum": {"to": 20 / duration}}
         tree["run"] |= timing | {"max_events": MOST_EVENTS}  # nothing of a spectrum is compared

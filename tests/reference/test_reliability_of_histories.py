@@ -115,7 +115,7 @@ def test_a_million_histories_of_an_oscillator_with_a_stop():
 
 
 def test_noise_by_subset_simulation():
-    """About one in two thousand; 36 normal amplitudes and a gap."""
+    """About four in ten thousand; 36 normal amplitudes and a gap."""
     rng = np.random.default_rng(3)
     beyond = sum(int(np.sum(of_noise(rng, rng.normal(2e-3, 2e-4, 2000)) > 110.0)) for _ in range(100))
     assert 50 < beyond < 400

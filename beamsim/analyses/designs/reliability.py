@@ -28,7 +28,6 @@ from beamsim.typing import Bools, Floats
 FAILED = -1.0  # of the limit state: a history without result counts as one that exceeds the limits
 SHIFT = 1e-4  # of a standard deviation, for derivatives
 SURE = 3.0  # standard deviations by which two estimates may differ
-WIDENED = 1.5  # of the deviation that a subset simulation states: its levels depend on each other
 OTHER_METHOD = "write method: importance_sampling"
 
 
@@ -230,7 +229,7 @@ def importance_sampling(histories: Exceedance) -> None:
         points = sampling.points_at(u)
         terms.append(weights * histories.kept(points, histories(points), weights))
     apart = abs(math.log(histories.estimate.probability / level.estimate.probability))
-    if apart > SURE * math.sqrt(math.log1p((WIDENED * level.estimate.variation) ** 2)):
+    if apart > SURE * math.sqrt(math.log1p(level.estimate.variation**2)):
         sentence = f"the subset simulation that it began with finds {level.estimate.probability:.2g}, far from it"
         histories.outcome = Outcome.of(OutcomeKind.UNTRUSTED, "regions", sentence, remedy="write method: subset")
 

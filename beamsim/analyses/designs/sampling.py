@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.errors import ScenarioError
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Floats, Ints
 
 KEPT = 0.1  # share of the samples of a level from which those of the next one start
 ACCEPTANCE = 0.44  # of steps, at which chains move fastest
@@ -97,28 +97,29 @@ def subset_levels(
     """
     points, chains, width = drawn(generator, count, origin), max(1, round(count * KEPT)), 0.6
     values, probability, variance, steps = state(points), 1.0, 0.0, 1
+    before, parents, families = 0.0, np.zeros(0, dtype=int), 0  # of the level before, whose chain is each chain's parent
     while True:
         order = np.argsort(values, kind="stable")
         edge = max(0.0, float(values[order[chains - 1]]))
         inside = values <= edge
-        share = float(inside.mean())
-        probability *= share
-        variance += (1.0 - share) / (share * values.size) * _correlation(inside.reshape(-1, steps))
+        probability *= float(inside.mean())
+        hits = inside.reshape(-1, steps).sum(axis=1)
+        own = _relative_variance(hits)
+        variance += own
+        if parents.size:  # what two levels have in common, by the chains that descend from each chain
+            variance += max(0.0, _relative_variance(np.bincount(parents, hits, minlength=families)) - own - before)
         yield SubsetLevel(Estimate(probability, math.sqrt(variance)), points.some(inside), values[inside], edge)
-        if edge == 0.0 or share > 0.5:
+        if edge == 0.0 or inside.mean() > 0.5:
             return
         first = order[:chains]
+        before, parents, families = own, first // steps, hits.size
         points, values, width = _chains(state, generator, points.some(first), values[first], width)
         steps = values.size // chains
 
 
-def _correlation(inside: Bools) -> float:
-    """Factor of the variance of a share by the correlation along (chains, steps)."""
-    share, steps = inside.mean(), inside.shape[1]
-    if share == 1.0:
-        return 1.0
-    lags = [(1.0 - k / steps) * ((inside[:, k:] & inside[:, :-k]).mean() - share**2) for k in range(1, steps)]
-    return max(1.0, 1.0 + 2.0 * float(sum(lags) / (share * (1.0 - share))))
+def _relative_variance(sums: Floats | Ints) -> float:
+    """Variance of the mean of independent sums over its square; infinite of a single one."""
+    return float(sums.var(ddof=1)) / sums.size / float(sums.mean()) ** 2 if sums.size > 1 else math.inf
 
 
 def _chains(
