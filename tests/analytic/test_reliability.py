@@ -109,7 +109,7 @@ def test_intervals_hold_the_probability_as_often_as_they_say(solved_by):
 @pytest.mark.slow
 @pytest.mark.parametrize("region", ["plane", "box"])
 def test_subset_simulations_are_as_sure_as_they_say(region):
-    """Of 200: their mean, and how often the interval holds the probability; levels that share ancestors vary together."""
+    """Of 200: their mean, and how often the interval holds it; levels that share ancestors vary together."""
     count, probability, each = 37, 4e-4, []
     sides = norm.isf(probability / 2 / count)  # of the box, within round-off of the exact one
 

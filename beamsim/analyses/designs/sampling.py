@@ -97,7 +97,7 @@ def subset_levels(
     """
     points, chains, width = drawn(generator, count, origin), max(1, round(count * KEPT)), 0.6
     values, probability, variance, steps = state(points), 1.0, 0.0, 1
-    before, parents, families = 0.0, np.zeros(0, dtype=int), 0  # of the level before, whose chain is each chain's parent
+    before, parents, families = 0.0, np.zeros(0, dtype=int), 0  # of the level before
     while True:
         order = np.argsort(values, kind="stable")
         edge = max(0.0, float(values[order[chains - 1]]))
