@@ -129,6 +129,20 @@ def test_subset_simulations_are_as_sure_as_they_say(region):
     assert 0.8 < stated.mean() / (found.std() / exact) < 1.2
 
 
+def test_a_subset_simulation_is_repeated_until_it_is_sure(solved_by):
+    solved_by(lambda *springs: sum(springs))
+    once, alone = found(of_springs(3.5, method="subset", samples=500, coefficient_of_variation=0.9))
+    result, of = found(of_springs(3.5, method="subset", samples=500))
+    assert once.complete
+    assert result.complete
+    assert of["histories"] > 1.9 * alone["histories"]
+    assert of["coefficient_of_variation"] <= 0.3 < alone["coefficient_of_variation"]
+    assert of["low"] < norm.sf(3.5) < of["high"]
+    ends = [each for each in result.rounds if each.level == 0.0]
+    assert ends[0].probability == alone["probability"]
+    assert ends[-1].probability == of["probability"]
+
+
 def test_monte_carlo_has_the_interval_of_clopper_and_pearson(solved_by):
     solved_by(lambda *springs: sum(springs))
     result, of = found(of_springs(1.5, method="monte_carlo"))

@@ -168,9 +168,10 @@ class Exceedance:
         return estimate.variation <= self.target
 
     def level(self) -> sampling.SubsetLevel:
-        """The last level of a subset simulation; a round is kept of each."""
+        """The last level of a subset simulation; a round is kept of each that is not at the limit."""
         for level in sampling.subset_levels(self, self.generator, self.vary.samples, self.origin):
-            self.rounds.append(Round(self.asked, level.edge, *level.estimate))
+            if level.edge > 0.0:
+                self.rounds.append(Round(self.asked, level.edge, *level.estimate))
         if level.edge > 0.0:
             sentence = "most histories have one value, such as that of a stop that is not reached: nothing leads on"
             self.outcome = Outcome.of(OutcomeKind.UNTRUSTED, "one_value", sentence, remedy="limit a displacement")
@@ -201,11 +202,14 @@ def form(histories: Exceedance) -> None:
 
 
 def subset(histories: Exceedance) -> None:
-    """Levels up to the limits."""
-    level = histories.level()
-    if level.edge == 0.0:
-        histories.kept(level.inside, level.values, np.ones(level.values.size))
-        histories.estimate = level.estimate
+    """Levels up to the limits, and again until the mean is sure enough."""
+    found: list[sampling.Estimate] = []
+    while (level := histories.level()).edge == 0.0:
+        found.append(level.estimate)
+        weights = np.full(level.values.size, level.estimate.probability / level.values.size)
+        histories.kept(level.inside, level.values, weights)
+        if histories.noted(sampling.mean_of(found)):
+            return
 
 
 def importance_sampling(histories: Exceedance) -> None:
@@ -215,6 +219,7 @@ def importance_sampling(histories: Exceedance) -> None:
     level = histories.level()
     if level.edge > 0.0:
         return
+    histories.noted(level.estimate)
     centres: list[Floats] = []
     for start in sampling.directions(level.inside.u):
         point, found = sampling.nearest_point(histories, start)

@@ -70,6 +70,13 @@ def average(terms: Sequence[Floats]) -> Estimate:
     return Estimate(mean, float(values.std()) / mean / math.sqrt(values.size) if mean > 0.0 else math.inf)
 
 
+def mean_of(estimates: Sequence[Estimate]) -> Estimate:
+    """That of independent estimates, where each is as sure as the others."""
+    mean = sum(of.probability for of in estimates) / len(estimates)
+    spread = math.sqrt(sum((of.probability * of.variation) ** 2 for of in estimates)) / len(estimates)
+    return Estimate(mean, spread / mean)
+
+
 class SubsetLevel(NamedTuple):
     """A level of a subset simulation."""
 
