@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,189 @@ from beamsim.typing import Bools, Floats
 SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have statistics
 
 
+@dataclass(frozen=True)
+class _Cases:
+    """The known cases of a study, and how they do by its limits and objectives.
+
+    Parameters
+    ----------
+    plan : of the study.
+    outcomes : by index; may be those of some cases only.
+    """
+
+    plan: DesignPlan
+    outcomes: Mapping[int, CaseOutcome]
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """Of the design, with the realisations along the last axis."""
+        return (*self.plan.shape, self.plan.study.realisations.count)
+
+    def scalar(self, response: Response) -> bool:
+        """Whether a response of all realisations is one number each."""
+        return is_scalar(response, self.shape)
+
+    @cached_property
+    def realised(self) -> dict[str, Response]:
+        """The responses of all realisations, whose axis follows those of the design; nan where there is none."""
+        columns: dict[str, Floats] = {}
+        for index in sorted(self.outcomes):
+            for name, value in self.outcomes[index].values.items():
+                if name not in columns:
+                    columns[name] = np.full((len(self.plan.cases), *np.shape(value)), np.nan)
+                columns[name][index] = value
+        units = output_units(self.plan.scenario)
+        return {
+            name: Response(name, column.reshape(self.shape + column.shape[1:]), *describe(name, units))
+            for name, column in columns.items()
+        }
+
+    @cached_property
+    def known(self) -> Bools:
+        """(cases and realisations,) which are known, whether they are solved or failed."""
+        return np.isin(np.arange(len(self.plan.cases)), list(self.outcomes))
+
+    @cached_property
+    def missing(self) -> int:
+        """Number of the cases whose realisations are not all known."""
+        return int(np.sum(~self.known.reshape(-1, self.shape[-1]).all(axis=1)))
+
+    @cached_property
+    def solved(self) -> Bools:
+        """Of the design's shape: which cases have responses in all realisations."""
+        complete = [number for number, outcome in self.outcomes.items() if outcome.outcome.complete]
+        return np.asarray(np.isin(np.arange(len(self.plan.cases)), complete).reshape(self.shape).all(axis=-1))
+
+    @cached_property
+    def drawn(self) -> Bools:
+        """(cases,) which are known and independent draws of the varied numbers; of Sobol' those of samples A and B."""
+        plan = self.plan
+        if plan.kind not in SAMPLES or plan.study.realisations.count > 1:
+            return np.zeros(plan.shape, dtype=bool).ravel()
+        independent = 2 * self.known.size // (len(plan.coordinates) + 2)
+        return self.known & (plan.kind != "sobol" or np.arange(self.known.size) < independent)
+
+    @cached_property
+    def limits(self) -> dict[str, float]:
+        """By name, SI units."""
+        return {} if self.plan.scenario.limits is None else self.plan.scenario.limits.given
+
+    @cached_property
+    def passing(self) -> Bools:
+        """Of the design's shape: which cases are solved and meet every limit."""
+        return self.solved & self.judged.met
+
+    @cached_property
+    def shares(self) -> Floats | None:
+        """Of the design's shape: share of the realisations that meet every limit; None without limits or tolerances."""
+        return self.judged.meets.mean(axis=-1) if self.limits and self.shape[-1] > 1 else None
+
+    @cached_property
+    def judged(self) -> _Judged:
+        """How the cases do by the limits."""
+        return _margins(self)
+
+    @cached_property
+    def aims(self) -> list[tuple[Objective, Response | None]]:
+        """The objectives, of every case as the realisations judge it; None where there is none, or it is not known."""
+        realisations, aims = self.plan.study.realisations, []
+        for objective in objectives(self.plan.scenario):
+            response = objective.of(self.realised, self.shape)
+            if response is not None:
+                values = response.values.ravel()
+                chosen = judging(values, realisations.count, realisations.quantile, large_is_good=objective.largest)
+                response = replace(response, values=values[chosen].reshape(self.plan.shape))
+            aims.append((objective, response))
+        return aims
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """How cases do by the limits.
+
+    Parameters
+    ----------
+    margins : of every case, by limit.
+    worst : by limit the case with the smallest margin, for the summary.
+    met : of the design's shape, whether a case surely meets every limit, with the change of its value by a finer model.
+    meets : the same of every realisation.
+    """
+
+    margins: dict[str, Response]
+    worst: dict[str, Any]
+    met: Bools
+    meets: Bools
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """What the objectives choose among the cases.
+
+    Parameters
+    ----------
+    values : of each objective that is known, by its name.
+    eligible : of the design's shape, among which cases is chosen.
+    front : the same where there are two objectives: no case is better by one and as good by the other.
+    best : the best cases, see `best_cases`.
+    unknown : whether an objective is a response that no case has.
+    """
+
+    values: dict[str, Response]
+    eligible: Bools
+    front: Bools | None
+    best: list[dict[str, Any]]
+    unknown: bool
+
+
+def _chosen(cases: _Cases) -> _Choice:
+    """The choice of the objectives; of a search without its first case, the scenario as it is."""
+    plan, (objective, first) = cases.plan, cases.aims[0]
+    values = {response.name: response for _, response in cases.aims if response is not None}
+    unknown = any(aim.terms and response is None for aim, response in cases.aims)
+    eligible, front = cases.passing.copy(), None
+    if plan.searches:  # the scenario as it is may lie outside of the ranges
+        eligible[:1] = False
+    if len(values) > 1:
+        costs = [aim.sign * response.values for aim, response in cases.aims if response is not None]
+        eligible = front = efficient(np.array(costs), eligible)
+    # the best of many parts is no choice
+    chosen = plan.kind not in (*SAMPLES, "one_at_a_time", "reliability") or bool(objective.terms)
+    of_first = None if first is None else first.values.ravel()
+    best: list[dict[str, Any]] = []
+    if chosen and not unknown:
+        best = best_cases(of_first, cases.judged.margins, eligible, largest=objective.largest)
+    return _Choice(values, eligible, front, best, unknown)
+
+
+def _about_best(cases: _Cases, choice: _Choice) -> dict[str, Any]:
+    """What the summary says of limits and objectives."""
+    plan, limits, margins, shares = cases.plan, cases.limits, cases.judged.margins, cases.shares
+    values = None if cases.aims[0][1] is None else cases.aims[0][1].values.ravel()
+    worst, first = cases.judged.worst, list[dict[str, Any]]()
+    if plan.kind == "optimise":
+        nearest = choice.best or best_cases(None, margins, cases.solved, largest=True) or [{"case": 0}]
+        worst = _margins_of_one(cases, nearest[0]["case"])
+        first = best_cases(values, margins, np.arange(cases.solved.size) == 0, largest=True)
+
+    def described(item: Mapping[str, Any]) -> dict[str, Any]:
+        case, more = item["case"], dict[str, Any]()
+        if choice.front is not None:
+            more["values"] = {name: float(aim.values.flat[case]) for name, aim in choice.values.items()}
+        if shares is not None:
+            more["passing_share"] = float(shares.flat[case])
+        return {**item, **more, "parameters": _named(plan, case)}
+
+    return {
+        "passing": int(cases.passing.sum()) if limits else None,
+        "objective": " and ".join(aim.text for aim, _ in cases.aims) if choice.best else None,
+        "as_it_is": described(first[0]) if first else None,
+        "near_best": _near_best(plan, values, choice) if plan.searches and choice.front is None else None,
+        "best": [described(item) for item in choice.best] or None,
+        "margins": worst if limits and plan.kind != "reliability" else None,
+        "probability": probability(cases.passing.ravel()[cases.drawn]) if limits and cases.drawn.any() else None,
+    }
+
+
 def gather(
     plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None
 ) -> DesignsResult:
@@ -55,116 +239,54 @@ def gather(
     -------
     DesignsResult
     """
-    realisations = plan.study.realisations
     if plan.searches:
         plan, outcomes = asked_for(plan, outcomes)
-    count, shape = realisations.count, (*plan.shape, realisations.count)
-    realised = _responses(plan, outcomes)
-    responses = {
-        name: replace(response, values=np.take(response.values, 0, axis=len(plan.shape)).copy())
-        for name, response in realised.items()
-    }
-    known, solved = np.zeros((2, len(plan.cases)), dtype=bool)
-    known[list(outcomes)] = True
-    solved[[number for number, outcome in outcomes.items() if outcome.outcome.complete]] = True
-    solved = solved.reshape(-1, count).all(axis=1).reshape(plan.shape)
-    missing = int(np.sum(~known.reshape(-1, count).all(axis=1)))
+    realisations, scenario = plan.study.realisations, plan.scenario
+    cases = _Cases(plan, outcomes)
+    realised, first = cases.realised, len(plan.shape)
+    responses = {name: replace(r, values=np.take(r.values, 0, axis=first).copy()) for name, r in realised.items()}
     failures = _failures(plan, outcomes)
-    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
-    drawn = _drawn(plan, known)
-    margins, worst, met, meets = _margins(plan, realised, limits, outcomes, drawn)
-    passing = solved & met
-    aims = objectives(plan.scenario)
-    objective, judged = aims[0], [_judged(plan, aim, realised) for aim in aims]
-    known_aims = {response.name: response for response in judged if response is not None}
-    values = None if judged[0] is None else judged[0].values.ravel()
-    unknown = any(aim.terms and response is None for aim, response in zip(aims, judged, strict=True))
-    eligible, front, first = passing.copy(), None, list[dict[str, Any]]()
-    if plan.searches:  # whose first case, the scenario as it is, may lie outside of the ranges
-        eligible[:1] = False
-    if len(known_aims) > 1:
-        pairs = zip(aims, known_aims.values(), strict=True)
-        eligible = front = efficient(np.array([(-1.0 if a.largest else 1.0) * r.values for a, r in pairs]), eligible)
-    # the best of many parts is no choice
-    chosen = plan.kind not in (*SAMPLES, "one_at_a_time", "reliability") or bool(objective.terms)
-    best = best_cases(values, margins, eligible, largest=objective.largest) if chosen and not unknown else []
+    choice = _chosen(cases)
     if plan.searches:
-        ended = _search_ended(plan, ended, failures, found=bool(best))
-    if plan.kind == "optimise":
-        nearest = best or best_cases(None, margins, solved, largest=True) or [{"case": 0}]
-        worst = _margins_of_one(plan, outcomes, nearest[0]["case"])
-        first = best_cases(values, margins, np.arange(solved.size) == 0, largest=True)
-    shares = meets.mean(axis=-1) if limits and count > 1 else None
+        ended = _search_ended(plan, ended, failures, found=bool(choice.best))
     sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
-    stored = {
-        name: RealisedResponse(**vars(response))
-        for name, response in realised.items()
-        if count > 1 and is_scalar(response, shape)
-    }
-
-    def described(item: Mapping[str, Any]) -> dict[str, Any]:
-        case = item["case"]
-        values = {name: float(aim.values.flat[case]) for name, aim in known_aims.items()}
-        more = {} if shares is None else {"passing_share": float(shares.flat[case])}
-        return {**item, **({} if front is None else {"values": values}), **more, "parameters": _named(plan, case)}
-
+    several = realisations.count > 1
+    stored = {name: RealisedResponse(**vars(r)) for name, r in realised.items() if several and cases.scalar(r)}
+    optimised, limits = plan.kind == "optimise", cases.limits
     return DesignsResult(
-        scenario=plan.scenario,
+        scenario=scenario,
         analysis=plan.study.analysis,
         kind=plan.kind,
-        outcome=_outcome(solved.size, missing, failures) if ended is None else ended,
+        outcome=_outcome(cases.solved.size, cases.missing, failures) if ended is None else ended,
         coordinates=plan.coordinates,
-        solved=solved,
+        solved=cases.solved,
         responses=responses,
-        margins=margins,
+        margins=cases.judged.margins,
         limits=limits,
-        passing=passing if limits else None,
-        passing_share=shares,
+        passing=cases.passing if limits else None,
+        passing_share=cases.shares,
         tolerances=realisations.tolerances(),
         realised=stored,
         sensitivity=sensitivity,
         failures=failures,
         warnings=(
-            *plan.scenario.warnings, *_about_seeds(plan),
-            *_about_choice(plan, objective, responses, gaps, limits, unknown=unknown),
-            *_about_tables(plan, realised),
+            *scenario.warnings, *_about_seeds(plan),
+            *_about_choice(cases, choice, gaps), *_about_tables(plan, realised),
         ),
         wall_time_s=wall_time_s,
-        objectives=known_aims if plan.kind == "optimise" else None,
-        front=front if plan.kind == "optimise" else None,
+        objectives=choice.values if optimised else None,
+        front=choice.front if optimised else None,
         fingerprint=plan.fingerprint,
     ).with_summary(
-        solved=solved.size - missing - len(failures),
+        solved=cases.solved.size - cases.missing - len(failures),
         failed=len(failures),
         responses=_extremes(plan, responses),
-        passing=int(passing.sum()) if limits else None,
-        objective=" and ".join(aim.text for aim in aims) if best else None,
-        as_it_is=described(first[0]) if first else None,
-        near_best=_near_best(plan, values, eligible, best) if plan.searches and front is None else None,
-        best=[described(item) for item in best] or None,
+        **_about_best(cases, choice),
         tolerances=_tolerances(realisations),
-        scatter=_scatter(stored, best, meets if limits else None, solved.size),
-        margins=worst if limits and plan.kind != "reliability" else None,
-        probability=probability(passing.ravel()[drawn]) if limits and drawn.any() else None,
+        scatter=_scatter(stored, choice.best, cases),
         sensitivity=_sensitivity(plan, responses, sensitivity) or None,
-        processor_time_s=sum(outcome.processor_time_s for outcome in outcomes.values()),
+        processor_time_s=sum(outcome.processor_time_s for outcome in cases.outcomes.values()),
     )  # fmt: skip
-
-
-def _responses(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> dict[str, Response]:
-    """The responses of all realisations, whose axis follows those of the design; nan where there is none."""
-    columns: dict[str, Floats] = {}
-    for index in sorted(outcomes):
-        for name, value in outcomes[index].values.items():
-            if name not in columns:
-                columns[name] = np.full((len(plan.cases), *np.shape(value)), np.nan)
-            columns[name][index] = value
-    units = output_units(plan.scenario)
-    shape = (*plan.shape, plan.study.realisations.count)
-    return {
-        name: Response(name, column.reshape(shape + column.shape[1:]), *describe(name, units))
-        for name, column in columns.items()
-    }
 
 
 def _about_tables(plan: DesignPlan, responses: Mapping[str, Response]) -> list[str]:
@@ -200,21 +322,12 @@ def _tolerances(realisations: Realisations) -> dict[str, Any] | None:
 
 
 def _scatter(
-    realised: Mapping[str, RealisedResponse], best: Sequence[Mapping[str, Any]], meets: Bools | None, cases: int
+    realised: Mapping[str, RealisedResponse], best: Sequence[Mapping[str, Any]], cases: _Cases
 ) -> dict[str, Any] | None:
-    """What the best case ranges over within its tolerances, or the only one; known realisations only.
-
-    Parameters
-    ----------
-    realised : responses of all realisations.
-    best : the best cases.
-    meets : (..., realisations) whether each meets every limit; None without limits.
-    cases : number of them.
-    """
-    if not realised or not (best or cases == 1):
+    """What the best case ranges over within its tolerances, or the only one; known realisations only."""
+    if not realised or not (best or cases.solved.size == 1):
         return None
-    case = int(best[0]["case"]) if best else 0
-    count = next(iter(realised.values())).values.size // cases
+    case, count = int(best[0]["case"]) if best else 0, cases.shape[-1]
     rows = {name: response.values.reshape(-1, count)[case] for name, response in realised.items()}
     known = {name: values[np.isfinite(values)] for name, values in rows.items()}
     ranges = {
@@ -222,7 +335,7 @@ def _scatter(
                **statistics(values)}
         for name, values in known.items() if values.size
     }  # fmt: skip
-    met = {} if meets is None else {"probability": probability(meets.reshape(-1, count)[case, 1:])}
+    met = {"probability": probability(cases.judged.meets.reshape(-1, count)[case, 1:])} if cases.limits else {}
     return {"case": case, "responses": ranges, **met}
 
 
@@ -249,29 +362,12 @@ def costs(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> tuple[Floats
     (cases,) array
         Largest share by which a limit is exceeded, 0 where each is met; infinite where that is not known.
     """
-    plan, outcomes = asked_for(plan, outcomes)
-    realised = _responses(plan, outcomes)
-    limits = {} if plan.scenario.limits is None else plan.scenario.limits.given
-    margins, _, met, _ = _margins(plan, realised, limits, outcomes, np.zeros(len(plan.cases), dtype=bool))
-    least = np.min([margin.values for margin in margins.values()], axis=0) if margins else np.full(plan.shape, np.inf)
+    cases = _Cases(*asked_for(plan, outcomes))
+    margins, met = cases.judged.margins, cases.judged.met
+    least = np.min([margin.values for margin in margins.values()], axis=0) if margins else np.full(met.shape, np.inf)
     beyond = np.where(met, 0.0, np.nan_to_num(1.0 / (1.0 + least) - 1.0, nan=np.inf))
-    aims = objectives(plan.scenario)
-    values = [
-        (-1.0 if aim.largest else 1.0) * (least if response is None else response.values)
-        for aim, response in ((aim, _judged(plan, aim, realised)) for aim in aims)
-    ]
+    values = [aim.sign * (least if response is None else response.values) for aim, response in cases.aims]
     return np.nan_to_num(values, nan=np.inf, posinf=np.inf, neginf=-np.inf), beyond
-
-
-def _judged(plan: DesignPlan, objective: Objective, realised: Mapping[str, Response]) -> Response | None:
-    """An objective of every case, as the realisations judge it; None where there is none, or it is not known."""
-    realisations = plan.study.realisations
-    response = objective.of(realised, (*plan.shape, realisations.count))
-    if response is None:
-        return None
-    values = response.values.ravel()
-    chosen = judging(values, realisations.count, realisations.quantile, large_is_good=objective.largest)
-    return replace(response, values=values[chosen].reshape(plan.shape))
 
 
 def efficient(values: Floats, among: Bools) -> Bools:
@@ -303,40 +399,34 @@ def _search_ended(plan: DesignPlan, ended: Outcome | None, failures: Sequence[Ca
     )  # fmt: skip
 
 
-def _margins_of_one(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], case: int) -> dict[str, Any]:
+def _margins_of_one(cases: _Cases, case: int) -> dict[str, Any]:
     """The margins of one case alone."""
-    count = plan.study.realisations.count
-    if case * count not in outcomes:
+    count = cases.shape[-1]
+    if case * count not in cases.outcomes:
         return {}
-    own, limits = {r: outcomes[case * count + r] for r in range(count)}, plan.scenario.limits
-    alone = plan.of([own[0].given])
-    given = {} if limits is None else limits.given
-    _, found, _, _ = _margins(alone, _responses(alone, own), given, own, np.zeros(count, dtype=bool))
-    return {name: item | {"case": case} for name, item in found.items()}
+    own = {r: cases.outcomes[case * count + r] for r in range(count)}
+    alone = _Cases(cases.plan.of([own[0].given]), own)
+    return {name: item | {"case": case} for name, item in alone.judged.worst.items()}
 
 
-def _near_best(
-    plan: DesignPlan, values: Floats | None, passing: Bools, best: Sequence[Mapping[str, Any]]
-) -> dict[str, Any] | None:
+def _near_best(plan: DesignPlan, values: Floats | None, choice: _Choice) -> dict[str, Any] | None:
     """By number its range in the designs that are nearly as good as the best one."""
-    if values is None or not best:
+    if values is None or not choice.best:
         return None
-    near = passing & (np.abs(values - best[0]["value"]) <= 0.01 * abs(best[0]["value"]))
+    best = choice.best[0]["value"]
+    near = choice.eligible & (np.abs(values - best) <= 0.01 * abs(best))
     known = {c.path: c.values[near] for c in plan.coordinates if c.numeric}
     return {path: {"smallest": float(of.min()), "largest": float(of.max())} for path, of in known.items()}
 
 
-def _about_choice(
-    plan: DesignPlan, objective: Objective, responses: Mapping[str, Response], gaps: Sequence[str],
-    limits: Mapping[str, float], *, unknown: bool,
-) -> Iterator[str]:  # fmt: skip
+def _about_choice(cases: _Cases, choice: _Choice, gaps: Sequence[str]) -> Iterator[str]:
     """What the choice of a case and the indices lack."""
-    if unknown and responses:
-        scalar = [name for name, response in responses.items() if is_scalar(response, plan.shape)]
+    scalar, objective = [name for name, r in cases.realised.items() if cases.scalar(r)], cases.aims[0][0]
+    if choice.unknown and cases.realised:
         key, asked = "maximise" if objective.largest else "minimise", " + ".join(name for name, _ in objective.terms)
         yield f"vary.{key} = {asked}: no case has such a response; they have {', '.join(scalar)}"
-    for name in limits if responses else ():
-        if not any(is_scalar(r, plan.shape) for r in responses_of(responses, limited_response(name))):
+    for name in cases.limits if cases.realised else ():
+        if not any(r.name in scalar for r in responses_of(cases.realised, limited_response(name))):
             yield f"limits.{name}: no case has a response that is compared with it, so no case meets every limit"
     if gaps:
         yield f"no Sobol' indices of {', '.join(gaps)}, which are not known in all cases"
@@ -362,13 +452,6 @@ def _about_seeds(plan: DesignPlan) -> list[str]:
     ]
 
 
-def _drawn(plan: DesignPlan, known: Bools) -> Bools:
-    """Which cases are known draws of the varied numbers, independent of each other; of Sobol' samples A and B."""
-    if plan.kind not in SAMPLES or plan.study.realisations.count > 1:
-        return np.zeros(plan.shape, dtype=bool).ravel()
-    return known & (plan.kind != "sobol" or np.arange(known.size) < 2 * known.size // (len(plan.coordinates) + 2))
-
-
 def _sensitivity(
     plan: DesignPlan, responses: Mapping[str, Response], indices: Sequence[SobolIndices]
 ) -> dict[str, dict[str, dict[str, Any]]]:
@@ -382,7 +465,7 @@ def _sensitivity(
     return {name: measure(r.values, numbers) for name, r in responses.items() if is_scalar(r, plan.shape) and varies(r)}
 
 
-def _ranges(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], limit: str, value: Floats) -> Floats:
+def _ranges(outcomes: Mapping[int, CaseOutcome], limit: str, value: Floats) -> Floats:
     """(2, cases and realisations) the values of a limit less and plus their changes, where these are known."""
     ranges = np.array([value.ravel(), value.ravel()])
     for number, outcome in outcomes.items():
@@ -391,27 +474,17 @@ def _ranges(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome], limit: str, v
     return ranges
 
 
-def _margins(
-    plan: DesignPlan,
-    realised: Mapping[str, Response],
-    limits: Mapping[str, float],
-    outcomes: Mapping[int, CaseOutcome],
-    drawn: Bools,
-) -> tuple[dict[str, Response], dict[str, Any], Bools, Bools]:
-    """Margin of every case, those of the worst cases for the summary, and which cases and realisations meet all limits.
-
-    A case meets a limit if it surely does, with the change of its value by a finer model. The cases that are drawn give
-    the probability of that.
-    """
+def _margins(cases: _Cases) -> _Judged:
+    """How cases and realisations do by the limits; the cases that are drawn give the probability that one is met."""
     margins, summary = {}, {}
-    shape, quantile = (*plan.shape, plan.study.realisations.count), plan.study.realisations.quantile
+    plan, shape, quantile = cases.plan, cases.shape, cases.plan.study.realisations.quantile
     met, meets = np.ones(plan.shape, dtype=bool), np.ones(shape, dtype=bool)
-    for name, limit in limits.items():
-        compared = [r for r in responses_of(realised, limited_response(name)) if is_scalar(r, shape)]
+    for name, limit in cases.limits.items():
+        compared = [r for r in responses_of(cases.realised, limited_response(name)) if cases.scalar(r)]
         margin = np.full(plan.shape, math.nan)
         if compared:
             values, decisive = worst_of(compared, large_is_good=False)
-            ranges = _ranges(plan, outcomes, name, values)
+            ranges = _ranges(cases.outcomes, name, values)
             meets &= (ranges[1] <= limit).reshape(shape)
             chosen = judging(values, shape[-1], quantile, large_is_good=False)
             value, (low, high) = values[chosen], ranges[:, chosen]
@@ -431,9 +504,9 @@ def _margins(
                 "case": case,
                 "parameters": _named(plan, case),
                 "cases_exceeding": int(np.sum(verdicts == OnLimit.EXCEEDED)),
-                **({"probability": probability((verdicts == OnLimit.MET)[drawn])} if drawn.any() else {}),
+                **({"probability": probability((verdicts == OnLimit.MET)[cases.drawn])} if cases.drawn.any() else {}),
             }
-    return margins, summary, met, meets
+    return _Judged(margins, summary, met, meets)
 
 
 def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, Any]:

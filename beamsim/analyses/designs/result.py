@@ -430,6 +430,11 @@ class Objective(NamedTuple):
     largest: bool = True  # whether large values are better
 
     @property
+    def sign(self) -> float:
+        """By which a value is multiplied so that small ones are better."""
+        return -1.0 if self.largest else 1.0
+
+    @property
     def text(self) -> str:
         """For people."""
         return f"{'largest' if self.largest else 'smallest'} {self.label}"
