@@ -42,11 +42,16 @@ class ReferenceTrajectory:
     event_contact: Ints  # (E,)
     event_phase: Ints  # (E,) of the contact after the event
     evaluations: int  # of the right-hand side
-    restarts: int
+    segments: int  # between events
     end: float
     contact_share: Floats  # (m,) of the time up to there, from the located events
     outcome: Outcome
     processor_time_s: float
+
+    @property
+    def states(self) -> int:
+        """Number of contact states at the output times."""
+        return len(np.unique(self.phases, axis=0))
 
     @property
     def touch_changes(self) -> Ints:

@@ -300,6 +300,11 @@ class MotionInStretches(March):
         return self._motion.time
 
     @property
+    def states(self) -> int:
+        """Number of contact states visited."""
+        return len(self.flow.visited)
+
+    @property
     def stretch_s(self) -> float:
         """Length of a stretch, s."""
         return self._at_once * self._step

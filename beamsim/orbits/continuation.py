@@ -125,8 +125,7 @@ def correct(
     -------
     The point; None where the method does not converge.
     """
-    w = guess / scale
-    start = w.copy()
+    w = start = guess / scale
     last = moved = np.inf
     for iteration in range(settings.iterations + 1):
         u = w * scale
@@ -141,13 +140,7 @@ def correct(
             return None
         Jw = J * scale / rs[:, None]
         off = float(row @ (w - start)) - ahead
-        # a guess that a step would not better is taken as it is: where branches cross, a step may lead off the own one
-        # 0.01: of the tolerance, at which a first guess needs no correction
-        good = size <= (settings.tolerance if iteration else 0.01 * settings.tolerance)
-        # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
-        # 1e-13: a Newton step shorter than this is round-off
-        good = good or (moved <= 1e-13 and size <= STIFF * settings.tolerance)
-        if good and abs(off) <= 1e-9 + settings.tolerance:
+        if _converged(size, moved, iteration, settings.tolerance) and abs(off) <= 1e-9 + settings.tolerance:
             tangent, sign = _kernel(Jw)
             point = BranchPoint(u, tangent, scale, size, sign, iteration, data)
             return point.reversed() if reference is not None and float(tangent @ reference) < 0 else point
@@ -164,6 +157,17 @@ def correct(
             return None
         last = size
     return None
+
+
+def _converged(residual: float, moved: float, iteration: int, tolerance: float) -> bool:
+    """Whether a residual is small enough, after a Newton step that moved the scaled unknowns so far."""
+    # a guess that a step would not better is taken as it is: where branches cross, a step may lead off the own one
+    # 0.01: of the tolerance, at which a first guess needs no correction
+    if residual <= (tolerance if iteration else 0.01 * tolerance):
+        return True
+    # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
+    # 1e-13: a Newton step shorter than this is round-off
+    return moved <= 1e-13 and residual <= STIFF * tolerance
 
 
 def solve_at(

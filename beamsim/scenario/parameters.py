@@ -483,15 +483,7 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
     points = getattr(parameter, "points", 0)
     if isinstance(parameter, (RangedParameter, SampledRange)):
         low, high = (read_end(v, (key,)) for v, key in ((parameter.from_, "from"), (parameter.to, "to")))
-        if low == high:
-            raise Unfit(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
-        if isinstance(parameter, SampledRange) and low > high:
-            raise Unfit(f"= {high:g} lies below from = {low:g}", "write the lower value as from", ("to",))
-        if parameter.spacing == "logarithmic" and not (low > 0.0 and high > 0.0):
-            key = "from" if low <= 0.0 else "to"
-            raise Unfit(
-                "must be positive where the spacing is logarithmic", "give a positive value, or spacing: linear", (key,)
-            )
+        _check_range(parameter, low, high)
         spacing = parameter.spacing
     else:
         if any(value_at(scenario, place) != nominal for place in places):
@@ -515,6 +507,19 @@ def resolve_parameter(scenario: ScenarioParts, parameter: Any) -> VariedParamete
         )
     distribution = getattr(parameter, "distribution", "uniform")
     return replace(number, low=low, high=high, points=points, spacing=spacing, distribution=distribution)
+
+
+def _check_range(parameter: RangedParameter | SampledRange, low: float, high: float) -> None:
+    """Refuse a range that is empty, falls where it must not, or has no logarithm."""
+    if low == high:
+        raise Unfit(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
+    if isinstance(parameter, SampledRange) and low > high:
+        raise Unfit(f"= {high:g} lies below from = {low:g}", "write the lower value as from", ("to",))
+    if parameter.spacing == "logarithmic" and not (low > 0.0 and high > 0.0):
+        key = "from" if low <= 0.0 else "to"
+        raise Unfit(
+            "must be positive where the spacing is logarithmic", "give a positive value, or spacing: linear", (key,)
+        )
 
 
 def _resolved_catalogue(scenario: ScenarioParts, catalogue: Catalogue) -> VariedParameter:

@@ -381,26 +381,21 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     MethodError
         Where the base holds every row or moves against springs or dashpots, or the matrices make no structure.
     """
-    remarks = list(given.remarks)
     held = _held_rows(given)
-    size = len(given.table.dofs)
-    free = np.setdiff1d(np.arange(size), held)
+    free = np.setdiff1d(np.arange(len(given.table.dofs)), held)
     if not free.size:
         raise MethodError("base", "holds every degree of freedom", "name the supported nodes alone")
+    table = given.table.part(free)
     mass, stiffness = (matrix[free][:, free].tocsc() for matrix in (given.mass, given.stiffness))
-    expansion, share, condensed = _without_massless(mass, stiffness, given.table.part(free))
-    remarks += condensed
-    reduced_mass, reduced_stiffness = (
-        ((m + m.T) / 2).tocsc() for m in (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
-    )
+    expansion, share, condensed = _without_massless(mass, stiffness, table)
+    remarks = [*given.remarks, *condensed]
+    products = (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
+    reduced_mass, reduced_stiffness = (((m + m.T) / 2).tocsc() for m in products)
     order = None
     if expansion.shape[0] == expansion.shape[1]:  # nothing was condensed, so that rows are those of nodes
-        order = dissection(abs(reduced_stiffness) + abs(reduced_mass), given.table.part(free).coordinates)
-    rigid, flexible, factors = rigid_modes(reduced_stiffness, reduced_mass, given.table.part(free), expansion, order)
-    if held.size and rigid.shape[1]:
-        places = dict.fromkeys(_largest_at(given.table.part(free), motion) for motion in (expansion @ rigid).T)
-        motions = "a motion" if rigid.shape[1] == 1 else f"{rigid.shape[1]} motions"
-        remarks.append(f"{NOT_HELD}: {motions} without stiffness, largest at {', '.join(places)}")
+        order = dissection(abs(reduced_stiffness) + abs(reduced_mass), table.coordinates)
+    rigid, flexible, factors = rigid_modes(reduced_stiffness, reduced_mass, table, expansion, order)
+    remarks += [_not_held(table, expansion @ rigid)] if held.size and rigid.shape[1] else []
     viscous = None if given.damping is None else (expansion.T @ given.damping[free][:, free] @ expansion).tocsc()
     mass_scale = float(np.mean(reduced_mass.diagonal()))
     stiffness_scale = mass_scale * flexible**2 if flexible else 1.0
@@ -417,7 +412,7 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         section=None,
         whole_damping=damping,
         given=given,
-        table=given.table.part(free),
+        table=table,
         expansion=expansion.tocsr(),
         massless=share,
         given_stiffness=(reduced_stiffness / stiffness_scale).tocsc(),
@@ -427,6 +422,13 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
     )
     structure.base_load(UPWARDS)  # refuses a base that moves against springs or dashpots
     return structure
+
+
+def _not_held(table: DofTable, rigid: Floats) -> str:
+    """A remark on rigid motions (N, r) of the rows of a table, which a base leaves."""
+    places = dict.fromkeys(_largest_at(table, motion) for motion in rigid.T)
+    motions = "a motion" if rigid.shape[1] == 1 else f"{rigid.shape[1]} motions"
+    return f"{NOT_HELD}: {motions} without stiffness, largest at {', '.join(places)}"
 
 
 def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, Floats, list[str]]:

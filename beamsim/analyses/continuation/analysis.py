@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -95,39 +95,13 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     model = response_model(scenario)
     settings = scenario.sweep
     assert isinstance(settings, Continuation)
-    levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
     grown = progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else 1.0 - SHARE_OF_OVERLAY
-    branches: list[ResponseBranch] = []
-    folds: list[FoldBranch] = []
-    remarks: list[Outcome] = []
-    done = 0
-    for index, level in enumerate(levels):
-        part = part_of(grown, curves_share * index / len(levels), curves_share * (index + 1) / len(levels))
-        if branches and stop():
-            break
-        budget = Budget(
-            settings.most_points, settings.longest_time, stop, settings.most_branch_points, settings.most_side_points,
-            settings.most_branches,
-        )  # fmt: skip
-        traced = _trace(model, settings, level, budget, part)
-        if not traced:
-            break
-        remarks += _remarks(model, traced, budget, level if len(levels) > 1 else None)
-        done += 1
-        if model.second is not None:
-            folds += follow_folds(model, traced, level, budget)
-        branches += [response(model, branch, level, stop) for branch in traced]
-    if not branches:
-        raise KeyboardInterrupt
-    if isinstance(settings.method, HarmonicBalance):
-        remarks += _doubt(branches, settings.method, model.followed.unit)
-    worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
-    outcome = worst.but(*(remark for remark in remarks if remark is not worst))
-    outcome = reduction_checked(balanced(outcome, branches, model.followed.unit), scenario, model.system.modes)
+    branches, folds, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share), stop)
+    outcome = _outcome(model, branches, remarks)
     overlay: dict[str, OverlayCurve] | None = {}
     interrupted = stop()
-    missing = [f"level {level:.4g} {scenario.level_unit}" for level in levels[done:]]
+    missing = [f"level {level:.4g} {scenario.level_unit}" for level in left]
     if settings.overlay is not None:
         part = part_of(grown, curves_share, 1.0)
         overlay = None if interrupted else swept_overlay(scenario, part, stop)
@@ -135,22 +109,14 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
             missing.append("sweep.overlay")
     if interrupted or missing:
         parts = outcome.parts if outcome.code == COMPLETE.code else (outcome,)
-        left = f"before {', '.join(missing)}" if missing else ""
-        outcome = interruption(left, *parts)
-    f, second, system = model.followed, model.second, model.system
-    by_balance = isinstance(settings.method, HarmonicBalance)
-    uncertified = by_balance and system.cubic.count and system.dynamics.contacts.count
+        outcome = interruption(f"before {', '.join(missing)}" if missing else "", *parts)
+    f, second = model.followed, model.second
     return ContinuationResult(
         scenario=scenario,
         outcome=outcome,
         branches=tuple(branches),
         modes=model.system.modes,
-        warnings=(
-            *scenario.warnings,
-            *model.system.warnings,
-            *((WITHOUT_CERTIFICATE,) if uncertified else ()),
-            *curve_warnings(scenario, model.system.modes, branches),
-        ),
+        warnings=_warnings(model, branches),
         wall_time_s=clock.perf_counter() - begin,
         parameter=f.kind,
         unit=f.unit,
@@ -163,6 +129,66 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
         second_snubber="" if second is None else second.snubber,
         overlay=overlay or {},
     ).with_summary(**_summary(model, outcome, branches, folds, processor_time() - processor))
+
+
+def _follow_levels(
+    model: ResponseModel, report: Progress, stop: Stop
+) -> tuple[list[ResponseBranch], list[FoldBranch], list[Outcome], Sequence[float]]:
+    """Branches and folds of one level after the other, remarks on them, and the levels that are left.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Where it was time to stop before any was found.
+    """
+    settings = model.scenario.sweep
+    assert isinstance(settings, Continuation)
+    levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
+    branches: list[ResponseBranch] = []
+    folds: list[FoldBranch] = []
+    remarks: list[Outcome] = []
+    for index, level in enumerate(levels):
+        if branches and stop():
+            return branches, folds, remarks, levels[index:]
+        budget = Budget(
+            settings.most_points, settings.longest_time, stop, settings.most_branch_points, settings.most_side_points,
+            settings.most_branches,
+        )  # fmt: skip
+        traced = _trace(model, settings, level, budget, part_of(report, index / len(levels), (index + 1) / len(levels)))
+        if not traced:
+            if not branches:
+                raise KeyboardInterrupt
+            return branches, folds, remarks, levels[index:]
+        remarks += _remarks(model, traced, budget, level if len(levels) > 1 else None)
+        if model.second is not None:
+            folds += follow_folds(model, traced, level, budget)
+        branches += [response(model, branch, level, stop) for branch in traced]
+    return branches, folds, remarks, ()
+
+
+def _warnings(model: ResponseModel, branches: list[ResponseBranch]) -> tuple[str, ...]:
+    """What is doubtful in a scenario, its system and the motions."""
+    scenario, system = model.scenario, model.system
+    assert isinstance(scenario.sweep, Continuation)
+    by_balance = isinstance(scenario.sweep.method, HarmonicBalance)
+    uncertified = by_balance and system.cubic.count and system.dynamics.contacts.count
+    return (
+        *scenario.warnings,
+        *system.warnings,
+        *((WITHOUT_CERTIFICATE,) if uncertified else ()),
+        *curve_warnings(scenario, system.modes, branches),
+    )
+
+
+def _outcome(model: ResponseModel, branches: list[ResponseBranch], remarks: Sequence[Outcome]) -> Outcome:
+    """How it ended, by the first remark on what is incomplete, and how sure the motions are."""
+    remarks, settings = list(remarks), model.scenario.sweep
+    assert isinstance(settings, Continuation)
+    if isinstance(settings.method, HarmonicBalance):
+        remarks += _doubt(branches, settings.method, model.followed.unit)
+    worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
+    outcome = worst.but(*(remark for remark in remarks if remark is not worst))
+    return reduction_checked(balanced(outcome, branches, model.followed.unit), model.scenario, model.system.modes)
 
 
 def _trace(
@@ -301,16 +327,6 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop
     unknown = traced.values
     parameter = np.asarray(f.outward(unknown), dtype=float)
     ends = np.array([(m.high, m.low) for m in motions])
-    low = channels.split(ends[:, 1])
-    stress = channels.split(np.abs(ends).max(axis=1)).get(STRESS)
-
-    def followed(section: str) -> tuple[ChannelExtremes, ...]:
-        return tuple(
-            ChannelExtremes(each.name, each.quantity, each.unit, *ends[:, :, k].T)
-            for each, k in channels.located
-            if each.section == section and each.key != PENETRATION
-        )
-
     from_balance = None
     if isinstance(settings.method, HarmonicBalance):
         from_balance = np.array([truncation(problem, point, across=True) for point in traced.points])
@@ -320,8 +336,7 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop
         outcome=f.shown(traced.outcome),
         energy_error=np.array([m.energy_error for m in motions]),
         frequency_hz=parameter.copy() if f.kind == "frequency" else np.full(parameter.size, model.frequency_hz),
-        probes=followed("probes"),
-        snubbers=followed("snubbers"),
+        **_extremes(model, channels, ends),
         harmonics={p.name: np.array([m.harmonics[k] for m in motions]) for k, p in enumerate(system.probes)},
         stable=np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE,
         floquet_multipliers=multipliers,
@@ -336,19 +351,44 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop
         unit=f.unit,
         parameter_meaning=f"what is followed: {f.label}",
         contact_share={s.name: np.array([m.contact_share[k] for m in motions]) for k, s in enumerate(system.snubbers)},
-        peak_gap={
+        neglected_harmonics=from_balance,
+    )
+
+
+def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[str, Any]:
+    """The fields of a branch that hold extremes of channels.
+
+    Parameters
+    ----------
+    model : whose motions they are.
+    channels : C columns.
+    ends : (points, 2, C) largest and smallest values.
+    """
+    low = channels.split(ends[:, 1])
+    stress = channels.split(np.abs(ends).max(axis=1)).get(STRESS)
+
+    def followed(section: str) -> tuple[ChannelExtremes, ...]:
+        return tuple(
+            ChannelExtremes(each.name, each.quantity, each.unit, *ends[:, :, k].T)
+            for each, k in channels.located
+            if each.section == section and each.key != PENETRATION
+        )
+
+    return {
+        "probes": followed("probes"),
+        "snubbers": followed("snubbers"),
+        "peak_gap": {
             s.name: -low[PENETRATION][:, k]
-            for k, s in enumerate(system.snubbers)
+            for k, s in enumerate(model.system.snubbers)
             if PENETRATION in low and s.gap_unit == "m"
         },
-        peak_bending_stress=None if stress is None else stress.max(axis=1),
-        outputs={
+        "peak_bending_stress": None if stress is None else stress.max(axis=1),
+        "outputs": {
             each.name: OutputExtremes(each.name, each.quantity, each.unit, each.at, *ends[:, :, k].T)
             for each, k in channels.located
             if each.section == "outputs"
         },
-        neglected_harmonics=from_balance,
-    )
+    }
 
 
 def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum]:

@@ -77,6 +77,18 @@ class _Cases:
             for name, column in columns.items()
         }
 
+    @property
+    def nominal(self) -> dict[str, Response]:
+        """The responses of the cases as they are, without tolerances."""
+        axis = len(self.plan.shape)
+        return {name: replace(r, values=np.take(r.values, 0, axis).copy()) for name, r in self.realised.items()}
+
+    @cached_property
+    def scattered(self) -> dict[str, RealisedResponse]:
+        """The responses that are numbers, of all realisations; none without tolerances."""
+        several = self.shape[-1] > 1
+        return {name: RealisedResponse(**vars(r)) for name, r in self.realised.items() if several and self.scalar(r)}
+
     @cached_property
     def known(self) -> Bools:
         """(cases and realisations,) which are known, whether they are solved or failed."""
@@ -243,15 +255,10 @@ def gather(
         plan, outcomes = asked_for(plan, outcomes)
     realisations, scenario = plan.study.realisations, plan.scenario
     cases = _Cases(plan, outcomes)
-    realised, first = cases.realised, len(plan.shape)
-    responses = {name: replace(r, values=np.take(r.values, 0, axis=first).copy()) for name, r in realised.items()}
-    failures = _failures(plan, outcomes)
-    choice = _chosen(cases)
+    responses, failures, choice = cases.nominal, _failures(plan, outcomes), _chosen(cases)
     if plan.searches:
         ended = _search_ended(plan, ended, failures, found=bool(choice.best))
     sensitivity, gaps = sensitivities(responses, len(plan.coordinates)) if plan.kind == "sobol" else ((), [])
-    several = realisations.count > 1
-    stored = {name: RealisedResponse(**vars(r)) for name, r in realised.items() if several and cases.scalar(r)}
     optimised, limits = plan.kind == "optimise", cases.limits
     return DesignsResult(
         scenario=scenario,
@@ -266,12 +273,12 @@ def gather(
         passing=cases.passing if limits else None,
         passing_share=cases.shares,
         tolerances=realisations.tolerances(),
-        realised=stored,
+        realised=cases.scattered,
         sensitivity=sensitivity,
         failures=failures,
         warnings=(
             *scenario.warnings, *_about_seeds(plan),
-            *_about_choice(cases, choice, gaps), *_about_tables(plan, realised),
+            *_about_choice(cases, choice, gaps), *_about_tables(plan, cases.realised),
         ),
         wall_time_s=wall_time_s,
         objectives=choice.values if optimised else None,
@@ -283,7 +290,7 @@ def gather(
         responses=_extremes(plan, responses),
         **_about_best(cases, choice),
         tolerances=_tolerances(realisations),
-        scatter=_scatter(stored, choice.best, cases),
+        scatter=_scatter(cases, choice.best),
         sensitivity=_sensitivity(plan, responses, sensitivity) or None,
         processor_time_s=sum(outcome.processor_time_s for outcome in cases.outcomes.values()),
     )  # fmt: skip
@@ -321,10 +328,9 @@ def _tolerances(realisations: Realisations) -> dict[str, Any] | None:
     }
 
 
-def _scatter(
-    realised: Mapping[str, RealisedResponse], best: Sequence[Mapping[str, Any]], cases: _Cases
-) -> dict[str, Any] | None:
+def _scatter(cases: _Cases, best: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """What the best case ranges over within its tolerances, or the only one; known realisations only."""
+    realised = cases.scattered
     if not realised or not (best or cases.solved.size == 1):
         return None
     case, count = int(best[0]["case"]) if best else 0, cases.shape[-1]

@@ -117,21 +117,16 @@ def nnm(
     if given_up and not followed.backbone.outcome.interrupted:
         work.left_out.append("the search for special points")
     branches = _branches(system, job, work, special)
-    # the motion to be shown is the backbone's last one, or the furthest from rest where one is never at rest
-    shown = next((k for k, each in enumerate(branches) if each.kind == "non_brake"), 0)
-    branch = branches[shown]
-    point = int(np.argmax(branch.least_kinetic)) if shown else branch.parameter.size - 1
-    state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
-    flow = (work.full_period or followed).every[shown].points[point].data.flow
-    motion = orbit_motion(system, flow, state, 1.0 / float(branch.frequency_hz[point]))
-    branches = (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :])
+    branches, shown, point = _with_motion(system, branches, work.full_period or followed)
+    motion = branches[shown].motion
+    assert motion is not None
     resonance = None
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):
         resonance = hold_mode(
             scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
         )
     outcome = job.ended(with_failed_searches(_outcome(work, resonance), failed))
-    outcome = reduction_checked(balanced(outcome, branches, branch.unit), scenario, system.modes)
+    outcome = reduction_checked(balanced(outcome, branches, branches[0].unit), scenario, system.modes)
     result = NormalModeResult(
         scenario=scenario,
         mode=job.mode + 1,
@@ -338,6 +333,22 @@ def _branches(
         branch_result(system, job, brake, backbone, **of_backbone),
         *(branch_result(system, job, brake, branch) for branch in others),
     )
+
+
+def _with_motion(
+    system: StructuralSystem, branches: tuple[ModeBranch, ...], followed: ModeBranches
+) -> tuple[tuple[ModeBranch, ...], int, int]:
+    """The branches with the motion in time that is shown, and the numbers of its branch and point.
+
+    It is the backbone's last one, or the furthest from rest where one is never at rest.
+    """
+    shown = next((k for k, each in enumerate(branches) if each.kind == "non_brake"), 0)
+    branch = branches[shown]
+    point = int(np.argmax(branch.least_kinetic)) if shown else branch.parameter.size - 1
+    state = np.concatenate([branch.coordinates[point], branch.coordinate_velocities[point]])
+    flow = followed.every[shown].points[point].data.flow
+    motion = orbit_motion(system, flow, state, 1.0 / float(branch.frequency_hz[point]))
+    return (*branches[:shown], replace(branch, motion=motion), *branches[shown + 1 :]), shown, point
 
 
 def _outcome(work: _MethodResults, resonance: PhaseResonanceResult | None) -> Outcome:

@@ -51,7 +51,6 @@ def branch_result(
     job: ModePath,
     brake: BrakeOrbits,
     branch: OrbitBranch,
-    special: tuple[SpecialPointResult, ...] = (),
     **more: Any,
 ) -> ModeBranch:
     """A branch in SI numbers.
@@ -65,7 +64,6 @@ def branch_result(
     job : the parameter of the branch, and the mode asked for.
     brake : the problem of the backbone.
     branch : of brake orbits, or of motions found over the whole period.
-    special : its special points.
     more : further fields of `ModeBranch`.
 
     Returns
@@ -104,7 +102,6 @@ def branch_result(
         initial_displacement=states[:, :n] @ system.deflection.T,
         stable=np.array([orbit.stable for orbit in orbits]),
         floquet_multipliers=np.array([orbit.multipliers for orbit in orbits]),
-        special=special,
         **more,
     )
 

@@ -252,21 +252,8 @@ def hold_mode(
             progress((index + 1) / len(levels))
         if stop():
             break
-    missing = [m.level for m in motions if not m.found]
-    outcome = COMPLETE
-    if len(motions) < len(levels):
-        done = f"after {len(motions)} of {len(levels)} levels of nnm.phase_resonance"
-        outcome = interruption(done)
-    elif missing:
-        outcome = Outcome.of(
-            OutcomeKind.INCOMPLETE, "no_phase_resonance",
-            "the damping is too strong for a single harmonic force to sustain the mode, or an internal resonance is "
-            "close: no forced motion at phase resonance was found near the prediction",
-            at=Where(missing, unit, "level"), remedy="try another level",
-        )  # fmt: skip
-    outcome = _balanced(outcome, motions, unit)
     return PhaseResonanceResult(
-        outcome=outcome,
+        outcome=_balanced(_ended(motions, len(levels), unit), motions, unit),
         quantity=str(excitation.quantity),
         unit=unit,
         probe=probe,
@@ -274,6 +261,21 @@ def hold_mode(
         predicted=predicted,
         motions=tuple(motions),
     )
+
+
+def _ended(motions: Sequence[ResonantMotion], levels: int, unit: str) -> Outcome:
+    """How it ended: before the last level, or with levels without a motion at phase resonance."""
+    if len(motions) < levels:
+        return interruption(f"after {len(motions)} of {levels} levels of nnm.phase_resonance")
+    missing = [m.level for m in motions if not m.found]
+    if not missing:
+        return COMPLETE
+    return Outcome.of(
+        OutcomeKind.INCOMPLETE, "no_phase_resonance",
+        "the damping is too strong for a single harmonic force to sustain the mode, or an internal resonance is "
+        "close: no forced motion at phase resonance was found near the prediction",
+        at=Where(missing, unit, "level"), remedy="try another level",
+    )  # fmt: skip
 
 
 def _balanced(outcome: Outcome, motions: Sequence[ResonantMotion], unit: str) -> Outcome:

@@ -101,13 +101,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
     begin = clock.perf_counter()
-    if scenario.run is None:
-        raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
-    settings = scenario.run
-    if isinstance(settings.start, OrbitStart):
-        scenario, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared))
-    else:
-        system = build_system(scenario, shared)
+    scenario, settings, system = _built(scenario, shared)
     motion = motion_of(system, settings, output_times(scenario), progress, stop)
     histories, left_out = motion.sampled(), list[str]()
 
@@ -117,9 +111,6 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         return not left_out
 
     spectra = spectra_of(scenario, system, motion) if goes_on("the spectra") else {}
-    probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes.get(DISPLACEMENT, NO_EXTREMES))
-    snubbers = [snubber.name for snubber in system.snubbers]
-    compression = by_name(snubbers, motion.extremes[PENETRATION][2]) if snubbers else {}
     result = RunResult(
         scenario=scenario,
         method=motion.method,
@@ -134,28 +125,44 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         work=motion.work,
         low_pass_hz=settings.low_pass,
     )
-    closed_form = motion.trajectory is not None
-    warnings = [
+    warnings = _warnings(scenario, system, motion)
+    warnings += coverage_notes(system, spectra, closed_form=motion.trajectory is not None)
+    warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
+    summary = summary_of_run(scenario, system, motion, spectra, stop)
+    warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
+    fields, notes = _asked_for(result, settings, system, motion, histories, goes_on, shared)
+    fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
+    if left_out and result.complete:
+        fields["outcome"] = interruption(f"before {', '.join(left_out)}")
+    result = replace(result, **fields, warnings=(*warnings, *notes))
+    result = result.with_summary(**summary, **figures_of_parts(result, summary))
+    result = replace(result, wall_time_s=clock.perf_counter() - begin)
+    return Solution(scenario, motion, result)
+
+
+def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, Run, StructuralSystem]:
+    """A scenario with what its start resolves to, the settings of its run, and its system."""
+    if scenario.run is None:
+        raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
+    if isinstance(scenario.run.start, OrbitStart):
+        resolved, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared))
+        return resolved, scenario.run, system
+    return scenario, scenario.run, build_system(scenario, shared)
+
+
+def _warnings(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> list[str]:
+    """What is doubtful in a scenario, its system and the motion."""
+    probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes.get(DISPLACEMENT, NO_EXTREMES))
+    snubbers = [snubber.name for snubber in system.snubbers]
+    compression = by_name(snubbers, motion.extremes[PENETRATION][2]) if snubbers else {}
+    return [
         *scenario.warnings,
         *system.warnings,
         *motion.warnings,
         *pull_warnings(scenario, system, motion),
         *compressed_beyond_tables(scenario, compression),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
-        *coverage_notes(system, spectra, closed_form=closed_form),
-        *([f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []),
     ]
-    summary = summary_of_run(scenario, system, motion, spectra, stop)
-    warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
-    fields, notes = _asked_for(result, settings, system, motion, histories, goes_on, shared)
-    warnings += notes
-    fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
-    if left_out and result.complete:
-        fields["outcome"] = interruption(f"before {', '.join(left_out)}")
-    result = replace(result, **fields, warnings=tuple(warnings))
-    result = result.with_summary(**summary, **figures_of_parts(result, summary))
-    result = replace(result, wall_time_s=clock.perf_counter() - begin)
-    return Solution(scenario, motion, result)
 
 
 def _asked_for(

@@ -11,7 +11,7 @@ from beamsim.analyses.run.energy import EnergyBalance, energies, energies_of_seg
 from beamsim.analyses.run.filters import LowPassed, filtered
 from beamsim.analyses.run.friction import friction_contacts
 from beamsim.analyses.run.motion import Histories, RunMotion, memory_of, reached, with_limit
-from beamsim.analyses.run.result import EnergyHistory, Work
+from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.values import (
     ACCELERATION,
     BY_ENTRY,
@@ -152,13 +152,6 @@ def exact_motion_of(
         extreme_states=motion.states_at(at[order])[np.argsort(order)],
         state_at=lambda time: motion.states_at(np.array([time]))[0],
         contact_share=motion.contact_share(),
-        work=Work(
-            events=motion.event_time.size,
-            evaluations=motion.evaluations,
-            segments=motion.segments,
-            states=len(motion.flow.visited),
-            processor_time_s=motion.processor_time_s,
-        ),
         low_passed=None if figures.low_passed is None else figures.low_passed.values,
         last=lambda: motion.within(_last_begin(motion, settings), motion.end),
         parts=motion.again,

@@ -100,7 +100,6 @@ class RunMotion:
     extreme_states: Floats  # (2, 2n) at `extreme_times`
     state_at: Callable[[float], Floats]  # (2n or more,) at a time; of a time-stepped motion at the nearest output time
     contact_share: Floats
-    work: Work
     low_passed: Floats | None = None  # (nt or more, probes) acceleration behind the filter, where there is one
     last: Callable[[], Trajectory | None] = lambda: None  # see `trajectory`
     parts: Callable[[], Iterable[Trajectory]] = tuple  # all of it, one after the other
@@ -113,6 +112,12 @@ class RunMotion:
     def trajectory(self) -> Trajectory | None:
         """That of the closed form, its last part where not all is kept."""
         return self.last()
+
+    @cached_property
+    def work(self) -> Work:
+        """Of the solver."""
+        of = self.marched
+        return Work(of.event_time.size, of.evaluations, of.segments, of.states, of.processor_time_s)
 
     @cached_property
     def events(self) -> EventLog:

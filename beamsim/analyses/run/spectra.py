@@ -257,24 +257,6 @@ def spectrum_of(
     window's coherent gain: a sinusoid on a bin shows its own amplitude with every window; the mean is
     taken out first because it would otherwise leak into the first bins.
 
-    *Lines*. The record is examined once more with a Blackman–Harris window (side lobes at -92 dB),
-    whatever window was asked for; with the falling half of it where the window is ``decaying``. A local maximum is a
-    line when it lies less than 60 dB below the
-    largest one (and 86 dB below the largest deviation from the mean) and at least 20 dB above the noise
-    floor around it: the lower quartile of the spectrum within one excitation frequency, at least
-    32 bins, on either side (10 dB, and an octave on either side, in a ``decaying`` window, where damping makes lines
-    broad). It belongs to the order m/n (n up to 4, as long as the excitation frequency
-    over n is at least 4 bins) when its interpolated frequency is within half a bin of it and it is
-    locked to the excitation: its complex amplitudes in the two halves of the record differ by less than
-    half. The fundamental need not be locked. What belongs to no order (a decaying transient, or
-    everything when there is no excitation frequency) is of the kind "other", or "residual" at a frequency of
-    ``residual_hz``. Amplitude and phase come
-    from the least-squares projection on the exact frequencies of all lines together, so no line leaks
-    into another, weighted by the Blackman–Harris window, so that nothing else leaks into them. Of a motion in closed
-    form the projection is that of the continuous motion, see `beamsim.analyses.run.records`. A record
-    of 1 to 8 excitation periods is projected on the orders 1 to 10 directly, with the residual as noise
-    floor; below one period only the mean is known. The mean is always listed, at most 50 lines beside it.
-
     Phases are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
     0 or 180 degrees, its sign.
 
@@ -390,6 +372,24 @@ def _lines(
     residual_hz: tuple[float, ...],
     chosen_hz: tuple[float, ...],
 ) -> tuple[SpectralLine, ...]:
+    """The table of lines of a spectrum, see `spectrum_of`.
+
+    The record is examined once more with a Blackman–Harris window (side lobes at -92 dB), whatever window was asked
+    for; with the falling half of it where the window is ``decaying``. A local maximum is a line when it lies less than
+    60 dB below the largest one (and 86 dB below the largest deviation from the mean) and at least 20 dB above the noise
+    floor around it: the lower quartile of the spectrum within one excitation frequency, at least 32 bins, on either
+    side (10 dB, and an octave on either side, in a ``decaying`` window, where damping makes lines broad). It belongs to
+    the order m/n (n up to 4, as long as the excitation frequency over n is at least 4 bins) when its interpolated
+    frequency is within half a bin of it and it is locked to the excitation: its complex amplitudes in the two halves of
+    the record differ by less than half. The fundamental need not be locked. What belongs to no order (a decaying
+    transient, or everything when there is no excitation frequency) is of the kind "other", or "residual" at a frequency
+    of ``residual_hz``. Amplitude and phase come from the least-squares projection on the exact frequencies of all lines
+    together, so no line leaks into another, weighted by the Blackman–Harris window, so that nothing else leaks into
+    them. Of a motion in closed form the projection is that of the continuous motion, see
+    `beamsim.analyses.run.records`. A record of 1 to 8 excitation periods is projected on the orders 1 to 10 directly,
+    with the residual as noise floor; below one period only the mean is known. The mean is always listed, at most 50
+    lines beside it.
+    """
     forced = bool(np.isfinite(excitation_hz) and excitation_hz > 0)
     window = _examined(record, excitation_hz, one_sided)
     if window is None:

@@ -11,7 +11,7 @@ from beamsim.analyses.run.energy import EnergyBalance, power_factors, stored_ene
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
 from beamsim.analyses.run.motion import Histories, RunMotion, with_limit
-from beamsim.analyses.run.result import EnergyHistory, Work
+from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, STRESS, Extreme, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
@@ -64,60 +64,61 @@ def stepped_motion_of(
     ScenarioError
         If the input has too many pieces, or the filter of the accelerations would need too many panels.
     """
-
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
-    integrator, rtol = settings.integrator, relative_tolerance(settings)
-    warnings: tuple[str, ...] = ()
-    longest = np.inf
-    if (short_steps or settings.method != "reference") and system.dynamics.contacts.count:
-        longest = 2 * np.pi / system.dynamics.fastest / STEPS_A_PERIOD
-    if settings.method != "reference":
-        integrator = "DOP853"
-        warnings = (
-            f"cubic springs have no closed-form motion: integrated by {integrator} with rtol = {rtol:g}; "
-            "contacts are found by sign changes between steps, without certificate",
-        )
     outputs = SteppedOutputs(system, flow, times, settings.low_pass)
-    stepping = TimeStepping(
-        flow, integrator, rtol, settings.atol, longest, system.cubic, power_factors(flow), settings.max_events
-    )
+    stepping = _time_stepping(system, flow, settings, short_steps)
+    method, warnings = f"{stepping.integrator}, rtol {stepping.rtol:g}", list[str]()
+    if settings.method != "reference":
+        warnings.append(
+            f"cubic springs have no closed-form motion: integrated by {stepping.integrator} with rtol = "
+            f"{stepping.rtol:g}; contacts are found by sign changes between steps, without certificate"
+        )
     trajectory = integrate(stepping, system.initial_state, times, progress=progress, stop=stop, observe=outputs.observe)
     at = trajectory.time
     sampled = SteppedChannels(system, flow, system.channels.without(STRESS))
     values = sampled.of_states(at, trajectory.y, trajectory.phases)
-    penetration = flow.outputs_of_states(at, trajectory.y, trajectory.phases, lambda _: flow.penetrations[0])
-    stored = stored_energy(flow.system, trajectory.y, penetration, trajectory.phases)
-    if system.cubic.count:
-        base = 0.0 if system.base_displacement is None else system.base_displacement(at)
-        stretch = system.cubic.stretch(trajectory.y[:, : system.dynamics.size], base)
-        stored = stored + 0.25 * stretch**4 @ system.cubic.stiffness
-    energy = EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
-    exchanged = float(np.abs(np.diff(trajectory.work_in)).sum())
+    energy = _energies(system, flow, trajectory)
     balance = EnergyBalance()
-    balance.add(at, energy, exchanged)
-    extremes = outputs.extremes(trajectory)
+    balance.add(at, energy, float(np.abs(np.diff(trajectory.work_in)).sum()))
     histories = Histories(at, sampled.channels, values, flow.system.contacts.touching(trajectory.phases), energy)
     return RunMotion(
         system=system,
-        method=f"reference ({integrator}, rtol {rtol:g})",
+        method=f"reference ({method})",
         outcome=balance.checked(with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
         sampled=lambda: histories,
         balance=balance,
         marched=trajectory,
-        extremes=extremes,
+        extremes=outputs.extremes(trajectory),
         extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
         state_at=lambda time: trajectory.y[np.abs(at - time).argmin()],
         contact_share=trajectory.contact_share,
-        work=Work(
-            events=trajectory.event_time.size,
-            evaluations=trajectory.evaluations,
-            segments=trajectory.restarts,
-            states=len(np.unique(trajectory.phases, axis=0)),
-            processor_time_s=trajectory.processor_time_s,
-        ),
         low_passed=None if outputs.low is None else outputs.low.values,
-        warnings=warnings,
+        warnings=tuple(warnings),
     )
+
+
+def _time_stepping(system: StructuralSystem, flow: ExactFlow, settings: Run, short_steps: bool) -> TimeStepping:
+    """How steps are taken, see `stepped_motion_of`; without run.method: reference by one integrator."""
+    by_reference = settings.method == "reference"
+    longest = np.inf
+    if (short_steps or not by_reference) and system.dynamics.contacts.count:
+        longest = 2 * np.pi / system.dynamics.fastest / STEPS_A_PERIOD
+    return TimeStepping(
+        flow, settings.integrator if by_reference else "DOP853", relative_tolerance(settings), settings.atol, longest,
+        system.cubic, power_factors(flow), settings.max_events,
+    )  # fmt: skip
+
+
+def _energies(system: StructuralSystem, flow: ExactFlow, trajectory: ReferenceTrajectory) -> EnergyHistory:
+    """Energies at the times of the output, those of cubic springs included."""
+    at, y, phases = trajectory.time, trajectory.y, trajectory.phases
+    penetration = flow.outputs_of_states(at, y, phases, lambda _: flow.penetrations[0])
+    stored = stored_energy(flow.system, y, penetration, phases)
+    if system.cubic.count:
+        base = 0.0 if system.base_displacement is None else system.base_displacement(at)
+        stretch = system.cubic.stretch(y[:, : system.dynamics.size], base)
+        stored = stored + 0.25 * stretch**4 @ system.cubic.stiffness
+    return EnergyHistory(trajectory.work_in, trajectory.dissipated, stored)
 
 
 class SteppedChannels(Observed):

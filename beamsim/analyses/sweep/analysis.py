@@ -79,15 +79,7 @@ def sweep(
     assert isinstance(excitation, Harmonic | Forces)
     begin = clock.perf_counter()
     system = sweep_system(scenario)
-    if system.cubic.count:
-        raise ScenarioError.at(
-            "chain",
-            "has cubic springs, whose motion has no closed form",
-            "use `beamsim run` with excitation: {kind: swept_sine, ...}, which steps through time",
-        )
-    levels = settings.levels or (
-        (1.0,) if isinstance(settings, SweptSine) and settings.profile else (excitation.level,)
-    )
+    levels = settings.levels or (1.0 if isinstance(settings, SweptSine) and settings.profile else excitation.level,)
     limited = () if scenario.limits is None else tuple(scenario.limits.model_fields_set)
     if np.any(static_penetration(system) > 0):
         limited = tuple(dict.fromkeys((*limited, "gap")))
@@ -186,8 +178,21 @@ def swept_scenario(scenario: Scenario) -> Scenario:
 
 
 def sweep_system(scenario: Scenario) -> StructuralSystem:
-    """The system of a sweep."""
-    return build_system(swept_scenario(scenario))
+    """The system of a sweep.
+
+    Raises
+    ------
+    ScenarioError
+        If it has cubic springs, or cannot be built.
+    """
+    system = build_system(swept_scenario(scenario))
+    if system.cubic.count:
+        raise ScenarioError.at(
+            "chain",
+            "has cubic springs, whose motion has no closed form",
+            "use `beamsim run` with excitation: {kind: swept_sine, ...}, which steps through time",
+        )
+    return system
 
 
 def _linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logarithmic: bool) -> LinearCurve:

@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
 from beamsim.analyses.sweep.notching import Limited, limited_of, notched_level, with_notching
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
-from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepWork
+from beamsim.analyses.sweep.result import LevelWork, Notching, SweepCurve, SweepHistory, SweepWork
 from beamsim.errors import ScenarioError
 from beamsim.flow.swept_motion import SweptLoads, SweptMotion
 from beamsim.inputs.drift import Correction, CorrectionSize, jumps
@@ -149,24 +149,8 @@ def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) 
         one, notching, lambda part: report(beginning + (1.0 - beginning) * part), stop
     )
     windows = march.windows
-    orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
-    times = np.arange(0 if rate is None else int(np.floor(windows.duration * rate * (1 + 1e-12))) + 1) / (rate or 1.0)
-    parts: list[CycleRecord] = []
-    samples: list[Floats] = []
-    for stretch in march.stretches():
-        output_of = one.rows(stretch.motion.flow)
-        if stretch.reached:
-            phases = SinePhase.of_windows(stretch.windows)
-            record = record_cycles(stretch.motion, stretch.edge, output_of, orders, phases, one.searched)
-            parts.append(record.some(slice(stretch.reached)))
-        sampled = sum(values.shape[0] for values in samples)
-        here = times[sampled : int(np.searchsorted(times, march.end * (1 + 1e-12), side="right"))]
-        samples.append(stretch.motion.sample(here - float(windows.edge[stretch.first]), output_of))
+    parts, history = _recorded(one, march)
     curves = _curves(one, profile, windows, CycleRecord.joined(parts)) if parts else ()
-    history = None
-    if rate is not None:
-        values = np.concatenate(samples)
-        history = one.history(times[: values.shape[0]], values)
     work = SweepWork(
         cycles=sum(part.count for part in parts),
         events=march.events,
@@ -182,6 +166,29 @@ def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) 
         curves, missed = tuple(curve for curve, _ in judged), [not_held for _, not_held in judged if not_held]
         outcome = missed[0].but(*outcome.unless_complete) if missed else outcome
     return LevelRun(curves, LevelWork(float(one.value), outcome, windows.truncation, work, correction), history)
+
+
+def _recorded(one: SweepLevel, march: SweptMotion) -> tuple[list[CycleRecord], SweepHistory | None]:
+    """March, with what is recorded of each stretch's cycles, and the time history where one is asked for."""
+    settings, windows = one.settings, march.windows
+    assert isinstance(settings, SweptSine)
+    orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
+    times = np.arange(0 if rate is None else int(np.floor(windows.duration * rate * (1 + 1e-12))) + 1) / (rate or 1.0)
+    parts: list[CycleRecord] = []
+    samples: list[Floats] = []
+    for stretch in march.stretches():
+        output_of = one.rows(stretch.motion.flow)
+        if stretch.reached:
+            phases = SinePhase.of_windows(stretch.windows)
+            record = record_cycles(stretch.motion, stretch.edge, output_of, orders, phases, one.searched)
+            parts.append(record.some(slice(stretch.reached)))
+        sampled = sum(values.shape[0] for values in samples)
+        here = times[sampled : int(np.searchsorted(times, march.end * (1 + 1e-12), side="right"))]
+        samples.append(stretch.motion.sample(here - float(windows.edge[stretch.first]), output_of))
+    if rate is None:
+        return parts, None
+    values = np.concatenate(samples)
+    return parts, one.history(times[: values.shape[0]], values)
 
 
 def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
