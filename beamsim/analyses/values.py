@@ -21,6 +21,7 @@ from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import Channel, ChannelSet, Key
 from beamsim.typing import Floats
 
+ALWAYS = 1e-12  # contact shares within this distance of 0 or 1 count as never or always
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
 DISPLACEMENT, ACCELERATION = ("probes", "displacement"), ("probes", "absolute_acceleration")
 FORCE, PENETRATION = ("snubbers", "force"), ("snubbers", "penetration")

@@ -11,17 +11,13 @@ import numpy as np
 from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.printing import percent
+from beamsim.cli.printing import MOST_ROWS, percent
 from beamsim.cli.report import Labelled, Views, ended, in_units
 from beamsim.cli.screens import SHOWN, Numbers, Screen, limit_lines, modes, rounded, sureness
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, level_text, scale_for
 from beamsim.scenario.base import counted
-
-MOST_MOTIONS = 24
-MOST_ROWS = 12  # special points, branches
-
 
 # --- Continuation ----------------------------------------------------------------------------------------------------
 
@@ -194,11 +190,11 @@ CONTINUATION_VIEWS: Views = {
 def coexisting_screen(result: CoexistingResult) -> Screen:
     """Each motion with its share of the starts and its peaks; what leaves it."""
     s, numbers = result.summary, Numbers(result.summary)
-    rows = [_motion(result, numbers, motion) for motion in s["motions"][:MOST_MOTIONS]]
+    rows = [_motion(result, numbers, motion) for motion in s["motions"][:MOST_ROWS]]
     unsettled = ((f"{count} starts at {hz} Hz have not settled", count) for hz, count in s["not_settled"].items())
-    lines = [f"{len(s['motions']) - MOST_MOTIONS} more motions in the file"] if len(s["motions"]) > MOST_MOTIONS else []
+    lines = [f"{len(s['motions']) - MOST_ROWS} more motions in the file"] if len(s["motions"]) > MOST_ROWS else []
     lines += [text for text, count in unsettled if count]
-    lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_MOTIONS]]
+    lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_ROWS]]
     lines += [*modes(result), *limit_lines(s.get("margins", {}))]
     said = f"{s['starts']} starts at each of {counted(len(s['not_settled']), 'frequency', 'frequencies')}"
     return Screen(f"{said}, {sureness(result, numbers.largest_change)}", rows, [*lines, *numbers.legend()])

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from beamsim.fields import plain
+from beamsim.outcomes import MOST_LISTED
 from beamsim.plots.style import amount, is_known, scale_for
 
 WIDTH = 160  # characters, above which records stand side by side instead of below each other
-VALUES_SHOWN = 6  # of a list
+MOST_ROWS = 24  # of a table
 NONE = "-"
 UNITS = {
     "_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_s": "N m s", "_n_m": "N m",
@@ -70,10 +71,10 @@ def told(name: str, value: Any, unit: str = "") -> str:
         if any(isinstance(item, str) for item in value):
             return ", ".join(map(str, value))
         if any(isinstance(item, (list, tuple)) for item in value):
-            return "; ".join(told(name, item, unit) for item in value[:VALUES_SHOWN])
+            return "; ".join(told(name, item, unit) for item in value[:MOST_LISTED])
         scale = scale_for(unit, [item for item in value if is_known(item)])
-        shown = [f"{item * scale.factor:.4g}" if is_known(item) else NONE for item in value[:VALUES_SHOWN]]
-        return f"{', '.join(shown)}{', …' if len(value) > VALUES_SHOWN else ''} {scale.unit}".strip()
+        shown = [f"{item * scale.factor:.4g}" if is_known(item) else NONE for item in value[:MOST_LISTED]]
+        return f"{', '.join(shown)}{', …' if len(value) > MOST_LISTED else ''} {scale.unit}".strip()
     return percent(value) if "share" in name else amount(value, unit)
 
 

@@ -11,8 +11,6 @@ from contextlib import contextmanager, suppress
 from beamsim.cli.failures import say
 
 SHOWN_AFTER_S = 2.0  # what takes less needs no report
-LINE_AT_LEAST_EVERY_S = 30.0
-LINE_SHARE = 0.1  # of the time so far, between two lines of a long computation
 
 
 class Progress:
@@ -102,7 +100,7 @@ def _print_lines(progress: Progress, ended: threading.Event) -> None:
     while not ended.wait(interval):
         with suppress(OSError, ValueError):  # standard error is closed: the command itself will see to it
             say(f"beamsim: {progress}")
-        interval = min(max(5.0, LINE_SHARE * progress.elapsed), LINE_AT_LEAST_EVERY_S)  # where there is no terminal
+        interval = min(max(5.0, 0.1 * progress.elapsed), 30.0)  # rarer the longer it takes
 
 
 def _show_bar(progress: Progress, ended: threading.Event) -> None:

@@ -15,13 +15,13 @@ from beamsim.analyses.designs.result import (
     responses_of,
 )
 from beamsim.analyses.values import VALUES, limit_label
+from beamsim.cli.printing import MOST_ROWS
 from beamsim.cli.report import Labelled, Views, margins
 from beamsim.cli.screens import SHOWN, Screen, rounded
 from beamsim.outcomes import OnLimit
 from beamsim.plots.style import amount, extent, is_known, margin_text
 from beamsim.scenario.base import counted
 
-MOST_ROWS = 24
 MOST_BEST = 5
 SLIGHT = 0.1  # change of the logarithm of a probability by one deviation that is as good as none
 

@@ -190,7 +190,6 @@ def turning_points(waves: Sequence[Waves]) -> tuple[Ints, Ints, Floats, Floats]:
 
 
 NODES = 16  # degree of the polynomials, above that of any integrator's dense output (12)
-STEPS = 256  # that are evaluated together
 _POINTS = chebyshev.chebpts2(NODES + 1)
 _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_POINTS, NODES))
 _POWERS = np.array([np.pad(chebyshev.cheb2poly(row), (0, NODES - k)) for k, row in enumerate(np.eye(NODES + 1))])
@@ -237,8 +236,8 @@ class DenseExtremes:
         ``outputs`` takes times (nt,) and states (nt, N) and returns values (nt, k).
         """
         pieces = solution.sol.interpolants
-        for first in range(0, len(pieces), STEPS):
-            part = pieces[first : first + STEPS]
+        for first in range(0, len(pieces), PARTS_AT_ONCE):
+            part = pieces[first : first + PARTS_AT_ONCE]
             start = solution.t[first : first + len(part)]
             length = np.diff(solution.t[first : first + len(part) + 1])
             times = start[:, None] + 0.5 * length[:, None] * (1.0 + _POINTS)

@@ -14,7 +14,7 @@ import numpy as np
 from beamsim.flow.kernels import fill_moments
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-AT_ONCE = 500_000  # numbers of a block of times, which bounds the memory
+VALUES_AT_ONCE = 100_000  # of terms or outputs at a block of times, which bounds the memory
 
 
 def exponential_moments(x: Complexes, top: int) -> Complexes:
@@ -268,6 +268,6 @@ def _distant(rate: Complexes, size: Floats, times: Floats) -> Bools:
 
 def blocks(count: int, width: int) -> Iterator[slice]:
     """Ranges of rows of a table of a width, which bound the memory."""
-    rows = max(1, AT_ONCE // max(width, 1))
+    rows = max(1, VALUES_AT_ONCE // max(width, 1))
     for first in range(0, count, rows):
         yield slice(first, first + rows)

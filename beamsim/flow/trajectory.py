@@ -12,13 +12,19 @@ import numpy as np
 from beamsim.flow.contact_state import ContactState, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
-from beamsim.flow.moments import SegmentOutputs, blocks, equal_times, exponential_products, weighted_moments
+from beamsim.flow.moments import (
+    VALUES_AT_ONCE,
+    SegmentOutputs,
+    blocks,
+    equal_times,
+    exponential_products,
+    weighted_moments,
+)
 from beamsim.flow.state_tables import visited_states
 from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
-VALUES_AT_ONCE = 100_000  # of terms or outputs, in sampling
 EVENT_LIMIT, NOT_FINITE = "event_limit", "not_finite"  # codes of the outcomes of motions that end early
 
 

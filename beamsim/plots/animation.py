@@ -14,13 +14,12 @@ from matplotlib.figure import Figure
 
 from beamsim.analyses.run.animation import Frames
 from beamsim.files import replacing
-from beamsim.plots.sketch import BODY, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
+from beamsim.plots.sketch import BODY, HEIGHT, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
 from beamsim.plots.style import amount, round_length
 from beamsim.structures.places import Place, ends_of
 from beamsim.typing import Bools, Floats
 
 MILLISECONDS = 40  # of a frame
-_HEIGHT = 0.34  # of the largest deflection or gap, over the distance of rows
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
     gaps = {name: float(stop.gap) if np.isfinite(stop.gap) else 0.0 for name, stop in in_sketch.items()}
     sizes = [float(np.abs(frames.deflection).max(initial=0.0)), *(0.5 * abs(gap) for gap in gaps.values())]
     largest = max(sizes) or 1.0
-    factor, bar = _HEIGHT / largest, round_length(largest)
+    factor, bar = HEIGHT / largest, round_length(largest)
     heights = frames.deflection * factor
     points = [np.array([sketch.point(place) for place in line.places]) for line in frames.lines]
     lines = [PictureLine(at[:, 0], at[:, 1], not of.continuous) for at, of in zip(points, frames.lines, strict=True)]

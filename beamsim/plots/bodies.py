@@ -10,17 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.result import BodyResult, RunResult
-from beamsim.plots.drawing import DARK, RED, Chart, Curve, Guide, Picture, colour_bar, marked
-from beamsim.plots.sketch import Sketch, scale_bar
+from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, Picture, colour_bar, marked
+from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Floats
 
-MOST_MODES = 6
 LEVELS = MaxNLocator(12, symmetric=True)  # of a deflection, round numbers
-_HEIGHT = 0.36  # of the largest deflection or gap, over the distance of rows
 
 
 def deflected_shapes(result: RunResult, name: str) -> Chart:
@@ -139,7 +137,7 @@ def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> None:
     number : of the mode, from 1.
     """
     shape = result.modes.shapes[number - 1]
-    _sketch(result).draw(ax, shape * _HEIGHT / (float(np.abs(shape).max()) or 1.0))
+    _sketch(result).draw(ax, shape * HEIGHT / (float(np.abs(shape).max()) or 1.0))
     ax.set_title(f"mode {number}, {result.modes.open_frequencies_hz[number - 1]:.4g} Hz", fontsize="medium", loc="left")
 
 
@@ -151,7 +149,7 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
     shape = contact.deflection(result.modes)
     gaps = [abs(s.gap) for s in result.snubbers.values() if math.isfinite(s.gap) and s.gap_unit == "m"]
     largest = max(float(np.abs(shape).max()), *gaps, 0.0) or 1.0
-    factor, bar = _HEIGHT / largest, round_length(largest)
+    factor, bar = HEIGHT / largest, round_length(largest)
     _sketch(result).draw(ax, shape * factor, factor)
     ax.set_title(
         f"largest contact force, {amount(contact.force, 'N')} at {contact.snubber}, t = {contact.time:.4g} s",
@@ -163,7 +161,7 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
 def body_figures(result: RunResult) -> dict[str, Picture]:
     """Deflections of every body, mode shapes of plates and of several bodies, by the last part of the file name."""
     figures: dict[str, Picture] = {}
-    count = min(MOST_MODES, result.modes.shapes.shape[0])
+    count = min(MOST_PANELS, result.modes.shapes.shape[0])
     if beams := [name for name, body in result.bodies.items() if body.across is None]:
         figures["deflected_shapes"] = Picture(result.title, [deflected_shapes(result, name) for name in beams])
     for name, plate in result.bodies.items():

@@ -22,13 +22,13 @@ from beamsim.plots.drawing import (
     curve_style,
     highest_in_bins,
     limit_levels,
+    logarithmic,
     marked,
     over_frequencies,
 )
 from beamsim.plots.style import level_text, scale_for
 from beamsim.typing import Floats
 
-DECADES = 0.6  # largest over smallest amplitude, as a power of ten, from which the axis is logarithmic
 _OVERLAID = ("#8a8f98", "#b08968", "#7d9a83", "#9a86ad")  # lighter than the curves above them
 _WORDS = {"level": "Level", "gap": "Gap", "stiffness": "Stiffness", "position": "Position"}
 Values = Callable[[ResponseBranch], Floats]
@@ -77,7 +77,7 @@ def _chart(
     curves = [*drawn, *branch_curves(_lines(result, values))]
     at = np.concatenate([b.parameter for b in result.branches])
     known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves])
-    log = "y" if known.size and known.min() > 0.0 and np.log10(known.max() / known.min()) > DECADES else ""
+    log = logarithmic("y", known)
     chart = Chart(_parameter(result), up, curves, limits, log, of="", y_ends=(None if log else 0.0, None))
     return over_frequencies(chart, at) if result.parameter == "frequency" else chart
 

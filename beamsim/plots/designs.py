@@ -24,6 +24,7 @@ from beamsim.analyses.values import BY_NAME, OUTPUT
 from beamsim.plots.drawing import (
     DARK,
     MOST_CURVES,
+    MOST_PANELS,
     PALE,
     RED,
     Chart,
@@ -44,12 +45,10 @@ SHOWN = (
     "peak_displacement", "peak_force", "bending_stress", "contact_share", "resonance_frequency", "largest_gap",
     "closed_frequencies_hz", "open_frequencies_hz", "peak_acceleration",
 )  # fmt: skip
-MOST_PANELS = 6
 MOST_MODES = 3
 MOST_SLICES = 4  # maps of one response of three or more parameters
 MOST_SLICED = 3  # responses
 MOST_NUMBERED = (12, 6)  # rows and columns of a map whose cells have room for numbers
-MOST_PARAMETERS = 6  # columns of a matrix
 MOST_BARS = 12
 NAMED = {
     "closed_frequencies_hz": "Natural frequencies, closed",
@@ -336,7 +335,7 @@ def design_figures(result: DesignsResult) -> dict[str, Picture]:
     if dimensions == 2 and "maps" in figures:
         return figures
     scalar = [q for q in quantities if any(is_scalar(r, result.shape) for r in _of(result, q))][:4]
-    columns = min(dimensions, MOST_PARAMETERS)
+    columns = min(dimensions, MOST_PANELS)
     cases = [response_scatter(result, k, q) for q in scalar for k in range(columns)]
     figures["scatter"] = _grid(title, cases, columns, 2.4)._replace(outer_labels=True)
     return figures

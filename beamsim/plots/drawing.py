@@ -21,10 +21,11 @@ from beamsim.plots.style import Scale, scale_for
 from beamsim.scenario.reporting import Limits
 from beamsim.typing import Bools, Floats
 
+MOST_PANELS = 6  # of one kind, in a picture
 MOST_CURVES = 6  # in one plot; more cannot be distinguished
 DARK, RED, GREEN, PALE = "#0b3c5d", "#d1495b", "#3a7d44", "0.65"
 FARTHEST = 4.0  # of the largest value drawn: a line beyond that would leave no room for the curves
-WIDE = 8.0  # ratio of the ends of an axis of frequency from which it is logarithmic
+WIDE = 8.0  # ratio of the ends of an axis from which it is logarithmic; below, it has no room for its numbers
 HERTZ = Scale(1.0, "Hz")
 
 # Colours of decreasing darkness, distinguishable by colour-blind readers, each with its own dashes for grey print.
@@ -250,7 +251,12 @@ def over_frequencies(chart: Chart, frequencies: Floats) -> Chart:
     if not frequencies.size:
         return chart
     low, high = float(frequencies.min()), float(frequencies.max())
-    return chart._replace(x_ends=(low, high), log=chart.log + ("x" if high > WIDE * low > 0.0 else ""))
+    return chart._replace(x_ends=(low, high), log=chart.log + logarithmic("x", frequencies))
+
+
+def logarithmic(axis: str, values: Floats) -> str:
+    """The name of an axis if it is to be logarithmic: where positive values are far apart; else nothing."""
+    return axis if values.size and float(values.max()) > WIDE * float(values.min()) > 0.0 else ""
 
 
 def legend(ax: Axes, title: str = "") -> None:

@@ -19,6 +19,7 @@ from beamsim.plots.drawing import (
     Curve,
     Picture,
     curve_style,
+    logarithmic,
 )
 from beamsim.plots.multiple_scales import expansion_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
@@ -28,8 +29,6 @@ from beamsim.plots.style import Scale
 from beamsim.typing import Floats
 
 FLOOR = -120.0  # dB, of a spectrum
-WIDE = 20.0  # ratio of the largest to the smallest amplitude that asks for a logarithmic axis
-DECADE = 10.0  # the same of the energies: a logarithmic axis has no room for its numbers below
 
 BRANCH_NAMES = {
     "backbone": "backbone",
@@ -48,7 +47,7 @@ def backbone(result: NormalModeResult) -> Chart:
         drawn = [(b.parameter, b.frequency_hz) for b in result.branches]
         return _named(result, Chart(("Stiffness factor ε", ""), ("Frequency", HERTZ), _curves(result, drawn), of=""))
     largest = [np.abs(b.initial_displacement).max(axis=1) for b in result.branches]
-    log = "y" if float(np.max(largest[0])) > WIDE * float(np.min(largest[0])) else ""
+    log = logarithmic("y", largest[0])
     curves = _curves(result, [(b.frequency_hz, y) for b, y in zip(result.branches, largest, strict=True)])
     across, up = ("Frequency", HERTZ), ("Largest deflection at the extreme", "m")
     return _named(result, Chart(across, up, curves, log=log, of=""))
@@ -58,7 +57,7 @@ def frequency_energy(result: NormalModeResult) -> Chart:
     """Frequency–energy plot, drawn likewise."""
     energy = result.backbone.energy
     curves = _curves(result, [(b.energy, b.frequency_hz) for b in result.branches])
-    log = "x" if float(np.max(energy)) > DECADE * float(np.min(energy)) else ""
+    log = logarithmic("x", energy)
     return _named(result, Chart(("Energy", Scale(1.0, "J")), ("Frequency", HERTZ), curves, log=log, of=""))
 
 

@@ -21,6 +21,7 @@ from beamsim.structures.stations import StationPart, Stations
 from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Floats, Ints
 
+HEIGHT = 0.35  # of the largest deflection or gap, over the distance of rows
 MANY_NODES = 40  # of a body; beyond that they are drawn smaller
 BODY, REST, STOP = DARK, "0.75", RED
 TURNING = "rotational spring"

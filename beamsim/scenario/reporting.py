@@ -327,9 +327,6 @@ def _unit_of(name: str) -> UnitType:
     return UnitType(of=DIMENSIONS[name], example=_EXAMPLES.get(name, DIMENSIONS[name].unit))
 
 
-_MINUTE = 60.0  # s; shorter times are shown in seconds, with a prefix
-
-
 class DisplayUnits(Schema):
     """Units of tables, plots and reports; result files and ``--json`` stay in SI units.
 
@@ -374,7 +371,7 @@ class DisplayUnits(Schema):
         times = {
             unit: n
             for (of, unit), n in written.items()
-            if of.unit == units.TIME.unit and units.size_of(unit, units.TIME) >= _MINUTE
+            if of.unit == units.TIME.unit and units.size_of(unit, units.TIME) >= 60.0  # shorter ones get a prefix
         }
         accelerations = {unit: n for (of, unit), n in written.items() if of.unit == units.ACCELERATION.unit}
         angles = {unit: n for (of, unit), n in written.items() if of.unit == units.ANGLE.unit}

@@ -70,7 +70,7 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
             if place in nodes and function.x.size > 1:
                 node = list(nodes).index(place) + first
                 turned = function.quantity == "force" and name in upside_down
-                records.append(record_58(source, function, name, node, -UP if turned else UP))
+                records.append(record_58(source, function, name, node, -3 if turned else 3))
     if not records:
         return []
     number = first + len(nodes) + np.arange(stations.position.size)
@@ -300,7 +300,6 @@ GENERAL, TIME_RESPONSE, FREQUENCY_RESPONSE = 0, 1, 4
 _TIME, _FREQUENCY = 17, 18
 LOAD_CODES = {"force": (13, 0, 1), "force_per_length": (0, -1, 1), "pressure": (15, -2, 1)}
 """Data type and exponents of length and force of the loads that a response may refer to."""
-UP = 3  # +z: deflections are positive upwards
 
 
 class Source(NamedTuple):
@@ -323,7 +322,7 @@ class Function(NamedTuple):
     over: str = ""  # of a frequency response the input: "acceleration" of the base, or one of `LOAD_CODES`
 
 
-def record_58(source: Source, function: Function, name: str, node: int, direction: int = UP) -> dict[str, Any]:
+def record_58(source: Source, function: Function, name: str, node: int, direction: int = 3) -> dict[str, Any]:
     """One function at one place, for :mod:`pyuff`.
 
     An equally spaced abscissa is stored as start and increment with 6 digits; if that is not exact, the record is

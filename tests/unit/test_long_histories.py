@@ -28,7 +28,7 @@ def small_parts(monkeypatch):
     """Parts of a few thousand samples."""
     monkeypatch.setattr(exact_motion, "VALUES_AT_ONCE", 2**17)
     monkeypatch.setattr(trajectory, "VALUES_AT_ONCE", 2**14)
-    monkeypatch.setattr(moments, "AT_ONCE", 2**15)
+    monkeypatch.setattr(moments, "VALUES_AT_ONCE", 2**15)
     monkeypatch.setattr(export, "ROWS_AT_ONCE", PART)
 
 

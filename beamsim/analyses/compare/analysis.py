@@ -439,9 +439,6 @@ def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimens
     return found
 
 
-_PHASES = 720  # grid for the initial guess of Newton's method
-
-
 @dataclass(frozen=True)
 class Harmonics:
     """Harmonics of a steady vibration: x = Im sum_k value_k e^{2 pi i k f t}."""
@@ -621,7 +618,7 @@ def best_phase(measured: Harmonics, predicted: Complexes, sigma: Floats) -> floa
     float
         rad.
     """
-    psi = np.arange(_PHASES) * (2 * np.pi / _PHASES)
+    psi = np.arange(720) * (2 * np.pi / 720)  # so close that Newton's method converges
     weight = np.conj(measured.value) * predicted / sigma**2
 
     gain = (np.exp(1j * np.multiply.outer(psi, measured.order)) @ weight).real

@@ -63,7 +63,6 @@ from beamsim.typing import Floats, Ints
 
 NO_STABLE_MOTION = "no_stable_motion"
 
-SHARE_OF_OVERLAY = 0.2  # of the progress bar
 WITHOUT_CERTIFICATE = (
     "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, without "
     "certificate"
@@ -96,7 +95,7 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     settings = scenario.sweep
     assert isinstance(settings, Continuation)
     grown = progress_that_grows(progress)
-    curves_share = 1.0 if settings.overlay is None else 1.0 - SHARE_OF_OVERLAY
+    curves_share = 1.0 if settings.overlay is None else 0.8  # of the progress
     branches, folds, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share), stop)
     outcome = _outcome(model, branches, remarks)
     overlay: dict[str, OverlayCurve] | None = {}

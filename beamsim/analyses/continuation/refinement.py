@@ -15,12 +15,9 @@ from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end, share_o
 from beamsim.orbits.continuation import Settings, at_parameter, between, locate
 from beamsim.outcomes import Stop, never
 
-EDGE = 1e-12  # of the range, by which a point may lie beyond its end
+ROUND_OFF = 1e-12  # relative: a point so near to a value has it
 SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this
 INSIDE = 0.375  # of the step at an end of a branch, where the search for a maximum begins
-MOST_PLACES = 40  # evaluated in the search for a maximum
-SAME_VALUE = 1e-12  # relative difference from a value within which a stored point has it
-SAME_HEIGHT = 1e-10  # relative difference below which a stored point is the maximum
 
 SETTINGS = Settings()
 Measure = Callable[[BranchPoint], MeasuredMotion]
@@ -74,7 +71,7 @@ def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
     list
         The branch itself where it does not leave the range, else its pieces of more than one point, in order.
     """
-    margin = EDGE * (high - low)
+    margin = ROUND_OFF * (high - low)
     inside = (branch.values >= low - margin) & (branch.values <= high + margin)
     if inside.all():
         return [branch]
@@ -125,7 +122,7 @@ def with_points_at(
         points.append(a)
         between: list[tuple[Wanted, BranchPoint]] = []
         for each in wanted:
-            if abs(each.of(a) - each.value) < SAME_VALUE * abs(each.value):
+            if abs(each.of(a) - each.value) < ROUND_OFF * abs(each.value):
                 passed.append((each, a))
             elif b is not a and a.parameter not in gaps and (each.of(a) - each.value) * (each.of(b) - each.value) < 0:
                 point = each.between(branch.problem, a, b)
@@ -207,9 +204,9 @@ def _insert_maximum(
         # from 2 on, since the tolerance is relative
         minimize_scalar(
             lambda x: -height_at(float(x) - 2.0), bracket=(low + 2.0, middle + 2.0, high + 2.0), tol=0.5 * SHARE,
-            options={"maxiter": MOST_PLACES},
+            options={"maxiter": 40},
         )  # fmt: skip
-    if best is not None and best[0] > floor * (1.0 + SAME_HEIGHT):
+    if best is not None and best[0] > floor * (1.0 + ROUND_OFF):
         _, share, point, motion = best
         where = k if share < 0 else k + 1
         points.insert(where, point)

@@ -331,7 +331,7 @@ def _branches(
     backbone, *others = (full or work.followed).every
     return (
         branch_result(system, job, brake, backbone, **of_backbone),
-        *(branch_result(system, job, brake, branch) for branch in others),
+        *(branch_result(system, job, brake, branch, special=()) for branch in others),
     )
 
 

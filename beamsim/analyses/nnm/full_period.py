@@ -32,7 +32,6 @@ BRAKE_ORBIT_ITSELF = Outcome.of(
 )
 
 FIRST_STEP, LARGEST_STEP = 0.01, 0.05  # of a non-brake branch, in scaled unknowns
-BACK = 60  # points followed back into a tongue from beyond a jump
 SAME = 1e-5  # scaled distance of two that are one
 NEAR = 0.2  # scaled distance between a branch's end and a symmetry breaking that is the other end of it
 LARGEST_RATIO = 12  # of the frequencies of a mode and the branch
@@ -295,7 +294,7 @@ def _steps(branches: ModeBranches) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     for a, b in pairwise(points):
         if a.parameter in branches.gaps:
             start = b.towards(a.parameter - b.parameter)
-            yield from pairwise(Branch(branches.problem, start, low, high, Settings(most_points=BACK)))
+            yield from pairwise(Branch(branches.problem, start, low, high, Settings(most_points=60)))
 
 
 def _alike(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> bool:

@@ -16,6 +16,7 @@ from beamsim.orbits.expansions.free import (
     observed_orders,
 )
 from beamsim.orbits.free_orbits import BrakeOrbits
+from beamsim.orbits.tongues import LEAST_SHARE
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
@@ -24,7 +25,6 @@ ExactPoints = tuple[BrakeOrbits, list[BranchPoint | None]]  # shooting, and its 
 ORDERS = (0, 1, 2)
 MOST_HARMONICS = 4000
 NOISE = 5e-12  # relative differences below it are those of the exact motion's own convergence
-LEAST_SHARE = 0.5  # of the energy in the mode asked for, for an exact motion to count as its continuation
 FURTHEST = 0.3  # relative distance of an exact initial vector from the expansion's
 
 

@@ -64,7 +64,7 @@ def branch_result(
     job : the parameter of the branch, and the mode asked for.
     brake : the problem of the backbone.
     branch : of brake orbits, or of motions found over the whole period.
-    more : further fields of `ModeBranch`.
+    more : further fields of `ModeBranch`, its special points among them.
 
     Returns
     -------

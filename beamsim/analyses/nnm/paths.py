@@ -25,16 +25,13 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
 POINTS = 100  # of a backbone
-MOST_POINTS = 3000  # in frequency
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
 _NAMES = {"stiffness_factor": "stiffness factor"}
 _BESIDE = {  # ways to a motion beyond a tongue that do not lead through it
     "stiffness_factor": "use another energy (nnm.energy), or another mode",
     "energy": "use continue_in: {kind: stiffness_factor} with nnm.energy beyond it, or ask for another mode",
 }
-START_ATTEMPTS = 12  # decades of energy tried for a linear motion to begin with
 ROUND_OFF = 1e-12  # of a stiffness factor
-FIRST_ENERGY = 1e-6  # J, of a motion to begin with where the frequency changes
 START_SHARES = (1.0, 1e-3, 1e-6)  # of the first energy, tried where no motion is linear
 
 
@@ -117,7 +114,7 @@ class ModePath:
         """A motion so small that it is linear, or nearly so."""
         orbits = BrakeOrbits(self.family, "energy", basis=self.basis)
         value = np.log(self.first if self.parameter == "energy" else self.energy)
-        for _ in range(START_ATTEMPTS):
+        for _ in range(12):  # decades of energy
             guess = linear_mode(orbits, self.mode, value, self.away_from)
             point = solve_at(orbits, guess, Settings(), value)
             if point is not None:
@@ -190,7 +187,7 @@ class ModePath:
                 f"choose one between {min(passed):.6g} and {max(passed):.6g} Hz, which its backbone passes (with "
                 "gaps at internal resonances)",
             )
-        branch = Branch(by_frequency, begin, low, high, Settings(most_points=MOST_POINTS))
+        branch = Branch(by_frequency, begin, low, high, Settings(most_points=3000))
         points: list[BranchPoint] = []
         unbounded = False
         for point in until(_reporting(branch, begin.parameter, last, progress), stop):
@@ -358,7 +355,7 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
             f"= {parameter.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
             "use stiffness_factor, or give a gap",
         )
-    energy = held_energy(system, settings.energy) if parameter.kind == "stiffness_factor" else FIRST_ENERGY
+    energy = held_energy(system, settings.energy) if parameter.kind == "stiffness_factor" else 1e-6  # J, small
     family = spring_family(system)
     basis = None
     if family.equilibrium is not None and parameter.kind != "stiffness_factor":

@@ -47,8 +47,6 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-MOST_POINTS = 600  # of a response curve, on either side
-HALVINGS = 4  # of a step of the backbone, in search of a level
 SCALED_POINTS = 25  # of a backbone whose motions are all alike
 ATTEMPTS = 8  # at other levels, to come to one by way of them
 FARTHEST_LEVEL = 3.0  # ratio of such a level
@@ -178,7 +176,7 @@ class _Levels:
 
     def _crossing(
         self, a: BranchPoint, b: BranchPoint, off: Callable[[BranchPoint], float], values: tuple[float, float],
-        halvings: int = HALVINGS,
+        halvings: int = 4,
     ) -> BranchPoint | None:  # fmt: skip
         """The motion between two neighbours where ``off`` vanishes; halved where a thin tongue lies in the way."""
         crossing = locate(self.orbits, a, b, off, Settings(iterations=12), values)
@@ -420,7 +418,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
     first = point.towards(1.0)
     halves: list[OrbitBranch] = []
     for start in (first, first.reversed()):
-        branch = Branch(problem, start, low, high, Settings(most_points=MOST_POINTS))
+        branch = Branch(problem, start, low, high, Settings(most_points=600))
         points = list(branch)
         halves.append(OrbitBranch(problem, points, branch.outcome.shown(lambda omega: omega / (2 * np.pi), "Hz")))
         if branch.outcome.code == CLOSED_CURVE:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.exact_motion import exact_motion_of
+from beamsim.analyses.run.exact_motion import VALUES_AT_ONCE, exact_motion_of
 from beamsim.analyses.run.impacts import SKIPPED
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
@@ -20,7 +20,6 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.structural import StructuralSystem
 
-SAMPLES_A_PART = 100_000  # of those whose squares are added up
 _PLACE = "largest_bending_stress_position_m"
 
 
@@ -102,10 +101,11 @@ def _root_mean_squares(
         return {}
     observed = Observed(motion.marched.flow, system.channels.of_keys(*keys.values()))
     squares = np.zeros(observed.channels.order.size)
+    at_once = max(VALUES_AT_ONCE // max(squares.size, 1), 1)
     for stretch in motion.parts():
         upto = min(int(stretch.end * (1 + 1e-12) * rate) + 1, number)
-        for begin in range(reached, upto, SAMPLES_A_PART):
-            times = np.arange(begin, min(begin + SAMPLES_A_PART, upto)) / rate
+        for begin in range(reached, upto, at_once):
+            times = np.arange(begin, min(begin + at_once, upto)) / rate
             squares += np.sum(observed.values(stretch, times) ** 2, axis=0)
         reached = max(upto, reached)
     roots = observed.channels.split(np.sqrt(squares / (number - first)))

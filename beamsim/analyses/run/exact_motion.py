@@ -43,7 +43,6 @@ COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau
 _STRESSES_AT_ONCE = 256  # samples
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
 MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
-MEMORY = 2e9  # bytes, that a run may keep unless it says otherwise
 TABLES_SHARE, MOTION_SHARE = 0.2, 0.5  # of it: tables of contact states, the motion between events
 
 
@@ -292,7 +291,7 @@ def events_in_memory(flow: ExactFlow, memory: float) -> int:
 
 
 def exact_flow(
-    system: StructuralSystem, duration: float, most_states: int | None = None, memory: float = MEMORY,
+    system: StructuralSystem, duration: float, most_states: int | None = None, memory: float = 2e9,
     pieces: tuple[int, int] | None = None,
 ) -> ExactFlow:  # fmt: skip
     """The exact flow of a built system; its first observer is the base's acceleration.

@@ -14,6 +14,7 @@ from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
 from beamsim.analyses.values import (
     ACCELERATION,
+    ALWAYS,
     DISPLACEMENT,
     FORCE,
     NO_EXTREMES,
@@ -38,7 +39,6 @@ from beamsim.typing import Floats, Ints
 
 ROUND_OFF = 1e-12  # of the motion of the structure: a probe that moves by less is at rest
 PRECISION = 1e-15  # of a deflection, that its computation is known to
-ALWAYS = 1e-12  # of the time: a contact that is open for no longer is closed throughout
 
 
 def figures_of_motion(motion: RunMotion) -> dict[str, Any]:

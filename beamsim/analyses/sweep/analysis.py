@@ -31,7 +31,7 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level
-from beamsim.analyses.values import OUTPUT, RESPONSE, VALUES, Margins, margins_along
+from beamsim.analyses.values import ALWAYS, OUTPUT, RESPONSE, VALUES, Margins, margins_along
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import limit_curve, read_profile
 from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
@@ -317,8 +317,9 @@ def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, An
     summary = gapping(linear.contact, linear.frequency_hz, strongest.amplitude_at(linear.frequency_hz))
     for name, of in summary.items():
         at_rest = 1.0 if of["closed_at_rest"] else 0.0
-        changed = {  # by more than round-off of a mean
-            curve.name: np.flatnonzero(np.abs(curve.contact_share[name] - at_rest) > 1e-12) for curve in curves.values()
+        changed = {
+            curve.name: np.flatnonzero(np.abs(curve.contact_share[name] - at_rest) > ALWAYS)
+            for curve in curves.values()
         }
         of["first_change_hz"] = {
             curve.name: float(curve.frequency_hz[changed[curve.name][0]]) if changed[curve.name].size else None

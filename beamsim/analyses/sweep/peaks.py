@@ -16,6 +16,7 @@ import numpy as np
 
 from beamsim.analyses.quality import LEAST_PROMINENCE
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
+from beamsim.analyses.values import ALWAYS
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Floats, Ints
 
@@ -27,7 +28,6 @@ LEVEL_STEP = 1.05  # ratio of the levels of two neighbouring cycles, above which
 # times. The largest response is 0.37 beats behind it (undamped: F. M. Lewis, Trans. ASME 54 (1932) 253), the next
 # maximum 1.4.
 NARROWEST = 0.03  # width of a resonance over its frequency
-ALWAYS = 1e-6  # contact shares within this distance of 0 or 1 count as never or always
 
 
 def find_peaks(curve: SweepCurve, probe: str, modes: ModeTable | None) -> list[ResponsePeak]:
