@@ -28,11 +28,16 @@ class Spent(NamedTuple):
     megabytes: float  # largest memory
 
 
+def spent() -> float:
+    """s, processor time of this process and of those that it started and that have ended."""
+    return time.process_time() + sum(os.times()[2:4])
+
+
 def processor_time(function: Callable[[], Any]) -> float:
     """Processor time of one call, s."""
-    begin = time.process_time()
+    begin = spent()
     function()
-    return time.process_time() - begin
+    return spent() - begin
 
 
 def command(arguments: Sequence[str], environment: Mapping[str, str] | None = None) -> Spent:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
-from benchmarks.measure import CASE, SECONDS, command, imports, march, processor_time
+from benchmarks.measure import CASE, SECONDS, command, imports, march, processor_time, spent
 
 STUDY = "configs/design_stiffness_gap.yaml"
 SWEEP = "configs/sweep_up_down.yaml"
@@ -123,7 +123,7 @@ def study(parameter: str, marches: float) -> Callable[[bool], tuple[Measurement,
     return prepare
 
 
-def ensemble(quick: bool) -> tuple[Measurement, float]:
+def ensemble(workers: int, quick: bool) -> tuple[Measurement, float]:
     """One of many draws of gap, stiffness and level of the README's case, for the peak force."""
     scenario, rng = beamsim.load_scenario(CASE), np.random.default_rng(1)
 
@@ -133,13 +133,13 @@ def ensemble(quick: bool) -> tuple[Measurement, float]:
             "snubbers.tip.stiffness": rng.uniform(100e3, 200e3, count),
             "excitation.level": rng.uniform(15.0, 25.0, count),
         }
-        return processor_time(lambda: beamsim.ensemble(scenario, draws, ["peak_force"], workers=1)) / count
+        return processor_time(lambda: beamsim.ensemble(scenario, draws, ["peak_force"], workers=workers)) / count
 
     once(3)  # compiles
     return lambda: once(20 if quick else 1000), 4.0
 
 
-def search(quick: bool) -> tuple[Measurement, float]:
+def search(workers: int, quick: bool) -> tuple[Measurement, float]:
     """One design of a search for gap and stiffness of the README's case: the search's time over its designs."""
     parameters = [
         {"path": "snubbers.tip.gap", "from": 0.0, "to": 5e-4},
@@ -149,9 +149,9 @@ def search(quick: bool) -> tuple[Measurement, float]:
     planned = plan_designs(beamsim.load_scenario(CASE, {"optimise": aims}))
 
     def once() -> float:
-        begin = time.process_time()
-        result = design_study(planned, workers=1)
-        return (time.process_time() - begin) / result.cases
+        begin = spent()
+        result = design_study(planned, workers=workers)
+        return (spent() - begin) / result.cases
 
     once()  # compiles
     return once, 5.0
@@ -261,8 +261,10 @@ ROWS = (
     Row("run-convergence", "the same with the convergence of every figure", "ms", run(50.0)),
     Row("study-snubbers", "one case of a study that varies snubber numbers", "ms", study("snubbers", 12.0)),
     Row("study-beam", "one case of a study that varies beam numbers", "ms", study("beam", 12.0)),
-    Row("ensemble", "one of 1000 draws of gap, stiffness and level: peak force", "ms", ensemble, repeat=False),
-    Row("search", "one design of a search for gap and stiffness: peak force", "ms", search, repeat=False),
+    Row("ensemble", "one of 1000 draws of gap, stiffness, level: peak force", "ms", partial(ensemble, 1), repeat=False),
+    Row("ensemble-2", "the same by two processes, with their start", "ms", partial(ensemble, 2), repeat=False),
+    Row("search", "one design of a search for gap and stiffness: peak force", "ms", partial(search, 1), repeat=False),
+    Row("search-2", "the same by two processes, with their start", "ms", partial(search, 2), repeat=False),
     Row("plots", "`beamsim run` with its plots, warm cache", "s", cli(3.2, "run", CASE), IMPORT),
     Row("validate", "`beamsim validate`", "s", cli(1.5, "validate", CASE), IMPORT),
     Row("first", "first `beamsim run` after installation", "s", cli(13.0, "run", CASE, fresh=FRESH), IMPORT, False),

@@ -23,6 +23,7 @@ import beamsim
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.trust import checked
+from benchmarks.measure import spent
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 REPEATS = 2
@@ -93,11 +94,6 @@ def of_the_machine() -> float:
     return 2.0 * wall(1) / wall(2)
 
 
-def spent() -> float:
-    """s, processor time of this process and of those that it started and that have ended."""
-    return sum(os.times()[:4])
-
-
 def main(names: list[str]) -> None:
     """Solve each task by one worker and by two, in turn."""
     for name in names or TASKS:
@@ -110,7 +106,8 @@ def main(names: list[str]) -> None:
             walls[workers].append(wall)
             print(
                 f"  {workers} worker{'s' * (workers > 1)}: {cases} cases, wall {wall:6.2f} s, processor time "
-                f"{used:6.2f} s ({used / wall / workers:.0%} of a processor for each worker), load before {load:.2f}",
+                f"{used:6.2f} s, {1e3 * used / cases:.1f} ms a case ({used / wall / workers:.0%} of a processor for "
+                f"each worker), load before {load:.2f}",
                 flush=True,
             )
         print(f"  two workers are {min(walls[1]) / min(walls[2]):.2f} times as fast as one (best of {REPEATS})")
