@@ -176,6 +176,7 @@ def _unweighted(section: list[Floats], weight: Floats) -> Floats:
 
 
 DISTANCE = 1e-7  # of the motion's size
+NOTICEABLE = 1e-3  # of a rate of growth or decay, a cycle
 BLOCKS = 8
 
 
@@ -191,8 +192,9 @@ class Exponent:
 def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycles: int, seed: int = 0) -> Exponent:
     """Exponent over ``cycles`` cycles after as many as a quarter of them; ``motion`` is carried along.
 
-    A motion whose exponent is clearly positive is chaotic, clearly negative not settled yet (its transient still
-    decays), and quasi-periodic when it is neither.
+    A motion whose exponent is clearly positive is chaotic; one whose exponent is clearly negative, or that comes closer
+    to a motion of some period, is not settled yet (its transient still decays, or its period is longer than those
+    looked for); any other is quasi-periodic.
 
     Parameters
     ----------
@@ -212,13 +214,14 @@ def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycl
     size = size if size > 0 else 1.0
     offset = np.random.default_rng(seed).normal(size=2 * n)
     offset *= DISTANCE * size / np.linalg.norm(offset)
-    growth = []
+    growth, section = [], []
     for _ in range(cycles + cycles // 4):
         neighbour = motion.copy()
         neighbour.guard = -1
         neighbour.y[: 2 * n] += offset / weight
         stepper.carry(neighbour, 1)
         stepper.carry(motion, 1)
+        section.append(motion.y[: 2 * n] * weight)
         difference = (neighbour.y - motion.y)[: 2 * n] * weight
         distance = float(np.linalg.norm(difference))
         growth.append(np.log(max(distance, 1e-300) / (DISTANCE * size)))
@@ -227,11 +230,30 @@ def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycl
     mean = float(rate.mean())
     blocks = np.array([block.mean() for block in np.array_split(rate, BLOCKS)])
     error = float(blocks.std(ddof=1) / np.sqrt(BLOCKS))
-    noticeable = 1e-3 * omega / (2 * np.pi)
+    noticeable = NOTICEABLE * omega / (2 * np.pi)
     if mean > max(3 * error, noticeable):
         kind = "chaotic"
-    elif mean < -max(3 * error, noticeable):
+    elif mean < -max(3 * error, noticeable) or comes_to_repeat(np.array(section)):
         kind = "not settled"
     else:
         kind = "quasi-periodic"
     return Exponent(mean, error, kind)
+
+
+def comes_to_repeat(section: Floats) -> bool:
+    """Whether a motion comes closer to one that repeats after some number of cycles, or repeats.
+
+    The exponent of a lightly damped motion with impacts is lost in what its neighbour's distance swings by in a period;
+    the change of the motion over the period falls all the same.
+
+    Parameters
+    ----------
+    section : (cycles, 2n) weighted states after each cycle; periods of up to a quarter of them are found.
+    """
+    size, longest = float(np.abs(section).max()), len(section) // 4
+    changes = [np.linalg.norm(section[p:] - section[:-p], axis=1) for p in range(1, longest + 1)]
+    least = min(changes, key=lambda change: float(change[-longest:].max()))
+    if least[-longest:].max() <= DISTANCE * size:
+        return True
+    falls = np.diff([0.5 * np.log(np.mean(part**2)) for part in np.array_split(least, 4)])
+    return bool(np.all(falls < 0.0) and falls.sum() < -NOTICEABLE * 0.75 * least.size)

@@ -329,7 +329,7 @@ class SteppedSine(_UpAndDown):
     """A motion is steady if it repeats to this fraction of its size."""
     most_cycles: q.Count = 2000
     """Largest number of cycles at one frequency."""
-    longest_period: q.Count = 8
+    longest_period: q.Count = 16
     """Longest period considered, in cycles of the excitation."""
     measured_cycles: q.Count = 8
     """Smallest number of cycles measured after the motion is steady."""

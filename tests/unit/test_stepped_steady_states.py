@@ -101,6 +101,48 @@ def test_chaos_is_told_from_a_period(make_system):
     assert kinds["periodic"]
 
 
+K2 = 99.0  # of the stop, over that of the spring
+BILINEAR = 2.0 / (1.0 + 1.0 / np.sqrt(1.0 + K2))  # rad/s: half a cycle with the stop, half without
+
+
+def impacts(damping, n, **settings):
+    """A mass of 1 rad/s that touches a stop in its middle, driven n times as fast as it swings between them."""
+    f = n * BILINEAR / (2 * np.pi)
+    stop = {"name": "stop", "mass": 1, "side": "above", "stiffness": K2, "gap": 0}
+    return load_scenario(
+        {
+            "chain": {"masses": [1], "springs": [1, 0], "dashpots": [2 * damping, 0], "snubbers": [stop]},
+            "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "1 N", "frequency": "1 Hz"},
+            "sweep": {"kind": "stepped", "from": f, "to": 1.01 * f, "points": 2, **settings},
+        }
+    )
+
+
+@pytest.mark.parametrize("n", [3, 5, 7, 9])
+def test_subharmonics_of_an_impact_oscillator_have_the_period_of_its_swing(n):
+    """One impact in n cycles where the forcing is n times the bilinear frequency (Shaw and Holmes 1983)."""
+    steady = sweep(impacts(0.02, n)).curves["up_0"].steady
+    assert list(steady.kind) == ["periodic"] * 2
+    assert list(steady.period_cycles) == [n] * 2
+
+
+@pytest.mark.parametrize(("damping", "n", "more"), [(0.02, 9, {"longest_period": 8}), (0.005, 5, {}), (0.005, 9, {})])
+def test_a_motion_that_comes_to_repeat_is_not_called_quasi_periodic(damping, n, more):
+    """Of a longer period than is looked for, or one whose transient outlasts the cycles that are allowed."""
+    assert set(sweep(impacts(damping, n, **more)).curves["up_0"].steady.kind) == {"not settled"}
+
+
+@pytest.mark.parametrize("frequency", [0.31, 0.4771, 0.7, 1.57])
+def test_two_frequencies_without_damping_are_quasi_periodic(make_system, frequency):
+    system = make_system([1.0], [0.0], shape=[[1.0]], stiffness=[30.0], gap=[1e3])
+    flow = ExactFlow(system, Forcing(np.ones((1, 1)), (Signal.harmonic(0.5, 2 * np.pi * frequency),)), 1 / frequency)
+    stepper, motion = (
+        CycleStepper(flow, 1 / frequency),
+        Motion(np.array([1.0, 0.3]), flow.state_index(np.zeros(1, int))),
+    )
+    assert largest_exponent(stepper, motion, 400).kind == "quasi-periodic"
+
+
 def test_frequencies():
     assert frequencies_of(stepped(points=4).sweep) == pytest.approx([0.1, 0.2, 0.3, 0.4])
     logarithmic = frequencies_of(stepped(points=3, spacing="logarithmic").sweep)

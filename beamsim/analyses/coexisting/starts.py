@@ -31,7 +31,6 @@ from beamsim.typing import Floats
 REACH = 1.15  # how far beyond the frequencies branches are followed, as a ratio
 NEAR = 100.0  # times the tolerance at which motions count as settled: nearer states are of one motion
 EXPONENT_CYCLES = 400
-SETTLES = 0.005  # contraction a cycle above which a motion comes to repeat, after a long time or with a long period
 PHASES = 8  # of a cycle, at which a motion is disturbed
 FINER, LEVELS = 2.0**0.5, 13  # ratio of two amplitudes of a disturbance, and their number
 SHARP = 0.01  # relative, to which the smallest disturbance is bisected
@@ -195,8 +194,7 @@ class Marches:
         if found.period or not named:
             return Destination(found.period, found.cycles, state)
         exponent = largest_exponent(stepper, motion, EXPONENT_CYCLES)
-        kind = "not settled" if exponent.value * period < -SETTLES else exponent.kind
-        return Destination(found.period, found.cycles, state, kind, exponent.value)
+        return Destination(found.period, found.cycles, state, exponent.kind, exponent.value)
 
     def _smallest(self, flow: PeriodicFlow, known: OrbitSection, disturbance: Any) -> tuple[float, float]:
         """The smallest disturbance found, over phases of the motion and both signs: by rising amplitudes, then halves.
