@@ -227,7 +227,9 @@ def _coexist(scenario: Scenario, target: Path, given: Given, *, resume: bool, **
         with progress_of("motions from many starts", shown=not given.quiet) as progress, scenario.locating():
             result = checked.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **workers)
         keep_result(result, target)
-        if not result.outcome.cut_short:
+        if result.outcome.cut_short:
+            say(f"beamsim: {len(journal.outcomes)} starts and disturbances are kept; --resume computes the others")
+        else:
             journal.remove()
         conclude("coexisting", result, target, given, interrupted)
 

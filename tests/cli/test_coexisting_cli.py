@@ -82,6 +82,7 @@ def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch):
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
     signal.signal(signal.SIGINT, before)
     assert done.exit_code == 130, done.output
+    assert f"{last - 1} starts and disturbances are kept; --resume computes the others" in done.output
     part = beamsim.open_result("case.h5")
     assert part.outcome.interrupted
     assert np.count_nonzero(part.cycles) == min(last - 1, 16)
