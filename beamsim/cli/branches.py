@@ -192,8 +192,8 @@ def coexisting_screen(result: CoexistingResult) -> Screen:
     s, numbers = result.summary, Numbers(result.summary)
     rows = [_motion(result, numbers, motion) for motion in s["motions"][:MOST_ROWS]]
     unsettled = ((f"{count} starts at {hz} Hz have not settled", count) for hz, count in s["not_settled"].items())
-    lines = [f"{len(s['motions']) - MOST_ROWS} more motions in the file"] if len(s["motions"]) > MOST_ROWS else []
-    lines += [text for text, count in unsettled if count]
+    rows += _more(len(s["motions"]))
+    lines = [text for text, count in unsettled if count]
     lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_ROWS]]
     lines += [*modes(result), *limit_lines(s.get("margins", {}))]
     said = f"{s['starts']} starts at each of {counted(len(s['not_settled']), 'frequency', 'frequencies')}"

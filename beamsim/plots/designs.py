@@ -18,6 +18,7 @@ from beamsim.analyses.designs.result import (
     is_scalar,
     objectives,
     parameter_label,
+    responses_of,
     varies,
 )
 from beamsim.analyses.values import BY_NAME, OUTPUT
@@ -64,8 +65,9 @@ def shown_quantities(result: DesignsResult) -> list[str]:
     peaks = [q for q in known if q.endswith(_PEAK)]
     ranked = [q for q in SHOWN if q in known] + peaks
     ranked += [q for q in known if q not in (*SHOWN, *peaks) and not q.endswith("_output") and len(ranked) < 3]
-    asked = [f"/{name}" for objective in objectives(result.scenario) for name, _ in objective.terms]
-    limited = [q for q in ranked if any(n.endswith(f"/{q}") for n in asked) or _limit(result, q) is not None]
+    terms = [name for objective in objectives(result.scenario) for name, _ in objective.terms]
+    asked = {_quantity(r) for name in terms for r in responses_of(result.responses, name)}
+    limited = [q for q in ranked if q in asked or _limit(result, q) is not None]
     ranked = limited + [q for q in ranked if q not in limited]
     return [q for q in ranked if any(varies(r) for r in _of(result, q))][:MOST_PANELS] or ranked[:1]
 

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.scenario import Scenario
 
-FIRST_SHARE = 0.4  # of the time, that of the first model
 
 _Result = TypeVar("_Result", "CoexistingResult", "ContinuationResult", "NormalModeResult", "SweepResult")
 
@@ -248,7 +247,7 @@ def _checked(
     progress : called with the fraction of both that is done.
     stop : asked whether to end.
     """
-    share = FIRST_SHARE if asked else 1.0
+    share = 0.4 if asked else 1.0  # of the progress
     result = first(part_of(progress, 0.0, share))
     if not asked:
         return with_convergence(result, Convergence(reason=NOT_ASKED))

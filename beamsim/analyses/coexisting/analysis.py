@@ -35,7 +35,6 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Whe
 from beamsim.scenario import Scenario
 from beamsim.typing import Floats
 
-STARTS_SHARE = 0.6  # of the time, that of the starts
 SAME = 1e-6  # distance, relative to the size, of two motions found to round-off that are one
 MEASURED_CYCLES = 256  # of a motion that is not periodic
 LONGEST_SIDE = 4  # periods of the excitation in a motion whose branch is followed
@@ -121,7 +120,7 @@ def coexisting(
         if each is not None:
             each(outcome)
         if progress is not None and outcome.index < len(starts):
-            progress(STARTS_SHARE * len(evaluate.outcomes) / len(starts))
+            progress(0.6 * len(evaluate.outcomes) / len(starts))  # the rest is for what follows
 
     solving = working(partial(Marches, scenario), sys.maxsize, stop, workers=workers, scheduler=scheduler)
     with Evaluator(solving, most=sys.maxsize, known=known, each=solved) as evaluate:

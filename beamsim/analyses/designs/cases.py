@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any, Self
 
 from beamsim.analyses.designs.plan import Case, Study
-from beamsim.analyses.designs.responses import Responses, entries_of, is_asked, responses_of_result, run_responses
+from beamsim.analyses.designs.responses import Responses, entries_of, means, responses_of_result, run_responses
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.run.asked import asked_figures, gives_figures, needs_recovery
 from beamsim.analyses.values import Margins
@@ -120,7 +120,8 @@ class CaseSolver:
         except (ArithmeticError, ValueError, RuntimeError) as error:
             reason = f"internal error ({type(error).__name__}: {error})"
             outcome = Outcome.of(OutcomeKind.FAILED, "failed", reason)
-        values = {name: value for name, value in values.items() if is_asked(name, self.study.asked)}
+        if asked := self.study.asked:
+            values = {name: x for name, x in values.items() if any(means(each, name) for each in asked)}
         time = clock.thread_time() - begin
         return CaseOutcome(case.number, values if outcome.complete else {}, outcome, time, ranges, case.values)
 

@@ -47,11 +47,6 @@ def means(asked: str, name: str) -> bool:
     return f"/{name}".endswith(f"/{asked}")
 
 
-def is_asked(name: str, asked: Collection[str]) -> bool:
-    """Whether a response is among those asked for, by its name or by its quantity."""
-    return not asked or name in asked or name.rpartition("/")[2] in asked
-
-
 def responses_of_result(result: RunResult | SweepResult | ContinuationResult) -> Responses:
     """All responses of a case that was computed as a whole."""
     if isinstance(result, RunResult):

@@ -42,7 +42,6 @@ from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
-SAVED_EVERY_S = 1.0  # between two partial results
 LINEAR_POINTS = 2000  # of the curve without snubbers
 
 
@@ -103,7 +102,7 @@ def sweep(
             started = clock.perf_counter()
             save(done())
             # saving takes at most a tenth of the time
-            next_save = clock.perf_counter() + max(SAVED_EVERY_S, 10.0 * (clock.perf_counter() - started))
+            next_save = clock.perf_counter() + max(1.0, 10.0 * (clock.perf_counter() - started))
     return done()
 
 
