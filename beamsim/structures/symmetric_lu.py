@@ -1,6 +1,6 @@
 r"""Sparse factors of symmetric matrices, scaled and ordered for little fill, and what the signs of their pivots tell.
 
-Large matrices of meshes are ordered by nested dissection: the nodes are cut in two of equal number at a plane across
+Matrices of meshes are ordered by nested dissection: the nodes are cut in two of equal number at a plane across
 their longest extent, again and again; the rows between the halves come last. On meshes of solids the factors have about
 half of the entries that minimum degree leaves, and take a quarter of the time (A. George, SIAM J. Numer. Anal. 10
 (1973) 345-363).
@@ -22,20 +22,18 @@ from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 from beamsim.typing import Floats, Ints
 
-_SMALL = 5000  # size up to which minimum degree is as good
-
 
 def dissection(matrix: Any, places: Floats | None) -> Ints | None:
-    """(N,) rows of a sparse symmetric matrix in the order of elimination; None where minimum degree is as good.
+    """(N,) rows of a sparse symmetric matrix in the order of elimination; None where places do not tell it.
 
     Parameters
     ----------
     matrix : (N, N) sparse.
     places : (N, 3) coordinates of the node of each row; NaN where a row has none; None where none are known.
     """
-    size = matrix.shape[0]
-    if size <= _SMALL or places is None:
+    if places is None:
         return None
+    size = matrix.shape[0]
     graph = csr_array(matrix)
     graph = csr_array((np.ones(graph.nnz, dtype=np.int32), graph.indices, graph.indptr), shape=graph.shape)
     entries = np.diff(graph.indptr)
