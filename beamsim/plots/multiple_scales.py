@@ -18,7 +18,7 @@ from beamsim.structures.stations import Stations
 from beamsim.typing import Floats
 
 ROUND_OFF = 1e-14  # differences below it are not drawn
-_FACTOR = ("Stiffness factor ε", "")
+FACTOR = ("Stiffness factor ε", "")
 
 
 def expanded_frequency(comparison: ExpansionComparison) -> Chart:
@@ -28,7 +28,7 @@ def expanded_frequency(comparison: ExpansionComparison) -> Chart:
     x = path.factor[order]
     curves = [Curve("exact", x, exact.frequency_hz[order], {"color": "black"})]
     curves += [Curve(f"{name} order", x, path.frequency_hz[order, k]) for k, name in ((1, "first"), (2, "second"))]
-    chart = Chart(_FACTOR, ("Frequency", HERTZ), curves, log="x")
+    chart = Chart(FACTOR, ("Frequency", HERTZ), curves, log="x")
     known = exact.frequency_hz[np.isfinite(exact.frequency_hz)]
     if not known.size:
         return chart
@@ -56,7 +56,7 @@ def differences(comparison: ExpansionComparison, values: Floats, orders: Sequenc
         label = f"order {k}" + (f": observed {orders[k - 1]:.2f}" if np.isfinite(orders[k - 1]) else "")
         use = order[values[order, k] > ROUND_OFF]
         curves.append(Curve(label, comparison.path.factor[use], values[use, k], {"marker": "."}))
-    return Chart(_FACTOR, (f"Difference in {what}", ""), curves, log="xy")
+    return Chart(FACTOR, (f"Difference in {what}", ""), curves, log="xy")
 
 
 def plot_initial_vectors(comparison: ExpansionComparison, ax: Axes, stations: Stations) -> None:

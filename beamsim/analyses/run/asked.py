@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.run.exact_motion import VALUES_AT_ONCE, exact_motion_of
 from beamsim.analyses.run.impacts import SKIPPED
-from beamsim.analyses.run.motion import RunMotion
+from beamsim.analyses.run.motion import RunMotion, samples_until
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
 from beamsim.analyses.run.summary import by_name, figures_of_motion
 from beamsim.analyses.values import BY_ENTRY, STRESS, VALUES, Value, largest
@@ -95,7 +95,7 @@ def _root_mean_squares(
     keys = {entry: value.key for entry, value in BY_ENTRY.items() if entry.startswith("rms_") and entry in asked}
     assert scenario.run is not None
     rate = scenario.sample_rate_up_to(highest_excited_hz(scenario))
-    number = int(np.floor(scenario.run.duration * rate * (1 + 1e-12))) + 1
+    number = samples_until(scenario.run.duration, rate)
     first = reached = int(SKIPPED * number)
     if not keys or number - first < LEAST_SAMPLES:
         return {}
@@ -103,7 +103,7 @@ def _root_mean_squares(
     squares = np.zeros(observed.channels.order.size)
     at_once = max(VALUES_AT_ONCE // max(squares.size, 1), 1)
     for stretch in motion.parts():
-        upto = min(int(stretch.end * (1 + 1e-12) * rate) + 1, number)
+        upto = min(samples_until(stretch.end, rate), number)
         for begin in range(reached, upto, at_once):
             times = np.arange(begin, min(begin + at_once, upto)) / rate
             squares += np.sum(observed.values(stretch, times) ** 2, axis=0)

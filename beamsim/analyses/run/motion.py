@@ -145,11 +145,16 @@ def reached(end: float, times: Floats) -> Floats:
     return times[: np.searchsorted(times, end * (1.0 + ROUND_OFF), side="right")]
 
 
+def samples_until(end: float, rate: float) -> int:
+    """Number of samples from 0 to an end, s, which the last one may pass by round-off."""
+    return int(end * rate * (1.0 + ROUND_OFF)) + 1
+
+
 def output_times(scenario: Scenario) -> Floats:
     """(nt,) s, the times at which the motion of a run is asked for."""
     assert scenario.run is not None
     rate = scenario.sample_rate_up_to(highest_excited_hz(scenario))
-    return np.asarray(np.arange(int(np.floor(scenario.run.duration * rate * (1 + 1e-12))) + 1) / rate)
+    return np.asarray(np.arange(samples_until(scenario.run.duration, rate)) / rate)
 
 
 def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:

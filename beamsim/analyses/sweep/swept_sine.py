@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.motion import reached, samples_until
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
 from beamsim.analyses.sweep.notching import Limited, limited_of, notched_level, with_notching
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
@@ -173,7 +174,7 @@ def _recorded(one: SweepLevel, march: SweptMotion) -> tuple[list[CycleRecord], S
     settings, windows = one.settings, march.windows
     assert isinstance(settings, SweptSine)
     orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
-    times = np.arange(0 if rate is None else int(np.floor(windows.duration * rate * (1 + 1e-12))) + 1) / (rate or 1.0)
+    times = np.arange(0 if rate is None else samples_until(windows.duration, rate)) / (rate or 1.0)
     parts: list[CycleRecord] = []
     samples: list[Floats] = []
     for stretch in march.stretches():
@@ -183,7 +184,7 @@ def _recorded(one: SweepLevel, march: SweptMotion) -> tuple[list[CycleRecord], S
             record = record_cycles(stretch.motion, stretch.edge, output_of, orders, phases, one.searched)
             parts.append(record.some(slice(stretch.reached)))
         sampled = sum(values.shape[0] for values in samples)
-        here = times[sampled : int(np.searchsorted(times, march.end * (1 + 1e-12), side="right"))]
+        here = reached(march.end, times)[sampled:]
         samples.append(stretch.motion.sample(here - float(windows.edge[stretch.first]), output_of))
     if rate is None:
         return parts, None
