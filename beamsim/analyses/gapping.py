@@ -15,6 +15,7 @@ Closing one more contact, with :math:`\kappa = k + i \omega c`, divides the open
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
@@ -208,6 +209,12 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
     quiet = not np.isfinite(loud).any()
     before = [(of.before if quiet else of.before / loud) for of in levels.values() if of.before is not None]
     return in_order(tightest, "level" if quiet else "share_of_level", float(np.nanmin(before, initial=np.inf)))
+
+
+def gapping_ratios(snubbers: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+    """Of a summary's ``gapping`` the level over that at which contact first changes, where that is predicted."""
+    shares = {name: of["share_of_level"] for name, of in snubbers.items() if not math.isnan(of["share_of_level"])}
+    return {name: 1.0 / share if share > 0.0 else math.inf for name, share in shares.items()}
 
 
 def in_their_units(snubbers: dict[str, dict[str, Any]], units: Mapping[str, str]) -> dict[str, dict[str, Any]]:

@@ -185,6 +185,9 @@ VALUES = (
           "time in contact"),
     Value("contacts", "contacts", "snubbers", "", None, "1",
           "closings of a snubber; a contact that begins at t = 0 counts, that of one pressed there does not"),
+    Value("gapping", "gapping_ratio", "snubbers", "", None, "1",
+          "level of a sine over that at which the linear motion first changes contact of a snubber, where that is "
+          "predicted", limit="gapping"),
     Value("static_force", "static_force_n", "snubbers", "", None, "N",
           "contact force of a snubber at static equilibrium"),
     Value("static_moment", "static_moment_n_m", "snubbers", "", None, "N m",
@@ -340,8 +343,9 @@ def margins(limits: Limits | None, summary: Mapping[str, Any]) -> Margins:
     largest = {}
     for name in {} if limits is None else limits.given:
         value, place = limited(name)
-        found = summary.get(value.entry, {place: math.nan})  # of what was left out
+        found = summary.get(value.entry, {})
         if isinstance(found, Mapping):
+            found = found or {place: math.nan}  # of what was left out, or is not known
             at = place or max(found, key=lambda each: found[each])
             size = float(found.get(at, math.nan))
         else:
@@ -406,13 +410,13 @@ def limits_not_met(scenario: Scenario, compared: Margins) -> list[str]:
     for name, item in compared.items():
         if item["verdict"] == OnLimit.MET:
             continue
-        unit, changes = limit_unit(scenario, name), item["lowest"] < item["highest"]
-        between = f" ({item['lowest']:.5g} to {item['highest']:.5g} {unit} with its change)" if changes else ""
+        unit, changes = f" {limit_unit(scenario, name)}".removesuffix(" 1"), item["lowest"] < item["highest"]
+        between = f" ({item['lowest']:.5g} to {item['highest']:.5g}{unit} with its change)" if changes else ""
         verdict = "exceeds" if item["exceeded"] else "neither meets nor exceeds"
         if "margin_db" in item:
             margin = f"the margin is {item['margin_db']:.2f} dB"
             texts.append(f"{limit_label(name)} {verdict} limits.{name} at {item['at']}: {margin}")
             continue
-        value = f"{limit_label(name)} = {item['value']:.5g} {unit}{between}"
-        texts.append(f"{value} {verdict} limits.{name} = {item['limit']:.5g} {unit}")
+        value = f"{limit_label(name)} = {item['value']:.5g}{unit}{between}"
+        texts.append(f"{value} {verdict} limits.{name} = {item['limit']:.5g}{unit}")
     return texts

@@ -573,6 +573,9 @@ def _pressed_friction(scenario: ScenarioParts) -> Problems:
             )  # fmt: skip
 
 
+SWEPT = ("swept_sine", "stepped")  # sweeps that give a response over frequency
+
+
 def _limits(scenario: ScenarioParts) -> Problems:
     """Limits on quantities that this structure does not have."""
     limits, bodies = scenario.limits, scenario.all_bodies.values()
@@ -590,11 +593,15 @@ def _limits(scenario: ScenarioParts) -> Problems:
     if limits.rms_force is not None and not scenario.excitation.stationary:
         message = f"is of a stationary input, and the excitation is {scenario.excitation.kind}"
         yield Problem("limits.rms_force", message, "limit peak_force")
+    sine = scenario.excitation.kind != "none" and not any(sine_problems(scenario.excitation, "sweep"))
+    if limits.gapping is not None and (not sine or getattr(scenario.sweep, "kind", "stepped") not in SWEPT):
+        yield Problem("limits.gapping", "needs a run or a sweep of a harmonic excitation", "limit gap instead")
     yield from _limit_curves(scenario, limits)
     for name in type(limits).model_fields:
         moment, of_place = name.endswith("moment"), getattr(limits, name)
-        snubbers = moment or name.endswith(("force", "gap"))
-        stops = [stop for stop in scenario.all_snubbers if isinstance(stop, HingeStop) == moment]
+        snubbers = moment or name.endswith(("force", "gap", "gapping"))
+        both = name == "gapping"
+        stops = [stop for stop in scenario.all_snubbers if both or isinstance(stop, HingeStop) == moment]
         if snubbers and of_place is not None and not stops:
             what, remedy = ("stops of hinges", "stops to a hinge") if moment else ("snubbers", "a snubber")
             message = f"limits the {what}, and there are none"
@@ -622,7 +629,7 @@ def _limit_curves(scenario: ScenarioParts, limits: Limits) -> Problems:
                 "add run.srs: {from: 10 Hz, to: 2 kHz}"),
         "psd": (run is not None and scenario.excitation.stationary, "a run with a stationary input",
                 "limit peaks or srs, or give random noise or a record with stationary: true"),
-        "response": (getattr(scenario.sweep, "kind", "") in ("swept_sine", "stepped"), "a sweep in frequency",
+        "response": (getattr(scenario.sweep, "kind", "") in SWEPT, "a sweep in frequency",
                      "limit peaks, or add sweep: {kind: swept_sine, ...} or {kind: stepped, ...}"),
     }  # fmt: skip
     probes, snubbers = ([each.name for each in of] for of in (scenario.effective_probes, scenario.all_snubbers))

@@ -128,6 +128,7 @@ _STRESS = replace(units.PRESSURE, name="stress", example="80 MPa")
 _ACCELERATION = replace(units.ACCELERATION, example="20 g")
 
 Stress = Annotated[float, Quantity(_STRESS, above=0.0)]
+PositiveRatio = Annotated[float, Quantity(replace(units.RATIO, example="80 %"), above=0.0)]
 
 _MOMENT_PER_WIDTH = replace(units.FORCE, name="moment per width", unit="N m/m", example="12 N m/m")
 _OUTPUT_DIMENSIONS = {
@@ -159,6 +160,7 @@ ForceLimit = Annotated[PositiveForce | dict[Name, PositiveForce], BY_FORM]
 MomentLimit = Annotated[PositiveMoment | dict[Name, PositiveMoment], BY_FORM]
 LengthLimit = Annotated[Length | dict[Name, Length], BY_FORM]
 AccelerationLimit = Annotated[PositiveAcceleration | dict[Name, PositiveAcceleration], BY_FORM]
+RatioLimit = Annotated[PositiveRatio | dict[Name, PositiveRatio], BY_FORM]
 LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.FORCE_PSD, units.MOMENT_PSD)}
 PositiveDensity = Annotated[
     float, LevelType(tuple(LIMITED_DENSITIES.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0)
@@ -187,6 +189,9 @@ class Limits(Schema):
     """Largest absolute acceleration of any probe, or by probe."""
     gap: LengthLimit | None = None
     """Largest opening between the structure and any snubber (lift-off), or by snubber."""
+    gapping: RatioLimit | None = None
+    """Largest level of a sine over that at which the linear motion first changes contact of any snubber, or by snubber:
+    80 % keeps the level of a run, or all levels of a sweep, at 80 % of it or below."""
     rms_displacement: LengthLimit | None = None
     """Root mean square of any probe's displacement, or by probe: of a run over the part of the spectra, of a stationary
     input without the first tenth."""

@@ -296,7 +296,8 @@ def _of_sweep(result: SweepResult) -> Values:
     for curve in result.curves.values():
         for value, name, largest, _ in curve.largest_values():
             entries.setdefault(value.entry, {})[f"{curve.name} {name}".strip()] = largest / value.scale
-    return compared({"contact_share": result.summary["contact_share"]} | entries) | _frequencies(result)
+    of_model = {name: result.summary[name] for name in ("contact_share", "gapping_ratio") if name in result.summary}
+    return compared(of_model | entries) | _frequencies(result)
 
 
 def _of_continuation(result: ContinuationResult) -> Values:

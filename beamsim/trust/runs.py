@@ -28,9 +28,11 @@ from typing import Self
 
 import numpy as np
 
+from beamsim.analyses.gapping import gapping_ratios
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.exact_motion import motion_in_stretches
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
+from beamsim.analyses.run.linear_prediction import gapping_of_sine
 from beamsim.analyses.run.motion import Histories, RunMotion, output_times
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.records import SampledRecord
@@ -407,6 +409,7 @@ class DerivedValues:
     times : (nt,) s, output times.
     shock : shock response spectra; None where they were not asked for.
     still : probes and quantities that are 0 but for round-off.
+    gapping : of a sine by snubber the level over that at which the linear motion first changes contact.
     """
 
     scenario: Scenario
@@ -414,7 +417,8 @@ class DerivedValues:
     random: RandomResponse | None
     times: Floats
     shock: ShockResponse | None
-    still: frozenset[SpectrumKey]  # probes and quantities that are 0 but for round-off
+    still: frozenset[SpectrumKey]
+    gapping: Mapping[str, float]
 
     @classmethod
     def of(cls, result: RunResult) -> Self:
@@ -422,7 +426,8 @@ class DerivedValues:
         spectra = {key: s for key, s in result.spectra.items() if key[0] in result.probes}
         still = frozenset(key for key in spectra if resting(*key, result.summary))
         times = np.zeros(0) if result.random is None else result.time
-        return cls(result.scenario, spectra, result.random, times, result.srs, still)
+        gapping = result.summary.get("gapping_ratio", {})
+        return cls(result.scenario, spectra, result.random, times, result.srs, still, gapping)
 
     def resting(self, probe: str, quantity: str) -> bool:
         """Whether a quantity of a probe is 0 but for round-off, of which root mean squares say nothing."""
@@ -441,7 +446,7 @@ class DerivedValues:
             }
         if self.shock is not None:
             figures |= _of_shock(self.shock)
-        return figures
+        return figures | {"gapping_ratio": dict(self.gapping)}
 
     def scatter(self) -> Changes:
         """How far statistics of the response that few peaks decide differ between records by chance."""
@@ -474,7 +479,8 @@ class DerivedValues:
             shock = _of_shock(shock_response(self.scenario, system, motion))
             for figures in of_parts:
                 figures |= shock
-        return of_parts
+        ratios = gapping_ratios(gapping_of_sine(self.scenario, system)) if self.gapping else {}
+        return [{**figures, "gapping_ratio": ratios} for figures in of_parts]
 
     def parts(self, most: int) -> int:
         """Into how many parts a motion can be divided, each long enough for the lines of a spectrum."""

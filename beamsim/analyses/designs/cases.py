@@ -129,7 +129,7 @@ class CaseSolver:
         """Of a run the values that are asked for, if they can be had alone; else those of the whole result."""
         analysis = self.study.analysis
         if analysis == "run" and gives_figures(scenario):
-            asked = entries_of(self.study.asked, scenario.excitation.stationary)
+            asked = entries_of(self.study.asked, scenario)
             system = build_system(scenario, self.shared, recovered=needs_recovery(asked))
             figures, outcome = asked_figures(system, scenario, asked, self.stop)
             return run_responses(figures), outcome, {}

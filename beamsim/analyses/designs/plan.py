@@ -377,9 +377,10 @@ def fingerprint_of(scenario: Scenario, *data: Any) -> str:
 
 def _case(scenario: Scenario, seed_varies: bool) -> Scenario:
     """The scenario without unused sections; noise of several seeds has random amplitudes where nothing else is said."""
-    # a sweep computes stress and gap only if there are limits on them, and the changes of values count to verdicts
+    # stress and gap of sweeps and gapping of runs are computed where they are limited; changes of values count there
     judged = scenario.sweep is not None or (scenario.run is not None and scenario.run.convergence == "on")
-    judged |= scenario.limits is not None and any(scenario.limits.given_curves())
+    if scenario.limits is not None:
+        judged |= scenario.limits.gapping is not None or any(scenario.limits.given_curves())
     unused = ("vary", "optimise", "identify_stiffness", "nnm", *(() if judged else ("limits",)))
     case = scenario.model_copy(update={**dict.fromkeys(unused), "title": ""}).with_source(scenario.source)
     for name in ("run", "sweep"):

@@ -12,7 +12,8 @@ from beamsim.analyses.branch import largest_of_stable
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.analyses.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value
+from beamsim.analyses.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, limited
+from beamsim.scenario import Scenario
 
 Responses = dict[str, float | list[float]]
 
@@ -24,10 +25,12 @@ def describe(name: str, output_units: Mapping[str, str]) -> tuple[str, str]:
     return output_units.get(place.rpartition("/")[2], "1") if value.section == "outputs" else value.unit, value.meaning
 
 
-def entries_of(asked: Collection[str], stationary: bool) -> tuple[str, ...]:
-    """Entries of a run's summary that the responses asked for need, with or without a stationary input."""
-    quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME)
-    if not stationary:  # whose responses have no root mean square
+def entries_of(asked: Collection[str], scenario: Scenario) -> tuple[str, ...]:
+    """Entries of a run's summary that the responses asked for need, by default all but what takes longer."""
+    limits = {} if scenario.limits is None else scenario.limits.given
+    quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME) - {"gapping"}
+    quantities |= {limited(name)[0].name for name in limits}
+    if not scenario.excitation.stationary:  # whose responses have no root mean square
         quantities = {name for name in quantities if not name.startswith("rms_")}
     quantities |= {
         "static_force",
@@ -81,7 +84,8 @@ def _of_sweep(result: SweepResult) -> Responses:
             values[f"{curve.name}/snubbers/{name}/contact_share"] = share
         for name, count in curve.contacts.items():
             values[f"{curve.name}/snubbers/{name}/contacts"] = float(np.sum(count))
-    return values
+    ratios = result.summary.get("gapping_ratio", {})
+    return values | {f"snubbers/{name}/gapping": ratio for name, ratio in ratios.items()}
 
 
 def _of_continuation(result: ContinuationResult) -> Responses:

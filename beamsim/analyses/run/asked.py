@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.gapping import gapping_ratios
 from beamsim.analyses.run.exact_motion import VALUES_AT_ONCE, exact_motion_of
 from beamsim.analyses.run.impacts import SKIPPED
+from beamsim.analyses.run.linear_prediction import gapping_of_sine
 from beamsim.analyses.run.motion import RunMotion, samples_until
 from beamsim.analyses.run.random_response import LEAST_SAMPLES
 from beamsim.analyses.run.summary import by_name, figures_of_motion
@@ -79,6 +81,8 @@ def asked_figures(
         found[_PLACE] = float(system.stress.stations.position[largest(motion.extremes[STRESS]).argmax()])
     if motion.outcome.complete:
         found |= _root_mean_squares(system, scenario, motion, asked)
+    if "gapping_ratio" in asked:
+        found["gapping_ratio"] = gapping_ratios(gapping_of_sine(scenario, system))
     return {entry: value for entry, value in found.items() if entry in asked}, motion.outcome
 
 

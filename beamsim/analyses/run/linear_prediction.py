@@ -237,8 +237,7 @@ def gapping_of_run(
         return {}
     excitation = scenario.excitation
     if system.sine is not None:
-        assert isinstance(excitation, Harmonic | Forces)
-        of_snubber = _of_sine(system, excitation)
+        of_snubber = gapping_of_sine(scenario, system)
     elif isinstance(excitation, RandomInput):
         of_snubber = _of_random(scenario, system)
     else:
@@ -257,8 +256,12 @@ def gapping_of_run(
     return in_their_units(of_snubber, {snubber.name: snubber.gap_unit for snubber in system.snubbers})
 
 
-def _of_sine(system: StructuralSystem, excitation: Harmonic | Forces) -> OfSnubbers:
-    """The level that changes contact at the frequency of the sine."""
+def gapping_of_sine(scenario: Scenario, system: StructuralSystem) -> OfSnubbers:
+    """The level that changes contact at the frequency of a sine; of other inputs nothing."""
+    excitation = scenario.excitation
+    if system.sine is None:
+        return {}
+    assert isinstance(excitation, Harmonic | Forces)
     frequency = np.array([excitation.frequency])
     levels = contact_levels(system, frequency)
     amplitude = acceleration_amplitude(abs(excitation.level), excitation.quantity, excitation.frequency)

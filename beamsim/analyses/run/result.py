@@ -688,6 +688,7 @@ _SUMMARY = (
     Entry("events", "1", "closings and openings of all snubbers"),
     Entry("linear", "", "whether contact neither begins nor ends and no spring is nonlinear"),
     GAPPING,
+    BY_ENTRY["gapping_ratio"].summary_entry(),
     *(value.summary_entry() for value in VALUES if value.of),
     Entry("peak_times_s", "s", "by entry (peak_force_n, peak_displacement_m, peak_acceleration_g) and name: when the "
              "peak is reached; of equal peaks any of them"),

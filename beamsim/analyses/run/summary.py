@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.gapping import gapping_ratios
 from beamsim.analyses.run.linear_prediction import gapping_of_run
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
@@ -170,6 +171,8 @@ def summary_of_run(
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
     if of_snubbers := gapping_of_run(scenario, system, motion, summary, stop):
         summary["gapping"] = of_snubbers
+    if system.sine is not None:
+        summary["gapping_ratio"] = gapping_ratios(of_snubbers)
     return summary
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from beamsim.analyses.doubts import curve_warnings, reduction_checked
 from beamsim.analyses.gapping import (
     contact_levels,
     gapping,
+    gapping_ratios,
     in_their_units,
     pressed_phases,
     static_penetration,
@@ -31,7 +32,7 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level
-from beamsim.analyses.values import ALWAYS, OUTPUT, RESPONSE, VALUES, Margins, margins_along
+from beamsim.analyses.values import ALWAYS, BY_ENTRY, OUTPUT, RESPONSE, VALUES, Margins, margins_along
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import limit_curve, read_profile
 from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
@@ -133,7 +134,8 @@ def _result(
     curves = {curve.name: _with_limits(scenario, curve) for run in runs.values() for curve in run.curves}
     logarithmic = isinstance(settings, SweptSine) and settings.rate.unit == "oct/s"
     linear = _linear_curve(system, settings.from_, settings.to, logarithmic)
-    summary = _summary(scenario, curves)
+    contact = _gapping(linear, curves)
+    summary = _summary(scenario, curves, contact)
     return SweepResult(
         scenario=scenario,
         kind=settings.kind,
@@ -161,7 +163,7 @@ def _result(
         wall_time_s=wall_time_s,
     ).with_summary(
         **summary,
-        **_gapping(linear, curves),
+        **contact,
         **({} if correction is None else correction.summary()),
     )
 
@@ -256,9 +258,17 @@ def _with_limits(scenario: Scenario, curve: SweepCurve) -> SweepCurve:
     return replace(curve, probes=limited(curve.probes), snubbers=limited(curve.snubbers))
 
 
-def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any]:
-    """What does not repeat a field of the result."""
-
+def _summary(scenario: Scenario, curves: dict[str, SweepCurve], contact: Mapping[str, Any]) -> dict[str, Any]:
+    """What does not repeat a field of the result; ``contact`` is that of `_gapping`."""
+    found = [
+        (value, name, largest, f"{frequency:.4g} Hz {curve.direction}")
+        for curve in curves.values()
+        for value, name, largest, frequency in curve.largest_values()
+    ]
+    found += [
+        (BY_ENTRY["gapping_ratio"], name, ratio, f"{contact['gapping'][name]['frequency_hz']:.4g} Hz")
+        for name, ratio in contact.get("gapping_ratio", {}).items()
+    ]
     return {
         **_largest(curves),
         "contact_share": {
@@ -281,14 +291,7 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve]) -> dict[str, Any
         or None,
         "energy_error": max((float(np.max(c.energy_error)) for c in curves.values() if c.energy_error is not None),
                             default=None),
-        "margins": with_held_limits(scenario, margins_along(
-            scenario.limits,
-            (
-                (value, name, largest, f"{frequency:.4g} Hz {curve.direction}")
-                for curve in curves.values()
-                for value, name, largest, frequency in curve.largest_values()
-            ),
-        )),
+        "margins": with_held_limits(scenario, margins_along(scenario.limits, found)),
     }  # fmt: skip
 
 
@@ -326,7 +329,8 @@ def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, An
         }
         gaps = [curve.peak_gap[name] for curve in curves.values() if name in curve.peak_gap]
         of["largest_gap_m"] = max((float(np.max(gap, initial=0.0)) for gap in gaps), default=None)
-    return {"gapping": in_their_units(summary, {name: of.gap_unit for name, of in linear.contact.items()})}
+    by_units = in_their_units(summary, {name: of.gap_unit for name, of in linear.contact.items()})
+    return {"gapping": by_units, "gapping_ratio": gapping_ratios(summary)}
 
 
 def _not_followed(system: StructuralSystem, margins: Margins) -> Iterator[str]:

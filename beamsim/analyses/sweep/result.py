@@ -11,7 +11,7 @@ from beamsim.analyses.gapping import ContactLevels
 from beamsim.analyses.quality import QualityPeak, peaks_of
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.values import OUTPUT, RESPONSE, VALUES, AlongCurve, Value, of_angles
+from beamsim.analyses.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, Value, of_angles
 from beamsim.fields import (
     Counter,
     Entry,
@@ -389,6 +389,7 @@ class LevelWork:
 _SUMMARY = (
     STATUS,
     GAPPING,
+    BY_ENTRY["gapping_ratio"].summary_entry("of the strongest sweep, "),
     Entry("peaks", "", "peaks of the response curves: the columns of the table peaks", "curves", "peaks",
              ("frequency_hz", "value_m", "kind", "direction", "level", "order", "probe", "curve")),
     Entry("cycles", of="work.cycles"),
