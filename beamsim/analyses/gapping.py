@@ -217,6 +217,11 @@ def gapping_ratios(snubbers: Mapping[str, Mapping[str, Any]]) -> dict[str, float
     return {name: 1.0 / share if share > 0.0 else math.inf for name, share in shares.items()}
 
 
+def finite(ratios: Mapping[str, float]) -> dict[str, float]:
+    """Those that can be compared: without contacts that any level changes."""
+    return {name: ratio for name, ratio in ratios.items() if math.isfinite(ratio)}
+
+
 def in_their_units(snubbers: dict[str, dict[str, Any]], units: Mapping[str, str]) -> dict[str, dict[str, Any]]:
     """The entries of a summary's ``gapping`` with those of hinges under the names of angles and moments."""
     turned = {name: {of_angles(key): x for key, x in of.items()} for name, of in snubbers.items()}

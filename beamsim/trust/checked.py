@@ -13,6 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.analyses.branch import largest_of_stable
+from beamsim.analyses.gapping import finite
 from beamsim.analyses.result import CONVERGENCE
 from beamsim.analyses.values import BY_NAME, limited
 from beamsim.flow.compiled import processor_time
@@ -296,7 +297,8 @@ def _of_sweep(result: SweepResult) -> Values:
     for curve in result.curves.values():
         for value, name, largest, _ in curve.largest_values():
             entries.setdefault(value.entry, {})[f"{curve.name} {name}".strip()] = largest / value.scale
-    of_model = {name: result.summary[name] for name in ("contact_share", "gapping_ratio") if name in result.summary}
+    of_model = {"contact_share": result.summary["contact_share"]}
+    of_model |= {"gapping_ratio": finite(result.summary.get("gapping_ratio", {}))}
     return compared(of_model | entries) | _frequencies(result)
 
 

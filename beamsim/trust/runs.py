@@ -28,7 +28,7 @@ from typing import Self
 
 import numpy as np
 
-from beamsim.analyses.gapping import gapping_ratios
+from beamsim.analyses.gapping import finite, gapping_ratios
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.exact_motion import motion_in_stretches
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
@@ -426,7 +426,7 @@ class DerivedValues:
         spectra = {key: s for key, s in result.spectra.items() if key[0] in result.probes}
         still = frozenset(key for key in spectra if resting(*key, result.summary))
         times = np.zeros(0) if result.random is None else result.time
-        gapping = result.summary.get("gapping_ratio", {})
+        gapping = finite(result.summary.get("gapping_ratio", {}))
         return cls(result.scenario, spectra, result.random, times, result.srs, still, gapping)
 
     def resting(self, probe: str, quantity: str) -> bool:
@@ -479,7 +479,7 @@ class DerivedValues:
             shock = _of_shock(shock_response(self.scenario, system, motion))
             for figures in of_parts:
                 figures |= shock
-        ratios = gapping_ratios(gapping_of_sine(self.scenario, system)) if self.gapping else {}
+        ratios = finite(gapping_ratios(gapping_of_sine(self.scenario, system))) if self.gapping else {}
         return [{**figures, "gapping_ratio": ratios} for figures in of_parts]
 
     def parts(self, most: int) -> int:

@@ -56,6 +56,7 @@ RATIOS = {
     "FrictionCoefficients.static": "normal force",
     "FrictionBase.coefficient": "normal force",
     "HarmonicBalance.largest_error": "size of the motion",
+    "Limits.gapping": "level of the sine at which the linear steady motion first changes contact",
     "IdentifyStiffness.tolerance": "measured frequency",
     "IdentifyStiffness.uncertainty": "measured frequency",
     "IdentifyStiffness.coverage": "certainty (1)",
