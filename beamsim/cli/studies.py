@@ -84,6 +84,8 @@ def _near_lines(result: DesignsResult) -> Iterator[str]:
     if near:
         ranges = [f"{parameter_label(p)} {extent(of['smallest'], of['largest'], units[p])}" for p, of in near.items()]
         yield f"within 1 % of the best: {', '.join(ranges)}"
+    for path in (p for p, of in near.items() if of.get("at_end")):
+        yield f"the best {parameter_label(path)} is an end of its range; a wider range may have a better one"
 
 
 def _probability_screen(result: DesignsResult, of: Mapping[str, Any]) -> Screen:

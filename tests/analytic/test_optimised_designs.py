@@ -63,6 +63,15 @@ def test_values_that_count_as_one_add_up_responses_of_different_units():
     for end in (near["smallest"], near["largest"]):
         f, x = closed(end)
         assert f / 60.0 + x / 10e-3 <= 1.01 * best(result)["value"] * (1.0 + 1e-6)
+    assert near["at_end"] is False
+
+
+@pytest.mark.parametrize(("sense", "end"), [("minimise", 1e3), ("maximise", 1e5)])
+def test_a_best_number_at_an_end_of_its_range_is_said(sense, end):
+    """A stiffer stop is hit harder, so that the best one is at an end."""
+    result = searched({sense: FORCE, "parameters": [STIFFNESS], "most_cases": 60})
+    assert result.summary["near_best"][WHERE]["at_end"] is True
+    assert best(result)["parameters"][WHERE] == pytest.approx(end, rel=1e-9)
 
 
 def test_without_an_objective_the_smallest_margin_is_largest():

@@ -421,8 +421,13 @@ def _near_best(plan: DesignPlan, values: Floats | None, choice: _Choice) -> dict
         return None
     best = choice.best[0]["value"]
     near = choice.eligible & (np.abs(values - best) <= 0.01 * abs(best))
-    known = {c.path: c.values[near] for c in plan.coordinates if c.numeric}
-    return {path: {"smallest": float(of.min()), "largest": float(of.max())} for path, of in known.items()}
+    ends = {p.path: (p.low, p.high) for p in plan.study.varied}
+    said = {}
+    for c in (c for c in plan.coordinates if c.numeric):
+        within, chosen, reach = c.values[near], c.values[choice.best[0]["case"]], ends[c.path]
+        at_end = np.isclose(chosen, reach, rtol=1e-9, atol=1e-9 * (reach[1] - reach[0])).any()
+        said[c.path] = {"smallest": float(within.min()), "largest": float(within.max()), "at_end": bool(at_end)}
+    return said
 
 
 def _about_choice(cases: _Cases, choice: _Choice, gaps: Sequence[str]) -> Iterator[str]:

@@ -245,7 +245,8 @@ _SUMMARY = (
     Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin"),
     Entry("as_it_is", "", "of a search: the scenario as it is, as the best cases are", "as it is"),
     Entry("near_best", "", "of a search for one objective: by number its smallest and largest value in the designs "
-             "that meet every limit and are within 1 % of the best one", "within 1 %"),
+             "that meet every limit and are within 1 % of the best one; at_end says whether the best is at an end of "
+             "its range", "within 1 %"),
     Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "
              "parameters, smallest margin and its limit", "best"),
     Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "
