@@ -40,7 +40,7 @@ def design_study(
     scheduler : address of a Dask scheduler whose workers are used instead.
     known : outcomes of an earlier, unfinished study.
     each : called with every new outcome, in the order of completion.
-    progress : called with the fraction of cases done.
+    progress : called with the fraction of cases done; not of a study of reliability.
     stop : asked between cases, and within those of runs and swept sines, whether to end; the result then holds the
         cases that were solved.
 
@@ -64,6 +64,7 @@ def design_study(
     ended: Outcome | None = None
     histories: Exceedance | None = None
     known, total = tuple(known), plan.most * plan.study.realisations.count
+    progress = None if plan.kind == "reliability" else progress  # which does not know how many it needs
 
     def solved(outcome: CaseOutcome) -> None:
         if each is not None:
