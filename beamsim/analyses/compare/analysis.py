@@ -339,23 +339,79 @@ def pair_channels(
     """
     signals = read_signals(path, axis_unit)
     found = quantities_of(result)
-    known = {q: dimension for of_place in found.values() for q, dimension in of_place.items()}
     if place is not None and place not in found:
         raise ScenarioError.at("", f"--probe {place} is not in the result", f"it has {', '.join(found)}")
     if channel is not None or len(signals) == 1:
         signal = channel_named(
             signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
         )
-        meant = known if place is None else {**found[place], **known}
-        compared = quantity or _quantity_of(signal.name, signal.unit or unit or "", meant)
-        if compared not in known:
-            message = f"--quantity {compared} is not one of {', '.join(known)}"
-            raise ScenarioError.at("", message, "choose one of these")
-        owners = [name for name, of_place in found.items() if compared in of_place]
-        at = place or _place_of(signal, owners, path)
-        if at not in owners:
-            raise ScenarioError.at("", f"--probe {at} has no {compared}", f"choose from {', '.join(owners)}")
+        at, compared = _owner(signal, found, path, place, quantity, unit)
         return [(at, compared, in_si(signal, unit, found[at][compared], "--unit"))]
+    pairs = _by_name(signals, found, path, place, quantity, unit)
+    try:
+        return [(name, q, in_si(signal, unit, found[name][q], "--unit")) for name, q, signal in pairs]
+    except ScenarioError as error:
+        several = list(dict.fromkeys(q for _, q, _ in pairs))
+        if unit is None or len(several) == 1:
+            raise
+        problem = error.problems[0]
+        remedy = f"the file has {', '.join(several)}: choose one with --quantity, for example --quantity {several[0]}"
+        raise ScenarioError.at(problem.path, problem.message, remedy) from None
+
+
+_Quantities = Mapping[str, Mapping[str, Dimension]]  # by place and name
+
+
+def _owner(
+    signal: MeasuredSignal, found: _Quantities, path: Path, place: str | None, quantity: str | None, unit: str | None
+) -> tuple[str, str]:
+    """Place and quantity of the one channel that is compared.
+
+    Parameters
+    ----------
+    signal : the channel.
+    found : what the result has.
+    path, place, quantity, unit : see `pair_channels`.
+
+    Raises
+    ------
+    ScenarioError
+        If the result has no such quantity, or not there.
+    """
+    known = _dimensions(found)
+    meant = known if place is None else {**found[place], **known}
+    compared = quantity or _quantity_of(signal.name, signal.unit or unit or "", meant)
+    if compared not in known:
+        message = f"--quantity {compared} is not one of {', '.join(known)}"
+        raise ScenarioError.at("", message, "choose one of these")
+    owners = [name for name, of_place in found.items() if compared in of_place]
+    at = place or _place_of(signal, owners, path)
+    if at not in owners:
+        raise ScenarioError.at("", f"--probe {at} has no {compared}", f"choose from {', '.join(owners)}")
+    return at, compared
+
+
+def _by_name(
+    signals: list[MeasuredSignal],
+    found: _Quantities,
+    path: Path,
+    place: str | None,
+    quantity: str | None,
+    unit: str | None,
+) -> list[tuple[str, str, MeasuredSignal]]:
+    """Places, quantities and the channels that are named after them, in the units of the file.
+
+    Parameters
+    ----------
+    signals : of the file.
+    found : what the result has.
+    path, place, quantity, unit : see `pair_channels`.
+
+    Raises
+    ------
+    ScenarioError
+        If no channel is.
+    """
     pairs: list[tuple[str, str, MeasuredSignal]] = []
     for name in found if place is None else [place]:
         for q in found[name] if quantity is None else found[name].keys() & {quantity}:
@@ -368,7 +424,7 @@ def pair_channels(
             if not (own or signal.unit or unit or place):
                 continue
             place_alone = quantity is None and split_heading(signal.name)[0] == name  # its unit says what it is
-            meant = {**found[name], **known}
+            meant = {**found[name], **_dimensions(found)}
             if not place_alone or _quantity_of(signal.name, signal.unit or unit or "", meant) == q:
                 pairs.append((name, q, signal))
     if not pairs:
@@ -378,15 +434,12 @@ def pair_channels(
             f"{path} has no channel named after a probe ({', '.join(found)}) and a quantity",
             f"specify them: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
         )
-    try:
-        return [(name, q, in_si(signal, unit, found[name][q], "--unit")) for name, q, signal in pairs]
-    except ScenarioError as error:
-        several = list(dict.fromkeys(q for _, q, _ in pairs))
-        if unit is None or len(several) == 1:
-            raise
-        problem = error.problems[0]
-        remedy = f"the file has {', '.join(several)}: choose one with --quantity, for example --quantity {several[0]}"
-        raise ScenarioError.at(problem.path, problem.message, remedy) from None
+    return pairs
+
+
+def _dimensions(found: _Quantities) -> dict[str, Dimension]:
+    """Those of all quantities of a result, by name."""
+    return {q: dimension for of_place in found.values() for q, dimension in of_place.items()}
 
 
 def _quantity_of(channel: str, unit: str, known: Mapping[str, Dimension]) -> str:

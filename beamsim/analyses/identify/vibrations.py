@@ -35,7 +35,7 @@ from beamsim.analyses.identify.fit import (
     widening,
 )
 from beamsim.analyses.identify.records import Compared, Misfit, Prediction, Test, Transient, fit_of
-from beamsim.analyses.identify.result import NonlinearEstimate, TestFit, TransientFit
+from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, TestFit, TransientFit
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import fourier_integrals, outputs_of
 from beamsim.flow.compiled import processor_time
@@ -90,19 +90,104 @@ def fit_nonlinear(
     scenario = _prepared(scenario, tests)
     vibrations = _Vibrations(tests, scenario, sought_numbers(scenario, nonlinear.estimate)[0])
     _check_count(vibrations.numbers, tests)
+    search = _searched(vibrations, nonlinear, progress, stop)
+    found = _judged(vibrations, search, section.coverage)
+    interrupted = stop()
+    stopped = f"after {search.tried} of {nonlinear.starts} starts" if interrupted else None
+    profiled = nonlinear.profiles and not interrupted
+    return NonlinearEstimate(
+        outcome=_outcome(stopped, found),
+        parameters=found.parameters,
+        correlation=correlation_of(found.covariance),
+        tests=tuple(each for each in found.records if isinstance(each, TestFit)),
+        transients=tuple(each for each in found.records if isinstance(each, TransientFit)),
+        misfit_before=search.misfit_before,
+        misfit=found.best.misfit,
+        degrees_of_freedom=found.freedom,
+        starts=search.tried,
+        starts_agreeing=search.agreeing,
+        profiles=search.fit.profiles(found.best, found.covariance, found.scale, points=7) if profiled else (),
+        responses=vibrations.responses[0],
+        processor_time_s=processor_time() - begin,
+        coverage=section.coverage,
+        warnings=tuple(found.warnings),
+    )
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Where the search for the least misfit ended."""
+
+    fit: Fit
+    best: Best
+    before: list[Compared]  # with the scenario's values
+    misfit_before: float  # with these
+    tried: int  # starts
+    agreeing: int  # of them that ended in the lowest misfit
+    warnings: list[str]
+
+
+def _searched(
+    vibrations: _Vibrations, settings: NonlinearFit, progress: Callable[[float], None] | None, stop: Stop
+) -> _Search:
+    """The least misfit of all starts, and what noise it tells: `vibrations.tests` have it afterwards.
+
+    Parameters
+    ----------
+    vibrations : with the tests and the parameters.
+    settings : what is said of the starts.
+    progress, stop : see `fit_nonlinear`.
+
+    Returns
+    -------
+    _Search
+    """
     vibrations.start()
     fit = Fit(vibrations.numbers, vibrations.residuals)
     first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
     fits = [*vibrations.of_first_parts(), fit]
-    solutions, tried = _from_starts(fits, nonlinear, progress, stop)
+    solutions, tried = _from_starts(fits, settings, progress, stop)
     best = min(solutions, key=lambda each: each.misfit)
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
-
     if len(fits) > 1:  # the noise of transients is what is left, but for a wrong model
-        tests = vibrations.tests = _sharpened(tests, fit.residuals(best.x), len(fit.numbers))
+        vibrations.tests = _sharpened(vibrations.tests, fit.residuals(best.x), len(fit.numbers))
         fit = Fit(vibrations.numbers, vibrations.residuals)
         first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
         best = fit.best(best.x)
+    warnings = []
+    if agreeing == 1 < len(solutions):
+        warnings.append("only one start reached the lowest misfit: there are other minima; use better initial values")
+    return _Search(fit, best, before, float(first @ first), tried, agreeing, warnings)
+
+
+@dataclass(frozen=True)
+class _Judgement:
+    """How sure an estimate is, and what every test says of it."""
+
+    best: Best  # parameters of which the tests say nothing have the scenario's values
+    parameters: tuple[ParameterEstimate, ...]
+    covariance: Floats  # (p, p)
+    scale: float  # factor in it
+    freedom: int
+    records: list[TestFit | TransientFit]
+    without_derivative: list[str]
+    warnings: list[str]
+
+
+def _judged(vibrations: _Vibrations, search: _Search, coverage: float) -> _Judgement:
+    """Intervals of parameters and delays from the derivatives at the estimate, and each test's part of the misfit.
+
+    Parameters
+    ----------
+    vibrations : with the tests as the search left them.
+    search : where it ended.
+    coverage : probability of the intervals.
+
+    Returns
+    -------
+    _Judgement
+    """
+    fit, best, tests, scenario = search.fit, search.best, vibrations.tests, vibrations.scenario
     fit.residuals(best.x)
     penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.last])
     unknown = _unreached(scenario, fit.numbers, penetration)
@@ -111,56 +196,37 @@ def fit_nonlinear(
     jacobian[:, list(unknown)] = 0.0
     predicted = vibrations.compared
     vibrations.take_out_phases(jacobian)
-    freedom = first.size - sum(test.lost for test in tests) - (len(fit.numbers) - len(unknown))
-    parts = _parts(tests, fit.residuals(best.x), jacobian)
+    residuals = fit.residuals(best.x)
+    freedom = residuals.size - sum(test.lost for test in tests) - (len(fit.numbers) - len(unknown))
+    parts = _parts(tests, residuals, jacobian)
     scale, warnings = _scatter(tests, parts, best.misfit, freedom)
-    parameters, covariance, remarks = fit.estimates(best, jacobian, scale, section.coverage, unknown)
-    parts = vibrations.with_delays(parts, by_delay, covariance, scale, section.coverage)
-    records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, before, predicted, strict=True)]
+    parameters, covariance, remarks = fit.estimates(best, jacobian, scale, coverage, unknown)
+    parts = vibrations.with_delays(parts, by_delay, covariance, scale, coverage)
+    records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
     warnings += [*remarks, *unknown.values()]
-    warnings += _yielding(scenario, fit.numbers) + vibrations.without_contact()
-    if agreeing == 1 < len(solutions):
-        warnings.append("only one start reached the lowest misfit: there are other minima; use better initial values")
-    interrupted = stop()
+    warnings += _yielding(scenario, fit.numbers) + vibrations.without_contact() + search.warnings
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
-    stopped = f"after {tried} of {nonlinear.starts} starts" if interrupted else None
-    return NonlinearEstimate(
-        outcome=_outcome(stopped, best, without),
-        parameters=parameters,
-        correlation=correlation_of(covariance),
-        tests=tuple(each for each in records if isinstance(each, TestFit)),
-        transients=tuple(each for each in records if isinstance(each, TransientFit)),
-        misfit_before=float(first @ first),
-        misfit=best.misfit,
-        degrees_of_freedom=freedom,
-        starts=tried,
-        starts_agreeing=agreeing,
-        profiles=fit.profiles(best, covariance, scale, points=7) if nonlinear.profiles and not interrupted else (),
-        responses=vibrations.responses[0],
-        processor_time_s=processor_time() - begin,
-        coverage=section.coverage,
-        warnings=tuple(warnings),
-    )
+    return _Judgement(best, parameters, covariance, scale, freedom, records, without, warnings)
 
 
-def _outcome(stopped: str | None, best: Best, without: list[str]) -> Outcome:
+def _outcome(stopped: str | None, found: _Judgement) -> Outcome:
     """How the fit ended: where it was stopped, and the parameters without a derivative."""
     outcomes = []
     if stopped is not None:
         outcomes.append(interruption(stopped))
-    if not best.converged:
+    if not found.best.converged:
         outcomes.append(
             Outcome.of(
                 OutcomeKind.STOPPED, "fit_limit", f"the limit of {MOST_EVALUATIONS} evaluations of the fit is reached",
                 remedy="start from better values, or fit fewer parameters",
             )
         )  # fmt: skip
-    if without:
+    if found.without_derivative:
         outcomes.append(
             Outcome.of(
                 OutcomeKind.UNTRUSTED, "derivative_unknown",
-                f"no steady vibration was found close to the estimate of {', '.join(without)}: no standard deviation "
-                "is known",
+                f"no steady vibration was found close to the estimate of {', '.join(found.without_derivative)}: no "
+                "standard deviation is known",
                 remedy="start from other values, or leave out tests with irregular motion",
             )
         )  # fmt: skip
