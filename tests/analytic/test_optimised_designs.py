@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.analyses.designs.plan import design
+from beamsim.analyses.designs.result import CaseOutcome
+from beamsim.outcomes import COMPLETE
 
 MASS, SPEED, HELD = 2.0, 0.5, 10.0
 CASE = {
@@ -50,6 +53,21 @@ def test_a_limit_that_binds_gives_the_stiffness_in_closed_form():
     verdict = result.summary["margins"]["peak_displacement"]
     assert (verdict["verdict"], verdict["case"]) == ("ok", best(result)["case"])
     assert result.summary["as_it_is"]["value"] == pytest.approx(closed(2e4)[0], rel=1e-6)
+
+
+def test_a_limit_binds_where_the_value_with_its_change_by_a_finer_model_reaches_it(monkeypatch):
+    """A design between that and the limit is not sure to meet it; the search does not settle there."""
+
+    def solve(self, case):
+        force, depth = closed(case.values[0])
+        values = {"snubbers/above/peak_force": force, "probes/mass_1/peak_displacement": depth}
+        return CaseOutcome(case.number, values, COMPLETE, 0.0, {DEPTH: (0.9 * depth, 1.1 * depth)}, case.values)
+
+    monkeypatch.setattr(CaseSolver, "__call__", solve)
+    limit = 4e-3
+    result = searched({"minimise": FORCE, "parameters": [STIFFNESS]}, limits={DEPTH: limit})
+    assert result.complete
+    assert closed(best(result)["parameters"][WHERE])[1] == pytest.approx(limit / 1.1, rel=5e-3)
 
 
 def test_values_that_count_as_one_add_up_responses_of_different_units():

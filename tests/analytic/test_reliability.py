@@ -254,6 +254,17 @@ def test_any_of_two_limits_and_both(solved_by, event, exact):
         assert of["probability"] == pytest.approx(exact, rel=allowed), method
 
 
+def test_a_value_counts_with_its_change_by_a_finer_model(monkeypatch):
+    def solve(self, case):
+        force = case.values[1]
+        ranges = {"peak_force": (0.9 * force, 1.1 * force)}
+        return CaseOutcome(case.number, {FORCE: force}, COMPLETE, 0.0, ranges, case.values)
+
+    monkeypatch.setattr(CaseSolver, "__call__", solve)
+    of = found(scenario(PAIR, "{peak_force: 143 kN}", method="form"))[1]
+    assert of["reliability_index"] == pytest.approx(3.0, abs=1e-6)  # where the stiffness is 130 kN/m
+
+
 def test_two_regions_far_apart_are_both_found(solved_by):
     solved_by(lambda gap, stiffness: abs(gap - 1e-3) * 1e4)
     of = found(scenario(PAIR, "{peak_force: 4.5 N}"))[1]

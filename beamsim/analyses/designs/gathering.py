@@ -156,12 +156,14 @@ class _Judged:
     ----------
     margins : of every case, by limit.
     worst : by limit the case with the smallest margin, for the summary.
+    over : by limit, of the design's shape: the value with its change over the limit; nan where it is not known.
     met : of the design's shape, whether a case surely meets every limit, with the change of its value by a finer model.
     meets : the same of every realisation.
     """
 
     margins: dict[str, Response]
     worst: dict[str, Any]
+    over: dict[str, Floats]
     met: Bools
     meets: Bools
 
@@ -353,27 +355,30 @@ def asked_for(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> tuple[De
     return plan.of([kept[k * count].given for k in range(number)]), kept
 
 
-def costs(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> tuple[Floats, Floats]:
+def costs(plan: DesignPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Floats]:
     """What a search makes small, and by how much limits are exceeded.
 
     Parameters
     ----------
-    plan : of a search.
-    outcomes : of some cases, from 0.
+    plan : of a study that asks for cases in batches.
+    outcomes : of all realisations of some cases, one after the other.
 
     Returns
     -------
     (objectives, cases) array
         Infinite where a case has no value.
-    (cases,) array
-        Largest share by which a limit is exceeded, 0 where each is met; infinite where that is not known.
+    (limits, cases) array
+        Share by which a value with its change by a finer model exceeds each limit, negative where it is met; infinite
+        where that is not known.
     """
-    cases = _Cases(*asked_for(plan, outcomes))
-    margins, met = cases.judged.margins, cases.judged.met
-    least = np.min([margin.values for margin in margins.values()], axis=0) if margins else np.full(met.shape, np.inf)
-    beyond = np.where(met, 0.0, np.nan_to_num(1.0 / (1.0 + least) - 1.0, nan=np.inf))
+    numbered = {k: replace(outcome, index=k) for k, outcome in enumerate(outcomes)}
+    cases = _Cases(*asked_for(plan, numbered))
+    margins, over, shape = cases.judged.margins, cases.judged.over, cases.plan.shape
+    least = np.min([margin.values for margin in margins.values()], axis=0) if margins else np.full(shape, np.inf)
     values = [aim.sign * (least if response is None else response.values) for aim, response in cases.aims]
-    return np.nan_to_num(values, nan=np.inf, posinf=np.inf, neginf=-np.inf), beyond
+    beyond = np.array([over[name] - 1.0 for name in over]).reshape(len(over), *shape)
+    known = [np.nan_to_num(each, nan=np.inf, posinf=np.inf, neginf=-np.inf) for each in (values, beyond)]
+    return known[0], known[1]
 
 
 def efficient(values: Floats, among: Bools) -> Bools:
@@ -487,18 +492,19 @@ def _ranges(outcomes: Mapping[int, CaseOutcome], limit: str, value: Floats) -> F
 
 def _margins(cases: _Cases) -> _Judged:
     """How cases and realisations do by the limits; the cases that are drawn give the probability that one is met."""
-    margins, summary = {}, {}
+    margins, summary, over = {}, {}, {}
     plan, shape, quantile = cases.plan, cases.shape, cases.plan.study.realisations.quantile
     met, meets = np.ones(plan.shape, dtype=bool), np.ones(shape, dtype=bool)
     for name, limit in cases.limits.items():
         compared = [r for r in responses_of(cases.realised, limited_response(name)) if cases.scalar(r)]
-        margin = np.full(plan.shape, math.nan)
+        margin = over[name] = np.full(plan.shape, math.nan)
         if compared:
             values, decisive = worst_of(compared, large_is_good=False)
             ranges = _ranges(cases.outcomes, name, values)
             meets &= (ranges[1] <= limit).reshape(shape)
             chosen = judging(values, shape[-1], quantile, large_is_good=False)
             value, (low, high) = values[chosen], ranges[:, chosen]
+            over[name] = (high / limit).reshape(plan.shape)
             verdicts = np.array([on_limit(a, b, limit) for a, b in zip(low.tolist(), high.tolist(), strict=True)])
             met &= (verdicts == OnLimit.MET).reshape(plan.shape)
             margin = np.array([margin_of(limit, each) for each in value.tolist()]).reshape(plan.shape)
@@ -517,7 +523,7 @@ def _margins(cases: _Cases) -> _Judged:
                 "cases_exceeding": int(np.sum(verdicts == OnLimit.EXCEEDED)),
                 **({"probability": probability((verdicts == OnLimit.MET)[cases.drawn])} if cases.drawn.any() else {}),
             }
-    return _Judged(margins, summary, met, meets)
+    return _Judged(margins, summary, over, met, meets)
 
 
 def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, Any]:

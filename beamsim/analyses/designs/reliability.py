@@ -11,9 +11,9 @@ import numpy as np
 
 from beamsim.analyses.designs import sampling
 from beamsim.analyses.designs.cases import Ended, Evaluator
+from beamsim.analyses.designs.gathering import costs
 from beamsim.analyses.designs.plan import DesignPlan, mixing
-from beamsim.analyses.designs.responses import means
-from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RandomNumber, Round, limited_response
+from beamsim.analyses.designs.result import DesignsResult, RandomNumber, Round
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.read import read_csv
@@ -111,10 +111,9 @@ class Exceedance:
     """
 
     def __init__(self, plan: DesignPlan, evaluate: Evaluator) -> None:
-        vary, limits = plan.scenario.vary, plan.scenario.limits
+        vary = plan.scenario.vary
         assert isinstance(vary, Reliability)
-        assert limits is not None
-        self.vary, self.limits, self.scatter = vary, limits.given, Scatter(plan, vary)
+        self.plan, self.vary, self.scatter = plan, vary, Scatter(plan, vary)
         self.noise = plan.scenario.excitation.kind == "random"
         self.method = vary.method or ("subset" if self.noise else "importance_sampling")
         self.target = vary.coefficient_of_variation or (0.3 if self.method == "subset" else 0.1)
@@ -133,22 +132,14 @@ class Exceedance:
         """(n,) values at points."""
         outcomes = self._evaluate(self.rows(points))
         self.asked += len(outcomes)
-        return np.array([self._value(outcome) for (outcome,) in outcomes])
+        _, beyond = costs(self.plan, [outcome for (outcome,) in outcomes])
+        value = -(beyond.max(axis=0) if self.vary.event == "any_limit" else beyond.min(axis=0))
+        return np.where(np.isfinite(beyond).all(axis=0), value, FAILED)
 
     def rows(self, points: sampling.Points) -> list[tuple[Any, ...]]:
         """The values of the varied parameters at points; a blend as a seed is written."""
         texts = [[" + ".join(f"{share:.6g}*{seed}" for seed, share in of)] if of else [] for of in points.blends]
         return [(*x, *text) for x, text in zip(self.scatter.values(points.u).tolist(), texts, strict=True)]
-
-    def _value(self, outcome: CaseOutcome) -> float:
-        each = []
-        for name, limit in self.limits.items():
-            meant, known = limited_response(name), outcome.values.items()
-            found = [x for key, x in known if means(meant, key) and isinstance(x, float)]
-            highest = outcome.ranges.get(name, (0.0, max(found, default=math.nan)))[1]
-            each.append(1.0 - highest / limit)
-        value = (min if self.vary.event == "any_limit" else max)(each)
-        return float(value) if np.all(np.isfinite(each)) else FAILED
 
     def kept(self, points: sampling.Points, values: Floats, weights: Floats) -> Bools:
         """Keep those of some samples that are beyond the limits, and say which these are."""

@@ -6,7 +6,6 @@ ask for cases in batches, and for the same ones again with the same seed.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -70,8 +69,9 @@ class _Designs:
         new = [row for row in dict.fromkeys(rows) if row not in self.known]
         if new:
             outcomes = [outcome for of_case in self.evaluate(new) for outcome in of_case]
-            values, beyond = costs(self.plan, dict(enumerate(replace(o, index=k) for k, o in enumerate(outcomes))))
-            self.known |= {row: (values[:, k], float(beyond[k])) for k, row in enumerate(new)}
+            values, beyond = costs(self.plan, outcomes)
+            most = beyond.max(axis=0, initial=0.0)
+            self.known |= {row: (values[:, k], float(most[k])) for k, row in enumerate(new)}
         found = [self.known[row] for row in rows]
         values = np.reshape([values for values, _ in found], (len(rows), len(objectives(self.plan.scenario))))
         return values.T, np.array([beyond for _, beyond in found])
