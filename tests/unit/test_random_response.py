@@ -302,6 +302,12 @@ def test_largest_values_of_tests_of_gaussian_noise(mean):
     assert np.mean([s["expected_peak"] for s in found]) == pytest.approx(closed_form, rel=0.04)
 
 
+def test_the_largest_value_of_a_force_that_gives_way_is_its_limit():
+    x = np.minimum(noise(4.0, 600.0, 1, "random", (20.0, 60.0)), 12.0)
+    found = largest_of_test(x - x.min(), rms_interval(x)["degrees_of_freedom"], 24_000.0)
+    np.testing.assert_allclose(list(found.values()), 3 * [12.0 - x.min()], rtol=1e-12)
+
+
 def test_a_largest_value_is_not_stated_without_independent_peaks():
     assert largest_of_test(np.zeros(1000), 500.0, 1e4) == {}
     few = noise(0.1, 600.0, 1, "fixed")
