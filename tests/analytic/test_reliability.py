@@ -129,6 +129,21 @@ def test_subset_simulations_are_as_sure_as_they_say(region):
     assert 0.8 < stated.mean() / (found.std() / exact) < 1.2
 
 
+def test_a_value_that_many_samples_share_does_not_bias_a_subset_simulation():
+    """As the force of a stop that gives way: what is as far is drawn from as often as it occurs, not the best of it."""
+    few, many, limit = norm.isf([0.08, 0.3, 4e-4])
+
+    def state(points):
+        x = points.u.sum(axis=1) / 2.0
+        return np.where(x > few, 0.5 - 0.5 * (x - few) / (limit - few), np.where(x > many, 0.5, 1.0 - 0.1 * x))
+
+    origin = sampling.points_at(np.zeros((1, 4)))
+    every = [list(sampling.subset_levels(state, np.random.default_rng(k), 1000, origin))[-1] for k in range(40)]
+    found = np.array([level.estimate.probability for level in every if level.edge == 0.0])
+    assert found.size == 40
+    assert found.mean() == pytest.approx(4e-4, abs=3.5 * found.std() / math.sqrt(40))
+
+
 def test_a_subset_simulation_is_repeated_until_it_is_sure(solved_by):
     solved_by(lambda *springs: sum(springs))
     once, alone = found(of_springs(3.5, method="subset", samples=500, coefficient_of_variation=0.9))

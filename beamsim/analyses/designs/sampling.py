@@ -118,9 +118,11 @@ def subset_levels(
         yield SubsetLevel(Estimate(probability, math.sqrt(variance)), points.some(inside), values[inside], edge)
         if edge == 0.0 or inside.mean() > 0.5:
             return
-        first = order[:chains]
+        first = order[: int(inside.sum())]
+        many = first.size > 1.25 * chains  # share the value of the edge, not a sample that a chain repeats a few times
+        first = generator.choice(first, chains, replace=False) if many else first[:chains]
         before, parents, families = own, first // steps, hits.size
-        points, values, width = _chains(state, generator, points.some(first), values[first], width)
+        points, values, width = _chains(state, generator, points.some(first), values[first], edge, width)
         steps = values.size // chains
 
 
@@ -130,10 +132,10 @@ def _relative_variance(sums: Floats | Ints) -> float:
 
 
 def _chains(
-    state: LimitState, generator: np.random.Generator, points: Points, values: Floats, width: float
+    state: LimitState, generator: np.random.Generator, points: Points, values: Floats, edge: float, width: float
 ) -> tuple[Points, Floats, float]:
-    """Chains from points, one after the other, that stay within the largest of their values; the width of a step."""
-    edge, count = float(values.max()), values.size
+    """Chains from points, one after the other, that stay within an edge; samples, their values, the width of a step."""
+    count = values.size
     along, of = [points], [values]
     for step in range(1, round(1.0 / KEPT)):
         stays, new = math.sqrt(1.0 - width**2), drawn(generator, count, points)
