@@ -351,6 +351,11 @@ class BoxCoordinate(Schema):
     velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
     """Smallest and largest velocity."""
 
+    def check(self) -> None:
+        """Demand a range."""
+        if not any(high - low for low, high in (self.displacement, self.velocity)):
+            raise Unfit("has no range", "give displacement: [-5 mm, 5 mm] or velocity: [-1 m/s, 1 m/s]")
+
     @property
     def ranges(self) -> tuple[Drawn, Drawn]:
         """Both."""

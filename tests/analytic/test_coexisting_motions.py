@@ -9,6 +9,8 @@ from independent import Stop, chain, integrate
 from scipy.stats import beta
 
 import beamsim
+from beamsim.analyses.coexisting import analysis
+from beamsim.analyses.continuation.branches import Budget
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.scenario.reporting import Limits
 
@@ -232,6 +234,7 @@ def test_it_stops_when_it_is_told_to():
         ({"at": []}, "has no frequencies"),
         ({"points": 3}, "exclude each other"),
         ({"disturbances": [{"kind": "base_pulse", "to": "1 m/s"}]}, "which rests"),
+        ({"starts": {"kind": "states", "box": [{"probe": "mass"}]}}, r"box\[0\] has no range"),
         ({"disturbances": [{"kind": "impulse", "probe": "tip", "to": "1 N s"}]}, "tip"),
         ({"starts": {"kind": "states", "box": [BOX | {"probe": "tip"}]}}, "tip"),
     ],
@@ -277,3 +280,10 @@ def test_convergence_is_that_of_the_largest_values():
     summary = beamsim.coexisting(asked, workers=1).summary
     assert summary["convergence"]["peak_displacement_m"] == {"mass": 0.0}  # an oscillator has no finer model
     assert summary["doubtful"] == []
+
+
+def test_branches_that_are_cut_off_are_named_with_what_the_sweep_can_change(monkeypatch):
+    monkeypatch.setattr(analysis, "Budget", lambda *given: Budget(10, *given[1:]))
+    status = beamsim.coexisting(case(), workers=1).status
+    assert "sweep.unstable: false" in status
+    assert "most_points" not in status

@@ -264,7 +264,8 @@ def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
 def _outcome(marches: Marches, result: CoexistingResult, budget: Budget) -> Outcome:
     """Complete but for what was left out, with the starts that have not settled and what is not to be trusted."""
     left, exceeded = result.not_settled, budget.exceeded(incomplete=False)
-    remarks = [] if exceeded is None else [exceeded]
+    fewer = "ask for fewer frequencies at once, or leave unstable motions out (sweep.unstable: false)"
+    remarks = [] if exceeded is None else [exceeded.but(remedy=fewer)]
     if left.any():
         remedy, at = "raise sweep.most_cycles or sweep.longest_period", Where(result.frequency_hz[left > 0], "Hz")
         sentence = f"{left.sum()} starts have not settled"
