@@ -20,8 +20,8 @@ AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an ax
 
 
 def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSignal]:
-    """The signal of every test of ``identify_stiffness.nonlinear`` that is used, in SI units; paths are relative to a
-    folder.
+    """The signal of every test of ``identify_stiffness.nonlinear`` that is used and has a file, in SI units; paths are
+    relative to a folder.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
     signals: list[MeasuredSignal] = []
     problems: list[Problem] = []
     default = scenario.effective_probes[0].name
-    for index, test in section.nonlinear.used.items():
+    for index, test in section.nonlinear.recorded.items():
         at = f"identify_stiffness.nonlinear.tests[{index}]"
         path = Path(folder) / test.file
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from statistics import NormalDist
@@ -17,6 +18,7 @@ from beamsim.analyses.identify.result import (
     PadFit,
     ProfileLikelihood,
     StiffnessEstimate,
+    SweepFit,
     TestFit,
     TransientFit,
 )
@@ -168,6 +170,26 @@ def transient(test: TransientFit) -> list[Chart]:
     return [Chart(time, (f"{name}\n{words}", test.unit), curves), Chart(time, ("Residual", test.unit), [left], bounds)]
 
 
+def swept(tests: Sequence[SweepFit]) -> Chart:
+    """Measured peaks and jumps over the branches with the estimated values."""
+    curves = [Curve("", tests[0].branch_frequency_hz, tests[0].branch_peak, {"color": DARK, "linewidth": 0.9})]
+    for k, test in enumerate(tests):
+        colour = f"C{k}"
+        rows = dict(zip(test.what, test.measured.tolist(), strict=True))
+        if "jump" in rows:
+            ends = np.array([test.branch_peak.min(), test.branch_peak.max()])
+            curves.append(
+                Curve(f"{test.name}: jump", np.full(2, rows["jump"]), ends, {"linestyle": _DOTTED, "color": colour})
+            )
+        if (peak := rows.get(f"peak of {test.probe}")) is not None:
+            at = rows.get(f"frequency of {test.probe}", rows.get("jump", np.nan))
+            marker = "^" if test.direction == "up" else "v"
+            style = {"linestyle": "none", "marker": marker, "color": colour, "markersize": 7.0}
+            curves.append(Curve(f"{test.name}: peak", np.array([at]), np.array([peak]), style))
+    words = tests[0].quantity.replace("_", " ")
+    return Chart(("Frequency", HERTZ), (f"Largest {words}", tests[0].unit), curves)
+
+
 def identification_figures(result: IdentificationResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
     panels: dict[str, list[Any]] = {}
@@ -191,6 +213,11 @@ def identification_figures(result: IdentificationResult) -> dict[str, Picture]:
         panels["pad"] = [pad_curve(pad, quantity) for quantity in quantities]
     if fit is not None and fit.transients:
         panels["transients"] = [chart for test in fit.transients for chart in transient(test)]
+    if fit is not None and fit.sweeps:
+        alike: dict[tuple[float, str, str], list[SweepFit]] = {}
+        for sweep in fit.sweeps:
+            alike.setdefault((sweep.level, sweep.probe, sweep.quantity), []).append(sweep)
+        panels["sweeps"] = [swept(tests) for tests in alike.values()]
     if fit is not None and fit.tests:
         panels["harmonics"] = [chart for test in fit.tests for chart in harmonics(test)]
     columns = {"profiles": min(len(profiles), 3), "harmonics": 2}

@@ -48,6 +48,7 @@ from beamsim.scenario.studies import (
     Reliability,
     Sobol,
     SoughtParameter,
+    SweepTest,
     Tolerances,
     Zipped,
 )
@@ -972,13 +973,16 @@ def _identification(scenario: ScenarioParts) -> Problems:
     if section.nonlinear is None:
         return
     yield from _all_sought(scenario, section.nonlinear.estimate, (_TOP, "nonlinear", "estimate"), words=False)
-    steady = any(test.kind == "steady" for test in section.nonlinear.used.values())
+    steady = any(test.kind != "transient" for test in section.nonlinear.used.values())
     if steady and not isinstance(scenario.excitation, Harmonic):
         yield not_harmonic(f"{_TOP}.nonlinear", "a harmonic excitation", scenario.excitation)
     names = [probe.name for probe in scenario.effective_probes]
     for index, test in enumerate(section.nonlinear.tests):
         if test.probe is not None:
             yield from unknown((_TOP, "nonlinear", "tests", index, "probe"), test.probe, "probe", names)
+        for k, peak in enumerate(test.peaks if isinstance(test, SweepTest) else ()):
+            if peak.probe is not None:
+                yield from unknown((_TOP, "nonlinear", "tests", index, "peaks", k, "probe"), peak.probe, "probe", names)
     labels = [test.label for test in section.nonlinear.tests]
     for index, name in enumerate(section.nonlinear.leave_out):
         yield from unknown((_TOP, "nonlinear", "leave_out", index), name, "test", labels)

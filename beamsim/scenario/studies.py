@@ -484,17 +484,24 @@ class MeasuredShapes(Schema):
                 raise Unfit("is zero everywhere", "leave out modes that were not measured", ("shapes", index))
 
 
-class _RecordedTest(Schema):
+class _AnyTest(Schema):
+    """What tests share."""
+
+    name: q.Name | None = None
+    """What it is called in tables and in leave_out; by default its file."""
+    probe: q.Name | None = None
+    """Probe it belongs to; the first one by default."""
+    gain: q.PositiveNumber = 1.0
+    """Recorded over true value, of a channel whose calibration is not exact; estimate may name it."""
+
+
+class _RecordedTest(_AnyTest):
     """What tests share whose measurement is a file."""
 
     file: q.FileName
     """Measured signal or spectrum: CSV, HDF5 (also a beamsim result) or UFF dataset 58; relative to the case."""
-    name: q.Name | None = None
-    """What it is called in tables and in leave_out; by default its file."""
     channel: q.Text | None = None
     """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""
-    probe: q.Name | None = None
-    """Probe it belongs to; the first one by default."""
     quantity: Literal["absolute_acceleration", "displacement", "absolute_displacement", "velocity"] = (
         "absolute_acceleration"
     )
@@ -509,8 +516,6 @@ class _RecordedTest(Schema):
     noise: q.Ratio | None = None
     """Standard deviation of a harmonic, or of a sample of a transient, relative to the largest one; by default from the
     scatter of the signal."""
-    gain: q.PositiveNumber = 1.0
-    """Recorded over true value, of a channel whose calibration is not exact; estimate may name it."""
 
     @property
     def label(self) -> str:
@@ -552,9 +557,80 @@ class TransientTest(_RecordedTest):
     """Compare only so long from there on; by default all that follows."""
 
 
+class MeasuredPeak(Schema):
+    """The largest magnitude of a probe in a sweep."""
+
+    probe: q.Name | None = None
+    """Where it was measured; by default the probe of the test."""
+    frequency: q.Frequency | None = None
+    """Where in the sweep it was; not given where it is at the jump."""
+    absolute_acceleration: q.PeakAcceleration | None = None
+    """How large it is: of an accelerometer."""
+    displacement: q.Length | None = None
+    """Or, of the displacement relative to the base."""
+    scatter: q.Ratio = 0.02
+    """Standard deviation, relative."""
+
+    def check(self) -> None:
+        """Demand one value."""
+        if (self.absolute_acceleration is None) == (self.displacement is None):
+            raise Unfit("has no value, or two", "give absolute_acceleration or displacement")
+
+    @property
+    def quantity(self) -> Literal["absolute_acceleration", "displacement"]:
+        """What was measured."""
+        return "displacement" if self.absolute_acceleration is None else "absolute_acceleration"
+
+    @property
+    def value(self) -> float:
+        """How large it is, SI."""
+        value = self.displacement if self.absolute_acceleration is None else self.absolute_acceleration
+        assert value is not None
+        return value
+
+
+class SweepTest(_AnyTest):
+    """A row of a table of slow sine sweeps: where it jumps, and its peaks."""
+
+    kind: Literal["sweep"]
+    """Peaks and jump of a sweep, compared with those of the periodic motions that a slow sweep follows."""
+    name: q.Name
+    """What it is called in tables and in leave_out."""
+    level: q.Level | None = None
+    """Excitation level of this test, in the quantity of the scenario's excitation."""
+    direction: Literal["up", "down"] = "up"
+    """Whether the frequency rises or falls."""
+    from_: q.Frequency = Field(alias="from")
+    """Lowest frequency."""
+    to: q.Frequency
+    """Highest frequency."""
+    rate: q.SweepRate | None = None
+    """How fast it was; a warning says where that was too fast for peaks of a steady vibration."""
+    jump: q.Frequency | None = None
+    """Frequency at which the amplitude jumps."""
+    scatter: q.Frequency
+    """Standard deviation of frequencies."""
+    peaks: tuple[MeasuredPeak, ...] = ()
+    """The largest magnitudes."""
+
+    def check(self) -> None:
+        """Demand a range and a measured number."""
+        if self.from_ >= self.to:
+            raise Unfit("is not above from", "give the lowest frequency first, and direction: down", ("to",))
+        if self.jump is None and not self.peaks:
+            raise Unfit("has neither jump nor peaks", "give one of them", ("peaks",))
+
+    @property
+    def label(self) -> str:
+        """What it is called."""
+        return self.name
+
+
 AnyTest = Annotated[
-    SteadyTest | TransientTest,
-    Variants("is no test", "give kind: steady (or none) or transient", lambda test: f"<{kind_of(test) or 'steady'}>"),
+    SteadyTest | TransientTest | SweepTest,
+    Variants(
+        "is no test", "give kind: steady (or none), transient or sweep", lambda test: f"<{kind_of(test) or 'steady'}>"
+    ),
 ]
 
 
@@ -564,7 +640,7 @@ class NonlinearFit(Schema):
     estimate: Annotated[tuple[Sought, ...], Field(min_length=1)]
     """Parameters to be identified, for example snubbers.tip.gap or beam.damping.ratio."""
     tests: Annotated[tuple[AnyTest, ...], Field(min_length=1)]
-    """The measured vibrations and transients."""
+    """The measured vibrations, transients and rows of tables of sweeps."""
     leave_out: tuple[q.Text, ...] = ()
     """Names, or files, of tests that are not used."""
     starts: q.Count = 5
@@ -577,9 +653,14 @@ class NonlinearFit(Schema):
     """Compute the profile likelihood of every parameter, for the plot."""
 
     @property
-    def used(self) -> dict[int, SteadyTest | TransientTest]:
+    def used(self) -> dict[int, SteadyTest | TransientTest | SweepTest]:
         """The tests that are not left out, by their number in the list."""
         return {k: test for k, test in enumerate(self.tests) if test.label not in self.leave_out}
+
+    @property
+    def recorded(self) -> dict[int, SteadyTest | TransientTest]:
+        """Those of them whose measurement is a file."""
+        return {k: test for k, test in self.used.items() if not isinstance(test, SweepTest)}
 
     def check(self) -> None:
         """Demand a test that is used."""

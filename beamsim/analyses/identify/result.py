@@ -276,6 +276,25 @@ class TransientFit(RecordFit):
 
 
 @declared(kw_only=True)
+class SweepFit(RecordFit):
+    """One row of a table of sweeps: measured and predicted peaks and jump, and the branch with the estimated values."""
+
+    level: float = attribute("", "level of the excitation, SI units")
+    direction: str = attribute("", "up or down")
+    what: tuple[str, ...] = axis("1", "what was measured: a jump, a frequency of a peak, or a peak of a probe")
+    measured: Floats = dataset("1", "measured, Hz or units of peaks", along=("what",))
+    noise: Floats = dataset("1", "standard deviation, likewise", along=("what",))
+    before: Floats = dataset("1", "predicted with the scenario's values, likewise", along=("what",))
+    predicted: Floats = dataset("1", "predicted with the estimated values, likewise", along=("what",))
+    branch_frequency_hz: Floats = dataset(
+        "Hz", "frequency along the branch", along=(Counter("point", "point of the branch"),)
+    )
+    branch_peak: Floats = dataset(
+        "{unit}", "largest magnitude of a period along the branch, of the first peak's channel", along=("point",)
+    )
+
+
+@declared(kw_only=True)
 class NonlinearEstimate:
     """Parameters from nonlinear tests."""
 
@@ -283,6 +302,7 @@ class NonlinearEstimate:
     correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", "parameter"))
     tests: tuple[TestFit, ...] = members("tests", TestFit, start=1, default=())
     transients: tuple[TransientFit, ...] = members("transients", TransientFit, start=1, default=())
+    sweeps: tuple[SweepFit, ...] = members("sweeps", SweepFit, start=1, default=())
     misfit_before: float = attribute("1", "chi squared with the scenario's values")
     misfit: float = attribute("1", "chi squared with the estimated values")
     degrees_of_freedom: int = attribute("1", "measured numbers minus parameters")
@@ -298,7 +318,7 @@ class NonlinearEstimate:
     @property
     def records(self) -> tuple[RecordFit, ...]:
         """All tests."""
-        return (*self.tests, *self.transients)
+        return (*self.tests, *self.transients, *self.sweeps)
 
 
 _SUMMARY = (

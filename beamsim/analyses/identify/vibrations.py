@@ -12,7 +12,7 @@ of neighbouring exact responses. The sum is minimised from several starting poin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from statistics import NormalDist
@@ -34,8 +34,9 @@ from beamsim.analyses.identify.fit import (
     varied,
     widening,
 )
+from beamsim.analyses.identify.peaks import SweptPeaks
 from beamsim.analyses.identify.records import Compared, Misfit, Prediction, Test, Transient, fit_of
-from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, TestFit, TransientFit
+from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, SweepFit, TestFit, TransientFit
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import fourier_integrals, outputs_of
 from beamsim.flow.compiled import processor_time
@@ -48,7 +49,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.run import Reduction
-from beamsim.scenario.studies import IdentifyStiffness, NonlinearFit, SteadyTest, TransientTest
+from beamsim.scenario.studies import IdentifyStiffness, NonlinearFit, SteadyTest, SweepTest, TransientTest
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
 from beamsim.system.parts import SharedBuilds
@@ -86,7 +87,7 @@ def fit_nonlinear(
     begin = processor_time()
     nonlinear = section.nonlinear
     assert nonlinear is not None
-    tests = _tests(scenario, nonlinear.used, signals)
+    tests = _tests(scenario, nonlinear, signals)
     scenario = _prepared(scenario, tests)
     vibrations = _Vibrations(tests, scenario, sought_numbers(scenario, nonlinear.estimate)[0])
     _check_count(vibrations.numbers, tests)
@@ -101,6 +102,7 @@ def fit_nonlinear(
         correlation=correlation_of(found.covariance),
         tests=tuple(each for each in found.records if isinstance(each, TestFit)),
         transients=tuple(each for each in found.records if isinstance(each, TransientFit)),
+        sweeps=tuple(each for each in found.records if isinstance(each, SweepFit)),
         misfit_before=search.misfit_before,
         misfit=found.best.misfit,
         degrees_of_freedom=found.freedom,
@@ -169,7 +171,7 @@ class _Judgement:
     covariance: Floats  # (p, p)
     scale: float  # factor in it
     freedom: int
-    records: list[TestFit | TransientFit]
+    records: list[TestFit | TransientFit | SweepFit]
     without_derivative: list[str]
     warnings: list[str]
 
@@ -204,7 +206,8 @@ def _judged(vibrations: _Vibrations, search: _Search, coverage: float) -> _Judge
     parts = vibrations.with_delays(parts, by_delay, covariance, scale, coverage)
     records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
     warnings += [*remarks, *unknown.values()]
-    warnings += _yielding(scenario, fit.numbers) + vibrations.without_contact() + search.warnings
+    warnings += _yielding(scenario, fit.numbers) + vibrations.without_contact() + vibrations.doubts_of_sweeps()
+    warnings += search.warnings
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
     return _Judgement(best, parameters, covariance, scale, freedom, records, without, warnings)
 
@@ -308,7 +311,7 @@ class _Steady(Test):
         )
 
 
-AnyTest = _Steady | Transient
+AnyTest = _Steady | Transient | SweptPeaks
 
 
 def _check_count(numbers: Sequence[Sought], tests: Sequence[AnyTest]) -> None:
@@ -321,9 +324,8 @@ def _check_count(numbers: Sequence[Sought], tests: Sequence[AnyTest]) -> None:
         )
 
 
-def _tests(
-    scenario: Scenario, given: Mapping[int, SteadyTest | TransientTest], signals: Sequence[MeasuredSignal]
-) -> list[AnyTest]:
+def _tests(scenario: Scenario, settings: NonlinearFit, signals: Sequence[MeasuredSignal]) -> list[AnyTest]:
+    given = settings.recorded
     if len(signals) != len(given):
         raise ScenarioError.at(
             "identify_stiffness.nonlinear.tests",
@@ -344,7 +346,8 @@ def _tests(
             problems.append(Problem(at, f"= {test.file} {fault.message}", fault.remedy))
     if problems:
         raise ScenarioError(problems)
-    return tests
+    tables = [SweptPeaks.of(k, t, t.probe or first) for k, t in settings.used.items() if isinstance(t, SweepTest)]
+    return [*tests, *tables]
 
 
 def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredSignal) -> _Steady:
@@ -494,6 +497,11 @@ class _Vibrations:
             for test, vibration in zip(self.tests, self.last, strict=True)
             if not vibration.touching and vibration.system.snubbers
         ]
+
+    def doubts_of_sweeps(self) -> list[str]:
+        """Warnings about sweeps that were too fast, or do not show what is predicted."""
+        both = zip(self.tests, self.last, strict=True)
+        return [said for test, last in both if isinstance(test, SweptPeaks) for said in test.doubts(last)]
 
 
 def _rows(tests: Sequence[AnyTest]) -> list[slice]:

@@ -1,0 +1,306 @@
+"""Peaks and jumps of a sine sweep that was slow, as the periodic motions of the model have them.
+
+A sweep follows the branch of periodic motions up to a fold, jumps to the motion at the same frequency that the branch
+comes to next, and so on. Peaks are the largest ones on what it follows. Folds and maxima are located on the branch, so
+that they are as smooth in the parameters as the motions are; beside known ones they are located without a new branch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from beamsim.analyses.continuation.branches import Budget, Tracer, trace_range
+from beamsim.analyses.continuation.motion import Measurement
+from beamsim.analyses.continuation.paths import periodic_forcing
+from beamsim.analyses.continuation.refinement import cut
+from beamsim.analyses.identify.fit import UnpredictableError
+from beamsim.analyses.identify.records import Compared, Misfit, Prediction, Test, fit_of
+from beamsim.analyses.identify.result import SweepFit
+from beamsim.flow.variational import VariationalFlow, motion_on
+from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.continuation import Settings, correct, correct_across, locate, solve_at
+from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.scenario import Scenario
+from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.studies import SweepTest
+from beamsim.system.build import build_system
+from beamsim.system.parts import SharedBuilds
+from beamsim.typing import Floats
+
+_EXACT = Settings(iterations=15)
+_STABLE = 1e-6  # of the angular frequency: a decay that is round-off, as at a fold
+_NEAR = 5e-3  # of a known feature, likewise, within which one of a neighbouring model is looked for
+_APART = 1e-3  # half the distance of the two motions whose peaks give the slope of the peak, in the scale of a branch
+
+
+class Feature(NamedTuple):
+    """A point of a branch that a sweep shows."""
+
+    kind: str  # jump, landing (after a jump), top, or start
+    point: BranchPoint
+
+
+@dataclass
+class _Curve:
+    """The branch of a model, its features and the peaks that are measured on it."""
+
+    orbits: ForcedOrbits
+    measurement: Measurement
+    channels: tuple[int, ...]  # of each peak, among those that are measured
+
+    def traced(self, low: float, high: float) -> tuple[BranchPoint, ...]:
+        """The branch between two frequencies, rad/s."""
+        found = trace_range(Tracer(self.orbits, (0.5 * low, 2.0 * high)), low, high, Budget(4000, np.inf))
+        pieces = [piece for branch in found for piece in cut(branch, low, high)]
+        whole = [piece for piece in pieces if piece.span[0] <= low * (1 + 1e-9) and piece.span[1] >= high * (1 - 1e-9)]
+        if not whole:
+            raise UnpredictableError("the branch of periodic motions does not reach from one frequency to the other")
+        return tuple(whole[0].points)
+
+    def heights(self, point: BranchPoint) -> Floats:
+        """Of each measured peak."""
+        return self.measurement.of_passage(*self.orbits.cycle(point)).peak[list(self.channels)]
+
+    def moved(self, point: BranchPoint, distance: float) -> BranchPoint:
+        """The motion so far along the tangent of a point."""
+        t, guess = point.tangent, point.u + distance * point.scale * point.tangent
+        found = correct(self.orbits, guess, t, point.scale, _EXACT, reference=t)
+        if found is None:
+            raise UnpredictableError("a motion beside a peak or jump was not found")
+        return found
+
+    def slope(self, point: BranchPoint, peak: int) -> float:
+        """Of a peak along the branch."""
+        before, after = (self.heights(self.moved(point, side * _APART))[peak] for side in (-1.0, 1.0))
+        return float(after - before)
+
+    def fold(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
+        """The fold between two points."""
+        return locate(self.orbits, a, b, lambda p: float(p.tangent[-1]), _EXACT)
+
+    def top(self, a: BranchPoint, b: BranchPoint, peak: int) -> BranchPoint | None:
+        """The largest peak between two points."""
+        return locate(self.orbits, a, b, lambda p: self.slope(p, peak), _EXACT)
+
+    def landing(self, near: BranchPoint, frequency: float) -> BranchPoint:
+        """The motion at the frequency of a jump after it."""
+        point = solve_at(self.orbits, near.u, _EXACT, frequency)
+        if point is None:
+            raise UnpredictableError("the motion after a jump was not found")
+        return point
+
+    def beside(self, known: Feature, jump: Feature | None, peak: int = 0) -> Feature | None:
+        """A feature beside one of a neighbouring model; None where it is not that near."""
+        if known.kind == "landing":
+            assert jump is not None
+            return Feature("landing", self.landing(known.point, jump.point.parameter))
+        if known.kind == "jump" and jump is not None:
+            return jump
+        centre = solve_at(self.orbits, known.point.u, _EXACT) if known.kind == "start" else None
+        if known.kind == "start":
+            return None if centre is None else Feature("start", centre)
+        centre = correct_across(self.orbits, known.point.u, _EXACT)
+        if centre is None:
+            return None
+        a, b = (self.moved(centre, side * _NEAR) for side in (-1.0, 1.0))
+        found = self.fold(a, b) if known.kind == "jump" else self.top(a, b, peak)
+        return None if found is None else Feature(known.kind, found)
+
+    def followed(self, points: Sequence[BranchPoint], up: bool) -> tuple[list[list[Feature]], Feature | None]:
+        """The parts of a branch that a sweep follows, with their ends, and its first jump.
+
+        Parameters
+        ----------
+        points : along the branch, in the direction of the sweep.
+        up : whether the frequency rises.
+        """
+        way = 1.0 if up else -1.0
+        parts, part, first = list[list[Feature]](), list[Feature](), None
+        rest = iter(pairwise(points))
+        for a, b in rest:
+            part.append(Feature("start", a))
+            if (b.parameter - a.parameter) * way > 0 and float(b.tangent[-1]) * float(a.tangent[-1]) > 0:
+                continue
+            fold = self.fold(a, b)
+            if fold is None:
+                raise UnpredictableError("a fold of the branch was not located")
+            parts, part = [*parts, [*part, Feature("jump", fold)]], []
+            first = first or parts[-1][-1]
+            for c, d in rest:  # to where the branch passes the frequency of the fold again
+                if (c.parameter - fold.parameter) * way <= 0 < (d.parameter - fold.parameter) * way:
+                    part.append(Feature("landing", self.landing(c, fold.parameter)))
+                    break
+            else:
+                raise UnpredictableError("after a jump there is no motion within from and to: give a wider range")
+        return [*parts, [*part, Feature("start", points[-1])]], first
+
+    def highest(self, parts: Sequence[Sequence[Feature]], peak: int) -> Feature:
+        """Where a peak is largest on what a sweep follows."""
+        heights = [[self.heights(f.point)[peak] for f in part] for part in parts]
+        p = int(np.argmax([max(each) for each in heights]))
+        k, part = int(np.argmax(heights[p])), parts[p]
+        inner = part[max(k - 1, 0)].point, part[min(k + 1, len(part) - 1)].point
+        found = self.top(*inner, peak)
+        return part[k] if found is None else Feature("top", found)
+
+
+@dataclass(frozen=True)
+class SweepPrediction(Prediction):
+    """What a slow sweep shows: the motion is that of its largest peak."""
+
+    curve: _Curve
+    jump: Feature | None
+    tops: tuple[Feature, ...]  # of each measured peak
+    numbers: Floats  # (r,) predicted, with a gain of 1
+    bandwidth: float  # Hz, of the decay at the largest peak
+
+
+@dataclass(frozen=True)
+class SweptPeaks(Test):
+    """Measured peaks and the jump of a slow sweep at one level and in one direction."""
+
+    what: tuple[str, ...]  # each number is: a jump, or frequency or height of a peak
+    measured: Floats  # (r,) Hz, and units of the peaks
+    sigma: Floats  # (r,)
+    test: SweepTest
+    places: tuple[tuple[str, str], ...]  # probe and quantity of each peak
+
+    @classmethod
+    def of(cls, number: int, test: SweepTest, probe: str) -> SweptPeaks:
+        """A row of a table.
+
+        Parameters
+        ----------
+        number : of the test in the list of the scenario.
+        test : what is said of it.
+        probe : where peaks are that name no probe.
+        """
+        rows = [] if test.jump is None else [("jump", test.jump, test.scatter)]
+        places = []
+        for peak in test.peaks:
+            name = peak.probe or probe
+            places.append((name, peak.quantity))
+            if peak.frequency is not None:
+                rows.append((f"frequency of {name}", peak.frequency, test.scatter))
+            rows.append((f"peak of {name}", peak.value, peak.scatter * peak.value))
+        what, measured, sigma = zip(*rows, strict=True)
+        places = places or [(probe, "displacement")]  # for the picture
+        return cls(
+            number, test.label, *places[0], True, False, what, np.array(measured), np.array(sigma), test, tuple(places)
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of measured values."""
+        return self.measured.size
+
+    def case(self, scenario: Scenario) -> Scenario:
+        """The scenario at the level of this test."""
+        harmonic, test = scenario.excitation, fit_of(scenario).tests[self.number]
+        assert isinstance(harmonic, Harmonic)
+        assert isinstance(test, SweepTest)
+        return scenario.model_copy(update={"excitation": harmonic.at(test.to, test.level), "run": None})
+
+    def predicted(self, case: Scenario, near: Any, shared: SharedBuilds) -> SweepPrediction:
+        """Jump and peaks; see `Transient.predicted`."""
+        test, curve = self.test, self._curve(case, shared)
+        try:
+            found = None if near is None else self._beside(curve, near)
+            jump, tops = found or self._whole(curve, test)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise UnpredictableError(f"{self.name}: {error}") from error
+        numbers = [] if test.jump is None or jump is None else [jump.point.parameter / (2 * np.pi)]
+        for k, (peak, top) in enumerate(zip(test.peaks, tops, strict=False)):
+            numbers += [] if peak.frequency is None else [top.point.parameter / (2 * np.pi)]
+            numbers.append(float(curve.heights(top.point)[k]))
+        multipliers, (flow, passage) = curve.orbits.multipliers(tops[0].point), curve.orbits.cycle(tops[0].point)
+        assert isinstance(flow, VariationalFlow)
+        bandwidth = -float(np.log(np.abs(multipliers).max())) / (np.pi * passage.duration)
+        touching, motion = passage.event_time.size > 0, motion_on(flow.exact, passage)
+        system = curve.measurement.system
+        return SweepPrediction(system, motion, touching, curve, jump, tops, np.array(numbers), bandwidth)
+
+    def _curve(self, case: Scenario, shared: SharedBuilds) -> _Curve:
+        """The branch of a case and what is measured along it."""
+        system, harmonic = build_system(case, shared, recovered=False), case.excitation
+        assert isinstance(harmonic, Harmonic)
+        if system.cubic.count:
+            raise UnpredictableError("cubic springs have no exact flow")
+        omega, loads = 2 * np.pi * harmonic.frequency, periodic_forcing(case, system)
+        orbits = ForcedOrbits(VariationalFlow(system.dynamics, loads, omega, harmonic.level), "frequency")
+        keys = dict.fromkeys(("probes", quantity) for _, quantity in (*self.places, ("", "displacement")))
+        channels = system.channels.of_keys(*keys)
+        columns = {(each.name, each.quantity): k for each, k in channels.located}
+        return _Curve(orbits, Measurement(system, harmonic, channels, 1), tuple(columns[at] for at in self.places))
+
+    @staticmethod
+    def _beside(curve: _Curve, near: SweepPrediction) -> tuple[Feature | None, tuple[Feature, ...]] | None:
+        """Jump and peaks beside those of a neighbouring model."""
+        with suppress(ArithmeticError, np.linalg.LinAlgError):
+            jump = None if near.jump is None else curve.beside(near.jump, None)
+            if near.jump is None or jump is not None:
+                tops = [curve.beside(top, jump, k) for k, top in enumerate(near.tops)]
+                found = tuple(top for top in tops if top is not None)
+                return (jump, found) if len(found) == len(tops) else None
+        return None
+
+    @staticmethod
+    def _whole(curve: _Curve, test: SweepTest) -> tuple[Feature | None, tuple[Feature, ...]]:
+        """Jump and peaks on the whole branch."""
+        up = test.direction == "up"
+        points = curve.traced(2 * np.pi * test.from_, 2 * np.pi * test.to)
+        parts, jump = curve.followed(points if up == (points[0].parameter < points[-1].parameter) else points[::-1], up)
+        if test.jump is not None and jump is None:
+            raise UnpredictableError(f"{test.label}: the model does not jump")
+        return jump, tuple(curve.highest(parts, k) for k in range(len(curve.channels)))
+
+    def compared(self, prediction: Any, gain: float, near: Compared | None) -> Compared:
+        """Numbers beside the table; see `Transient.compared`."""
+        heights = np.array([what.startswith("peak") for what in self.what])
+        numbers = prediction.numbers * np.where(heights, gain, 1.0)
+        residuals = (numbers - self.measured) / self.sigma
+        return Compared(replace(prediction, numbers=numbers), 0.0, residuals, np.zeros(self.size))
+
+    def fitted(self, part: Misfit, before: Compared, found: Compared) -> SweepFit:
+        """See `Transient.fitted`."""
+        prediction: SweepPrediction = found.values
+        low, high = (2 * np.pi * f for f in (self.test.from_, self.test.to))
+        points = prediction.curve.traced(low, high)
+        return SweepFit(
+            **self.described(part, found),
+            level=prediction.curve.orbits.level,
+            direction=self.test.direction,
+            what=self.what,
+            measured=self.measured,
+            noise=self.sigma,
+            before=before.values.numbers,
+            predicted=prediction.numbers,
+            branch_frequency_hz=np.array([point.parameter for point in points]) / (2 * np.pi),
+            branch_peak=np.array([prediction.curve.heights(point)[0] for point in points]),
+        )
+
+    def doubts(self, prediction: Any) -> list[str]:
+        """Warnings where a sweep does not show the motion of its largest peak: that is not stable, or the sweep passes
+        it too fast to be a steady vibration (ISO 7626-2: 54 times the square of the bandwidth a minute, in Hz)."""
+        if prediction.bandwidth < -_STABLE * prediction.tops[0].point.parameter:
+            return [
+                f"{self.name}: the motion of the largest peak is not stable: the sweep leaves it before, otherwise "
+                "than at a fold; narrow from and to, or fit the time history of the sweep as a transient"
+            ]
+        hertz = 0.0 if self.test.rate is None else self.test.rate.value
+        if self.test.rate is not None and self.test.rate.unit == "oct/s":
+            hertz *= np.log(2.0) * prediction.tops[0].point.parameter / (2 * np.pi)
+        most = 0.9 * prediction.bandwidth**2
+        if hertz <= most:
+            return []
+        return [
+            f"{self.name}: {hertz:.3g} Hz/s is fast for a bandwidth of {prediction.bandwidth:.3g} Hz: above "
+            f"{most:.3g} Hz/s peaks and jumps are late and not those of steady vibrations; fit the time history of "
+            "the sweep as a transient"
+        ]

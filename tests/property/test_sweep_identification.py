@@ -1,0 +1,163 @@
+"""Parameters of a stop from a table of slow sine sweeps: peaks and jumps, up and down.
+
+A mass of 1 kg on a spring, 10 Hz, with a stop on one side, on a shaker. What a slow sweep shows is integrated apart
+from the program by `scipy.integrate` (DOP853).
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from beamsim.analyses.identify.analysis import identify_stiffness
+from beamsim.analyses.identify.peaks import SweptPeaks
+from beamsim.errors import ScenarioError
+from beamsim.scenario import load_scenario
+from beamsim.system.parts import SharedBuilds
+
+SPRING = (2 * np.pi * 10.0) ** 2
+STOP, GAP, DASHPOT = "chain.snubbers.stop.stiffness", "chain.snubbers.stop.gap", "chain.dashpots[0]"
+TRUTH = {STOP: 3e3, GAP: 1.5e-3, DASHPOT: 2.0}
+BEGIN = {STOP: 2.9e3, GAP: 1.55e-3, DASHPOT: 2.1}
+SCATTER_HZ, SCATTER = 0.02, 0.02
+
+
+def row(level, direction, numbers=(10.0, 10.0, 10.0), **more):
+    """A jump, the frequency of the peak where the sweep goes up, and the peak."""
+    *frequencies, height = numbers
+    peak = {"absolute_acceleration": height, "scatter": SCATTER}
+    if direction == "up":
+        peak["frequency"] = frequencies[-1]
+    return {
+        "kind": "sweep", "name": f"{level} {direction}", "level": level, "direction": direction, "from": 7, "to": 16,
+        "jump": frequencies[0], "scatter": SCATTER_HZ, "peaks": [peak], **more,
+    }  # fmt: skip
+
+
+def case(tests, numbers=TRUTH, **more):
+    stop = {"name": "stop", "mass": 1, "side": "above", "gap": numbers[GAP], "stiffness": numbers[STOP]}
+    fit = {"starts": 1, "profiles": False, "estimate": list(TRUTH), "tests": tests, **more}
+    return load_scenario({
+        "chain": {"masses": [1.0], "springs": [SPRING], "dashpots": [numbers[DASHPOT]], "snubbers": [stop]},
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 10.0},
+        "probes": [{"name": "mass", "mass": 1}],
+        "identify_stiffness": {"snubber": "stop", "nonlinear": fit},
+    })  # fmt: skip
+
+
+@cache
+def shown(level, direction):
+    """What a slow sweep shows with the true values."""
+    scenario = case([row(level, direction)])
+    test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
+    return test.predicted(test.case(scenario), None, SharedBuilds()).numbers
+
+
+def table(seed, levels=(1.0,)):
+    """Rows with noise."""
+    generator, rows = np.random.default_rng(seed), []
+    for level in levels:
+        for direction in ("up", "down"):
+            exact = shown(level, direction)
+            wide = np.full(exact.size, SCATTER_HZ)
+            wide[-1] = SCATTER * exact[-1]
+            rows.append(row(level, direction, (exact + wide * generator.standard_normal(exact.size)).tolist()))
+    return rows
+
+
+def holding(seeds, begin=TRUTH):
+    """By parameter, how many intervals of 95 % hold the truth."""
+    held = dict.fromkeys(TRUTH, 0)
+    for seed in seeds:
+        found = identify_stiffness(case(table(seed), begin), []).nonlinear
+        for p in found.parameters:
+            held[p.parameter] += p.interval[0] <= TRUTH[p.parameter] <= p.interval[1]
+    return held
+
+
+def settled(level, frequency, state, cycles):
+    """The motion of several masses after so many periods, each at its own level and frequency; and its peak."""
+    omega = 2 * np.pi * frequency
+
+    def rate(tau, y):
+        x, v = y.reshape(2, -1)
+        force = -SPRING * x - TRUTH[DASHPOT] * v - TRUTH[STOP] * np.maximum(x - TRUTH[GAP], 0.0)
+        return np.concatenate([v, force - level * np.sin(tau)]) / np.tile(omega, 2)
+
+    last = 2 * np.pi * (cycles - 1 + np.arange(401) / 400)
+    found = solve_ivp(rate, (0.0, last[-1]), state, "DOP853", last, rtol=1e-8, atol=1e-10)
+    x, v = found.y.reshape(2, level.size, -1)
+    absolute = -SPRING * x - TRUTH[DASHPOT] * v - TRUTH[STOP] * np.maximum(x - TRUTH[GAP], 0.0)
+    return found.y[:, -1], np.abs(absolute).max(axis=1)
+
+
+@pytest.mark.slow
+def test_a_stepped_sweep_that_is_integrated_jumps_and_peaks_where_it_is_said_to():
+    """Up and down at three levels: just before a jump nothing happens, just behind it the amplitude has jumped."""
+    level = np.array([0.6, 1.0, 1.5] * 3)
+    jump = np.array([shown(a, way)[0] for way in ("up", "down", "up") for a in level[:3]])
+    top = np.array([shown(a, "up")[1] for a in level[:3]])
+    height = np.array([shown(a, way)[-1] for way in ("up", "down", "up") for a in level[:3]])
+    way = np.array([1.0] * 3 + [-1.0] * 3 + [1.0] * 3)
+    begin = np.array([shown(a, "down" if w > 0 else "up")[0] - 0.1 * w for a, w in zip(level, way, strict=True)])
+    before = np.concatenate([jump[:6] * (1 - 0.003 * way[:6]), top])  # the last three stay at the peak
+    state, _ = settled(level, begin, np.zeros(18), 150)
+    for share in (0.4, 0.7, 0.9):
+        state, _ = settled(level, begin + share * (before - begin), state, 60)
+    state, at_hand = settled(level, before, state, 150)
+    assert at_hand[6:] == pytest.approx(height[6:], rel=1e-3)
+    state, behind = settled(level[:6], jump[:6] * (1 + 0.003 * way[:6]), state.reshape(2, 9)[:, :6].ravel(), 300)
+    assert np.all(behind[:3] < 0.85 * at_hand[:3])
+    assert np.all(behind[3:] > 1.15 * at_hand[3:6])
+    _, landed = settled(level[3:6], jump[3:6], state.reshape(2, 6)[:, 3:].ravel(), 300)
+    assert landed == pytest.approx(height[3:6], rel=1e-3)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    """Of three tables from other initial values, and of the hundred that were counted once (see the documents) ten."""
+    assert sum(holding(range(3), BEGIN).values()) >= 7
+    assert all(count >= 8 for count in holding(range(10)).values())
+
+
+@pytest.mark.slow
+def test_a_row_with_a_wrong_level_is_named():
+    rows = table(0, (0.6, 1.0))
+    rows[0]["peaks"][0]["absolute_acceleration"] *= 1.5
+    found = identify_stiffness(case(rows), []).nonlinear
+    worst = min(found.records, key=lambda record: record.misfit_without)
+    assert worst.name == "0.6 up"
+    assert worst.misfit > 0.5 * found.misfit
+    assert any("0.6 up has" in warning for warning in found.warnings)
+
+
+def test_a_level_below_contact_tells_the_structure_and_that_a_sweep_is_too_fast():
+    """Peak of a linear oscillator under 0.06 m/s^2: its frequency and height in closed form."""
+    zeta = 0.5 * TRUTH[DASHPOT] / np.sqrt(SPRING)
+    r = np.linspace(0.99, 1.01, 200_001)
+    amplitude = 0.06 * np.sqrt((1 + (2 * zeta * r) ** 2) / ((1 - r**2) ** 2 + (2 * zeta * r) ** 2))
+    tests = [row(0.06, "up", rate="1 Hz/s")]
+    del tests[0]["jump"]
+    scenario = case(tests)
+    test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
+    found = test.predicted(test.case(scenario), None, SharedBuilds())
+    assert found.numbers == pytest.approx([10.0 * r[np.argmax(amplitude)], amplitude.max()], rel=1e-6)
+    assert found.bandwidth == pytest.approx(TRUTH[DASHPOT] / (2 * np.pi), rel=1e-9)  # c / m / (2 pi), in Hz
+    assert "1 Hz/s is fast for a bandwidth of 0.318 Hz" in test.doubts(found)[0]  # 0.9 times its square is 0.09
+
+
+def test_without_jump_in_the_model_the_row_is_named():
+    with pytest.raises(ScenarioError, match=r"0\.06 up: the model does not jump"):
+        identify_stiffness(case([row(0.06, "up"), row(1.0, "up")]), [])
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [({"to": 5}, "is not above from"), ({"jump": None, "peaks": []}, "has neither jump nor peaks"),
+     ({"peaks": [{"frequency": 10.0}]}, "has no value, or two"),
+     ({"peaks": [{"probe": "mas", "displacement": 1e-3}]}, "mas")],
+)  # fmt: skip
+def test_rows_that_say_too_little_are_refused(change, text):
+    with pytest.raises(ScenarioError, match=text):
+        case([row(1.0, "up", **change)])
