@@ -184,8 +184,10 @@ def _limit_lines(result: DesignsResult) -> Iterator[str]:
         if item["verdict"] == "ok":
             yield f"{name} ok in all cases: at most {item['value']}{at}, limit {item['limit']}{met}"
         else:
-            worst = f"{item['value']}{at}, limit {item['limit']}, {item['most with']}"
-            yield f"{name} {item['verdict']} in {item['cases']} cases: {worst}{met}"
+            worst = ", ".join(
+                [f"{item['value']}{at}", f"limit {item['limit']}", *filter(None, [item.get("most with")])]
+            )
+            yield f"{name} {item['verdict']} in {item.get('cases', 'all')} cases: {worst}{met}"
     if "probability" in result.summary and len(result.limits) > 1:
         yield f"all limits met with a probability of {_odds(result.summary['probability'])}"
 
@@ -233,7 +235,7 @@ def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -
     for name, item in compared.items():
         if "probability" in item:
             rows[limit_label(name)]["probability"] = _odds(item["probability"])
-        if item["verdict"] != OnLimit.MET and result.kind != "optimise":
+        if item["verdict"] != OnLimit.MET and "parameters" in item and result.kind != "optimise":
             rows[limit_label(name)] |= {
                 "cases": f"{item['cases_exceeding'] or 'some'} of {result.cases}", "most with": ", ".join(
                     f"{label} {value}" for label, value in _parameters(result, item["parameters"]).items()

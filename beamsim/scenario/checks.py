@@ -591,6 +591,14 @@ def _limits(scenario: ScenarioParts) -> Problems:
                 "needs a beam whose section is known",
                 "give its extreme_fibre and youngs_modulus",
             )
+    for name in ("rms_displacement", "rms_acceleration"):
+        if getattr(limits, name) is None or scenario.excitation.stationary:
+            continue
+        if scenario.run is None:
+            yield Problem(f"limits.{name}", "needs a run", "limit peaks, or add run: {duration: 1 s}")
+        elif scenario.study is not None:
+            message = f"needs a stationary input in a study, and the excitation is {scenario.excitation.kind}"
+            yield Problem(f"limits.{name}", message, "limit peaks")
     if limits.rms_force is not None and not scenario.excitation.stationary:
         message = f"is of a stationary input, and the excitation is {scenario.excitation.kind}"
         yield Problem("limits.rms_force", message, "limit peak_force")

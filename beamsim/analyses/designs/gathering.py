@@ -523,6 +523,8 @@ def _margins(cases: _Cases) -> _Judged:
                 "cases_exceeding": int(np.sum(verdicts == OnLimit.EXCEEDED)),
                 **({"probability": probability((verdicts == OnLimit.MET)[cases.drawn])} if cases.drawn.any() else {}),
             }
+        elif cases.realised:  # of which no case has a value
+            summary[name] = margins_of(plan.scenario.limits, {})[name]
     return _Judged(margins, summary, over, met, meets)
 
 
