@@ -116,7 +116,7 @@ def test_a_stepped_sweep_that_is_integrated_jumps_and_peaks_where_it_is_said_to(
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
-    """Of three tables from other initial values, and of the hundred that were counted once (see the documents) ten."""
+    """Of three tables from other initial values, and of ten from the true ones."""
     assert sum(holding(range(3), BEGIN).values()) >= 7
     assert all(count >= 8 for count in holding(range(10)).values())
 
