@@ -285,8 +285,13 @@ class SweptPeaks(Test):
         )
 
     def doubts(self, prediction: Any) -> list[str]:
-        """Warnings where a sweep does not show the motion of its largest peak: that is not stable, or the sweep passes
-        it too fast to be a steady vibration (ISO 7626-2: 54 times the square of the bandwidth a minute, in Hz)."""
+        """Warnings where a sweep does not show the motion of its largest peak: that is not stable, or comes right after
+        a jump, or the sweep passes it too fast (0.1 times the square of the bandwidth, in Hz, by integrated sweeps)."""
+        if self.test.peaks and any(top.kind == "landing" for top in prediction.tops):
+            return [
+                f"{self.name}: its peak is the one right after the jump, which overshoots however slow the sweep is; "
+                "give the amplitude to which it settles there, or leave peaks out"
+            ]
         if prediction.bandwidth < 0.0 and prediction.tops[0].kind != "jump":  # where it is zero but for round-off
             return [
                 f"{self.name}: the motion of the largest peak is not stable: the sweep leaves it before, otherwise "
@@ -295,7 +300,7 @@ class SweptPeaks(Test):
         hertz = 0.0 if self.test.rate is None else self.test.rate.value
         if self.test.rate is not None and self.test.rate.unit == "oct/s":
             hertz *= np.log(2.0) * prediction.tops[0].point.parameter / (2 * np.pi)
-        most = 0.9 * prediction.bandwidth**2
+        most = 0.1 * prediction.bandwidth**2
         if hertz <= most:
             return []
         return [
