@@ -176,6 +176,8 @@ def extent(low: float, high: float, unit: str) -> str:
 
     >>> extent(20.0, 30.0, "Hz"), extent(20.26750001, 20.26750002, "Hz"), extent(1e-3, 1e-3, "m")
     ('20 to 30 Hz', '20.26750001 to 20.26750002 Hz', '1 mm')
+    >>> extent(1.883, 2.032, "N s/m")
+    '1.883 to 2.032 N s/m'
 
     Parameters
     ----------
@@ -189,8 +191,8 @@ def extent(low: float, high: float, unit: str) -> str:
     for digits in (4, 6, 8, 10):
         first, last = amount(low, unit, digits), amount(high, unit, digits)
         if first != last:
-            number, _, prefixed = first.rpartition(" ")
-            return f"{number if number and last.endswith(f' {prefixed}') else first} to {last}"
+            number, _, prefixed = first.partition(" ")
+            return f"{number if prefixed and last.endswith(f' {prefixed}') else first} to {last}"
     return amount(low, unit)
 
 
