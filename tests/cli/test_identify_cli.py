@@ -243,4 +243,4 @@ def test_the_first_screen_names_the_record_that_has_most_of_the_misfit(tmp_path)
     screen = invoke("identify-stiffness", tmp_path / "case.yaml", "-o", tmp_path, "--no-plots").stdout
     assert re.search(r"loose has \d+ % of the misfit; without it [\d.]+ would be left", screen)
     (line,) = [each for each in screen.splitlines() if each.startswith("chain dashpot 1")]
-    assert re.search(r"290 mN s/m +[\d.]+ mN s/m +[\d.]+ [mµ]N s/m +[\d.]+ mN to [\d.]+ mN s/m", line)
+    assert re.search(r"290 mN s/m +[\d.]+ mN s/m +[\d.]+ [mµ]N s/m +[\d.]+ to [\d.]+ mN s/m", line)
