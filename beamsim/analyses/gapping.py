@@ -94,7 +94,7 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None
     if system.base_acceleration is not None:
         base = -1.0 / omega[:, None] ** 2
         pushed = contacts.dynamic_stiffness(phases, omega)
-        per_unit -= ((pushed * contacts.felt) @ contacts.shape) * base
+        per_unit -= ((pushed * contacts.base_influence) @ contacts.shape) * base
     return _solved(system, omega, phases, per_unit[:, :, None])[:, :, 0]
 
 
@@ -115,7 +115,7 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
 
     def opening(phases: Ints) -> Complexes:
         moved = transfer(system, frequency_hz, phases) @ contacts.shape.T
-        return np.asarray(moved + base[:, None] * contacts.felt)
+        return np.asarray(moved + base[:, None] * contacts.base_influence)
 
     resting, pressed = contacts.resting_phases(penetration), pressed_phases(system, penetration)
     at_rest, shut = opening(resting), opening(pressed)

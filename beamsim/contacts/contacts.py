@@ -30,7 +30,7 @@ class Watched:
 
 @dataclass(frozen=True)
 class Contacts:
-    """m contacts with penetration ``delta = -gap - sign * (shape @ q + felt d)``.
+    """m contacts with penetration ``delta = -gap - sign * (shape @ q + base_influence d)``.
 
     The push on the structure along ``shape`` is ``sign * force``, the force being that of the law's phase.
     """
@@ -49,7 +49,7 @@ class Contacts:
         return len(self.laws)
 
     @cached_property
-    def felt(self) -> Floats:
+    def base_influence(self) -> Floats:
         """(m,) displacement by a unit displacement of the base of what is on the ground; 0 of what is on the base."""
         return self.on_ground * self.levers
 
@@ -477,7 +477,7 @@ class Contacts:
         n, shape = self.shape.shape[1], -self.sign[:, None] * self.shape
         depth, rate = y[:, :n] @ shape.T - self.gap, y[:, n : 2 * n] @ shape.T
         if base is not None:
-            sign = -self.sign * self.felt
+            sign = -self.sign * self.base_influence
             depth, rate = depth + np.multiply.outer(base[0], sign), rate + np.multiply.outer(base[1], sign)
         return depth, rate
 

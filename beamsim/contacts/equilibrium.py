@@ -64,13 +64,13 @@ class CubicSprings:
         return int(self.stiffness.size)
 
     @property
-    def felt(self) -> Floats:
+    def base_influence(self) -> Floats:
         """(nc,) stretch for a unit displacement of the base."""
         return np.ones(self.count) if self.ground is None else self.ground
 
     def stretch(self, q: Floats, base: Floats | float) -> Floats:
         """(..., nc) m, with coordinates (..., n) and displacements of the base (...,), m."""
-        return np.asarray(q @ self.shape.T + np.multiply.outer(base, self.felt))
+        return np.asarray(q @ self.shape.T + np.multiply.outer(base, self.base_influence))
 
 
 @dataclass(frozen=True)
@@ -166,8 +166,8 @@ class _Newton:
     def __init__(self, energy: _Energy, q: Floats, closed: Bools) -> None:
         k = energy.springs.stiffness[closed]
         tangent, normal = energy.open_tangent(q), energy.normal[closed]
-        felt = np.diag(tangent)
-        damped = np.where(felt > 0, felt, energy.largest_stiffness)
+        resisting = np.diag(tangent)
+        damped = np.where(resisting > 0, resisting, energy.largest_stiffness)
         self.scale = np.concatenate([1.0 / np.sqrt(damped + np.abs(k) @ normal**2), np.sqrt(np.abs(k))])
         # the little more stiffness keeps a step finite where nothing resists it
         matrix = np.block([[tangent + np.diag(1e-15 * damped), -normal.T], [normal, np.diag(1.0 / k)]])
@@ -257,9 +257,9 @@ class _Energy:
     @property
     def largest_stiffness(self) -> Floats:
         """(n,) that each coordinate may meet: of the structure and of all springs; 1 where there is none."""
-        felt = self.stiffness + np.abs(self.springs.stiffness) @ self.normal**2
-        felt = felt + np.abs(self.cubic.stiffness) @ self.cubic.shape**2
-        return np.where(felt > 0, felt, 1.0)
+        resisting = self.stiffness + np.abs(self.springs.stiffness) @ self.normal**2
+        resisting = resisting + np.abs(self.cubic.stiffness) @ self.cubic.shape**2
+        return np.where(resisting > 0, resisting, 1.0)
 
     def penetration(self, q: Floats) -> Floats:
         """(m,) of each spring, 0 where it is open."""

@@ -61,7 +61,7 @@ class SpringInfo:
     gap_unit: str = "m"  # of the stretch; rad in a hinge, whose forces are moments
 
     @property
-    def felt(self) -> float:
+    def base_influence(self) -> float:
         """How much of the base's displacement adds to its stretch."""
         return self.lever if self.on_ground else 0.0
 
@@ -163,7 +163,7 @@ def cubic_springs(springs: Sequence[SpringInfo], size: int) -> CubicSprings:
     return CubicSprings(
         np.array([s.shape for s in cubic]).reshape(-1, size),
         np.array([s.cubic for s in cubic]),
-        np.array([s.felt for s in cubic], dtype=float),
+        np.array([s.base_influence for s in cubic], dtype=float),
     )
 
 

@@ -340,7 +340,7 @@ def contact_modes(
     system: PiecewiseLinearSystem,
     forcing: Forcing,
     sources: Sources,
-    felt: Floats,
+    influence: Floats,
     phases: Ints,
     longest_window: float,
     known: ContactModes | None = None,
@@ -355,7 +355,7 @@ def contact_modes(
     ----------
     system, forcing : the structure and what its loads act on.
     sources : of the loads' signals; of them the number and the channels count.
-    felt : (channels, m) displacement of each contact's place from its stand by a unit of each channel, m.
+    influence : (channels, m) displacement of each contact's place from its stand by a unit of each channel, m.
     phases : (m,) of the contacts.
     longest_window : upper limit on the length of a segment, s.
     known : a contact state of the same system.
@@ -370,7 +370,7 @@ def contact_modes(
     # series hold within a radius; what grows is bounded by its end, so that a segment ends before that is far above it
     growing = [*simple.eigenvalue.real.tolist(), *(complex(b.centre).real for b in blocks)]
     fastest = max([0.0, *(b.radius for b in blocks), *(rate / GROWN for rate in growing)])
-    loads = _loads_of_sources(system, forcing, sources, felt, phases)
+    loads = _loads_of_sources(system, forcing, sources, influence, phases)
     load, slope = _free(system, phases, *loads.total())
     return ContactModes(
         phases.copy(), system.contacts.internal_states, simple, blocks,
@@ -520,8 +520,8 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, 
     n, N = system.size, 2 * system.size + system.contacts.internal_states
     held = held_contacts(system, phases)
     across = None if held is None else held.across
-    omega2, psi, felt = undamped = _undamped_modes(system, acting.shape, acting.stiffness, across)
-    d = psi.T @ system.damping @ psi + (felt.T * acting.dashpot) @ felt
+    omega2, psi, stretch = undamped = _undamped_modes(system, acting.shape, acting.stiffness, across)
+    d = psi.T @ system.damping @ psi + (stretch.T * acting.dashpot) @ stretch
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
     if system.contacts.coupled(phases) or acting.crossed:
@@ -560,7 +560,7 @@ def _coupled_modes(
     n, contacts = system.size, system.contacts
     together = contacts.coupled(phases)
     N, inside = 2 * n + contacts.internal_states, contacts.internal_states if together else 0
-    omega2, psi, felt = (part[..., g] for part in undamped)
+    omega2, psi, stretch = (part[..., g] for part in undamped)
     d, r = d[np.ix_(g, g)], g.size
     scale = np.sqrt(np.maximum(omega2, 1e-6 * omega2.max() + 1e-300))
     A = np.zeros((2 * r + inside, 2 * r + inside))
@@ -569,8 +569,8 @@ def _coupled_modes(
     A[r : 2 * r, r : 2 * r] = -d
     if acting.crossed:
         aside = psi.T @ (acting.along - acting.shape).T
-        A[r : 2 * r, :r] -= (aside * acting.stiffness) @ felt / scale
-        A[r : 2 * r, r : 2 * r] -= (aside * acting.dashpot) @ felt
+        A[r : 2 * r, :r] -= (aside * acting.stiffness) @ stretch / scale
+        A[r : 2 * r, r : 2 * r] -= (aside * acting.dashpot) @ stretch
     out, back = np.zeros((N, 2 * r + inside)), np.zeros((2 * r + inside, N))
     out[:n, :r], out[n : 2 * n, r : 2 * r] = psi / scale, psi
     back[:r, :n], back[r : 2 * r, n : 2 * n] = psi.T * scale[:, None], psi.T
@@ -579,7 +579,9 @@ def _coupled_modes(
         _, h = contacts.force_rows(phases)
         internal, drive = contacts.internal_rates(phases)
         moved = contacts.shape @ psi
-        moved[acting.contact] = felt  # of stiff ones in slow motions, and exactly none in motions that they do not feel
+        moved[acting.contact] = (
+            stretch  # of stiff ones in slow motions, and exactly none in motions that they do not feel
+        )
         penetration = -contacts.sign[:, None] * moved
         pushed = contacts.pushes(phases) @ psi if acting.crossed else -penetration
         A[r : 2 * r, 2 * r :] = pushed.T @ h / unit
@@ -624,7 +626,7 @@ def _undamped_modes(
         held = held @ np.linalg.svd(across.T @ held)[2][across.shape[1] :].T
     if np.any(k < 0.0) or np.any(system.stiffness < 0.0):
         omega2, psi = np.linalg.eigh(held.T @ (np.diag(system.stiffness) + (phi.T * k) @ phi) @ held)
-        felt = phi @ held @ psi
+        stretch = phi @ held @ psi
     else:
         # singular values of a factor: eigenvalues of K would have errors of the order of the highest one in the lowest
         springs = np.sqrt(k)[:, None] * phi
@@ -633,12 +635,12 @@ def _undamped_modes(
         )
         omega2, psi = omega[::-1] ** 2, turned[::-1].T
         # so are the stretches of the springs: that of a stiff one in a low mode is below the round-off of phi @ psi
-        felt = phi @ held @ psi
+        stretch = phi @ held @ psi
         elastic = k > 0.0
-        felt[elastic] = (stretched[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
+        stretch[elastic] = (stretched[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
     modes = np.hstack([basis[:, :free], held @ psi])
-    felt = np.hstack([np.zeros((k.size, free)), felt])
-    return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), modes, felt
+    stretch = np.hstack([np.zeros((k.size, free)), stretch])
+    return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), modes, stretch
 
 
 class SourceLoads(NamedTuple):
@@ -672,7 +674,7 @@ def _free(system: PiecewiseLinearSystem, phases: Ints, load: Floats, slope: Floa
 
 
 def acting_loads(
-    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, felt: Floats, phases: Ints
+    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, influence: Floats, phases: Ints
 ) -> tuple[Floats, Floats]:
     """Generalised forces and rates of the internal states, with what the reactions of contacts that hold balance.
 
@@ -680,18 +682,18 @@ def acting_loads(
     ----------
     system, forcing : the structure and what its loads act on.
     sources : of the loads' signals.
-    felt : (channels, m) displacement of each contact's place from its stand by a unit of each channel, m.
+    influence : (channels, m) displacement of each contact's place from its stand by a unit of each channel, m.
     phases : (m,) of the contacts.
 
     Returns
     -------
     load, slope : (F, n + r) per unit of each source, and of its time derivative.
     """
-    return _loads_of_sources(system, forcing, sources, felt, phases).total()
+    return _loads_of_sources(system, forcing, sources, influence, phases).total()
 
 
 def _loads_of_sources(
-    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, felt: Floats, phases: Ints
+    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, influence: Floats, phases: Ints
 ) -> SourceLoads:
     contacts, n = system.contacts, system.size
     row, internal = contacts.force_rows(phases)
@@ -706,8 +708,8 @@ def _loads_of_sources(
         channel = sources.channel[f]
         if channel < len(forcing.signal):
             load[f, :n] = forcing.load[channel]
-        if felt[channel].any():
-            moved = -contacts.sign * felt[channel]  # penetration per unit
+        if influence[channel].any():
+            moved = -contacts.sign * influence[channel]  # penetration per unit
             force[f], force_slope[f] = row[:, 0] * moved, row[:, 1] * moved
             load[f, n:], slope[f, n:] = drive[:, :, 0] @ moved, drive[:, :, 1] @ moved
     return SourceLoads(load, slope, force, force_slope, contacts.pushes(phases), row, internal)

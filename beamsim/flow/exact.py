@@ -81,7 +81,7 @@ class ExactFlow:
     pieces: tuple[int, int] | None = None
     sources: Sources = field(init=False)
     base_channel: int = field(init=False)
-    felt: Floats = field(init=False)  # (channels, m) displacement of each contact's place from its stand by a unit
+    influence: Floats = field(init=False)  # (channels, m) displacement of each contact's place from its stand by a unit
 
     def __post_init__(self) -> None:
         self._most_known = min(MOST_MODES, self.most_states or MOST_MODES)
@@ -96,17 +96,17 @@ class ExactFlow:
         """Put the channels of the forcing and of the observers together."""
         channels = list(self.forcing.signal)
         self.base_channel = -1
-        if self.forcing.base_displacement is not None and bool(self.system.contacts.felt.any()):
+        if self.forcing.base_displacement is not None and bool(self.system.contacts.base_influence.any()):
             self.base_channel = len(channels)
             channels.append(self.forcing.base_displacement)
         self.first_observer = len(channels)
         channels.extend(self.observers)
         self._channels = tuple(channels)
-        self.felt = np.zeros((len(channels), self.system.contacts.count))
-        if self.forcing.felt is not None:
-            self.felt[: len(self.forcing.signal)] = self.forcing.felt.T
+        self.influence = np.zeros((len(channels), self.system.contacts.count))
+        if self.forcing.influence is not None:
+            self.influence[: len(self.forcing.signal)] = self.forcing.influence.T
         if self.base_channel >= 0:
-            self.felt[self.base_channel] = self.system.contacts.felt
+            self.influence[self.base_channel] = self.system.contacts.base_influence
         record = self.record
         if record is None:
             self.sources = compile_sources(self._channels, self.duration)
@@ -224,7 +224,7 @@ class ExactFlow:
             watched = self.system.contacts.watched(phases)
             nearest = self._tables.nearest(phases) if self.system.acts(phases) else None
             modes = contact_modes(
-                self.system, self.forcing, self.sources, self.felt, phases, self.longest_window,
+                self.system, self.forcing, self.sources, self.influence, phases, self.longest_window,
                 None if nearest is None else nearest.modes,
             )  # fmt: skip
             functions, guards = self.watched(watched, phases), watched.guards
@@ -317,7 +317,7 @@ class ExactFlow:
     def _acting_forces(self, phases: Ints) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """As `equation_of_motion`, with what reactions balance."""
         n, contacts = self.system.size, self.system.contacts
-        load, slope = acting_loads(self.system, self.forcing, self.sources, self.felt, phases)
+        load, slope = acting_loads(self.system, self.forcing, self.sources, self.influence, phases)
         internal = contacts.pushes(phases).T @ contacts.force_rows(phases)[1]
         return *state_matrices(self.system, phases), internal, load[:, :n], slope[:, :n]
 
@@ -341,7 +341,7 @@ class ExactFlow:
         rate.row[:, n : 2 * n] = delta.row[:, :n]
         for channel in self.stands:
             moving = self.sources.channel == channel
-            moved = -(self.felt[channel] * contacts.sign)[:, None]
+            moved = -(self.influence[channel] * contacts.sign)[:, None]
             delta.direct[:, moving] = moved
             rate.direct_slope[:, moving] = moved
         return delta, rate
@@ -349,11 +349,11 @@ class ExactFlow:
     @property
     def stands(self) -> Ints:
         """Channels that contacts feel the displacement of."""
-        return np.flatnonzero(self.felt.any(axis=1))
+        return np.flatnonzero(self.influence.any(axis=1))
 
     def apart(self, times: Floats) -> Floats:
         """(nt, m) displacement of each contact's place from its stand at times, that of the structure left out, m."""
-        moved = [np.multiply.outer(self._channels[c](times), self.felt[c]) for c in self.stands]
+        moved = [np.multiply.outer(self._channels[c](times), self.influence[c]) for c in self.stands]
         return np.asarray(sum(moved, np.zeros((times.size, self.system.contacts.count))))
 
     def contact_forces(self, phases: Ints) -> LinearOutput:

@@ -235,7 +235,7 @@ Parameter = Frequency | Level | Direction
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """One carried state: where it ended, what happened, and the derivatives."""
+    """How far a state was followed: where it ended, what happened, and the derivatives."""
 
     start: Floats  # (N,) (q, q') and the contacts' internal states
     end: Floats  # (N,)
@@ -292,7 +292,7 @@ def moved_system(system: PiecewiseLinearSystem, direction: Direction, amount: fl
 
 @dataclass
 class PeriodicFlow(ABC):
-    """A structure under periodic loads, ready to be carried over a time with all derivatives.
+    """A structure under periodic loads, ready to be followed over a time with all derivatives.
 
     Parameters
     ----------
@@ -307,14 +307,14 @@ class PeriodicFlow(ABC):
     forcing: PeriodicForcing | None = None
     omega: float = 1.0
     level: float = 1.0
-    _carried: list[int] = field(init=False, repr=False)  # shared by all flows that come from this one
+    _followed: list[int] = field(init=False, repr=False)  # shared by all flows that come from this one
 
     def __post_init__(self) -> None:
         if any(law.latches for law in self.system.contacts.laws):
             message = "have a latch, which holds for good: no periodic motion meets it"
             raise MethodError("snubbers", message, "leave latch out, or use `beamsim run`")
         self.loads = PeriodicForcing.none(self.system.size) if self.forcing is None else self.forcing
-        self._carried = [0]
+        self._followed = [0]
         self._prepare()
 
     @abstractmethod
@@ -329,7 +329,7 @@ class PeriodicFlow(ABC):
     @property
     def passages(self) -> int:
         """Motions computed so far, of this flow and of those that come from it."""
-        return self._carried[0]
+        return self._followed[0]
 
     def under(self, omega: float | None = None, level: float | None = None) -> Self:
         """The flow of the same structure at another frequency and level."""
@@ -391,7 +391,7 @@ class PeriodicFlow(ABC):
     @property
     def base_moves(self) -> bool:
         """Whether a contact feels the motion of the base."""
-        return self.loads.count > 0 and bool(np.any(self.system.contacts.felt))
+        return self.loads.count > 0 and bool(np.any(self.system.contacts.base_influence))
 
     def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
         """Penetration and penetration rate of every contact, (nt, m) each, of states (nt, N) at times."""
@@ -421,7 +421,7 @@ class PeriodicFlow(ABC):
 
         Parameters
         ----------
-        passage : carried with the parameters.
+        passage : with the derivatives by the parameters.
         contact : number of it.
         parameters : P of them.
 
@@ -432,7 +432,7 @@ class PeriodicFlow(ABC):
         n, c, j = self.system.size, self.system.contacts, contact
         row = -c.sign[j] * c.shape[j]
         by = row @ passage.parameters[:n]
-        t, sign = passage.duration, -float(c.sign[j] * c.felt[j])
+        t, sign = passage.duration, -float(c.sign[j] * c.base_influence[j])
         for i, p in enumerate(parameters):
             if isinstance(p, ContactDirection):
                 by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ passage.end[:n])

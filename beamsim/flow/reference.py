@@ -273,8 +273,8 @@ class _Equations:
         if self.base is None:
             return self.cubic.stiffness * stretch**3, 0.0
         displacement, velocity = (float(of(t)) for of in self.base)
-        pulls = self.cubic.stiffness * (stretch + self.cubic.felt * displacement) ** 3
-        return pulls, float(pulls @ self.cubic.felt) * velocity
+        pulls = self.cubic.stiffness * (stretch + self.cubic.base_influence * displacement) ** 3
+        return pulls, float(pulls @ self.cubic.base_influence) * velocity
 
     def __call__(self, t: float, y: Floats) -> Floats:
         self.count += 1

@@ -90,8 +90,8 @@ class SmoothFlow(PeriodicFlow):
         return SmoothSystem(
             s.stiffness.astype(float), np.ascontiguousarray(s.damping), bool(np.any(s.damping)),
             s.constant_load.astype(float), np.ascontiguousarray(self.springs.shape).reshape(cubic.shape[1], s.size),
-            cubic, self.springs.felt, np.ascontiguousarray(c.shape), c.sign, stiffness, c.dashpot, gap, c.felt,
-            loads.multiple * self.omega, forces, rising, bases, base_rising, self._longest,
+            cubic, self.springs.base_influence, np.ascontiguousarray(c.shape), c.sign, stiffness, c.dashpot, gap,
+            c.base_influence, loads.multiple * self.omega, forces, rising, bases, base_rising, self._longest,
         )  # fmt: skip
 
     def _closed_at(self, arrays: Any, z: Floats, t: float) -> Bools:
@@ -103,13 +103,15 @@ class SmoothFlow(PeriodicFlow):
         c, n, orders = self.system.contacts, self.system.size, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
         (d,), _ = self.loads.base_motion(self.omega, self.level, np.array([t]))
         series = make_series(arrays, 1)
-        series_at(arrays, -c.gap - c.sign * (c.shape @ z[:n] + c.felt * d) > 0, t, z[:, None], series)
+        series_at(arrays, -c.gap - c.sign * (c.shape @ z[:n] + c.base_influence * d) > 0, t, z[:, None], series)
         q, base = series.q[orders[:, 0], :, 0], series.d[orders[:, 0]]
         omega = np.sqrt(np.abs(self.system.stiffness))
         size = np.abs(z[:n]) * omega**orders + np.abs(z[n:]) * omega ** np.maximum(orders - 1, 0) * (orders > 0)
         gap = np.where(orders == 0, c.gap, 0.0)
-        value = -gap - c.sign * (q @ c.shape.T + c.felt * base)
-        parts = (np.abs(q) + size / _FACTORIAL[orders]) @ np.abs(c.shape).T + np.abs(gap) + c.felt * np.abs(base)
+        value = -gap - c.sign * (q @ c.shape.T + c.base_influence * base)
+        parts = (
+            (np.abs(q) + size / _FACTORIAL[orders]) @ np.abs(c.shape).T + np.abs(gap) + c.base_influence * np.abs(base)
+        )
         return decisive(value, ROUND_OFF * parts)[0] > 0
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
@@ -137,7 +139,7 @@ class SmoothFlow(PeriodicFlow):
 
         # 128: of the compiled integration, for which its log has room
         N, m, P, room = self.size, self.system.contacts.count, len(parameters), 128
-        self._carried[0] += 1
+        self._followed[0] += 1
         arrays = self._arrays(parameters)
         columns = np.hstack([start[:, None], np.zeros((N, P)), np.eye(N)])  # the motion, and its derivatives
         motion = SmoothMotion(columns, self._closed_at(arrays, start, t), np.zeros(N))

@@ -44,13 +44,13 @@ class SmoothSystem(NamedTuple):
     load: Any  # (n,) constant
     cubic_shape: Any  # (nc, n)
     cubic: Any  # (1 + P, nc) N/m^3
-    cubic_ground: Any  # (nc,) 1 where the base's displacement is felt
+    cubic_ground: Any  # (nc,) base influence
     shape: Any  # (m, n)
     sign: Any  # (m,)
     stiffness: Any  # (1 + P, m)
     dashpot: Any  # (m,)
     gap: Any  # (1 + P, m)
-    ground: Any  # (m,) 1 where the base's displacement is felt
+    ground: Any  # (m,) base influence
     frequency: Any  # (H,) rad/s
     force: Any  # (1 + P, H, n) complex
     rising: Any  # (1 + P, H, n)
@@ -71,7 +71,7 @@ class Series(NamedTuple):
 
 
 class SmoothMotion(NamedTuple):
-    """What is carried on, in place."""
+    """What a step changes in place."""
 
     y: Any  # (2n, C) state and its derivatives
     closed: Any  # (m,)

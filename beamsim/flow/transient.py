@@ -69,7 +69,7 @@ class Log(NamedTuple):
 
 @dataclass
 class Motion:
-    """A state that is carried along in place."""
+    """A state that a march changes in place."""
 
     y: Floats  # (N,)
     state: int  # contact state

@@ -378,7 +378,7 @@ class VariationalFlow(PeriodicFlow):
         TypeError
             Where there is no derivative by a parameter of this kind.
         """
-        self._carried[0] += 1
+        self._followed[0] += 1
         exact = self.exact
         phases = exact.begin(start, t).phases
         begun = self._outputs.begun(phases)[: self.size] @ np.append(start, exact.inputs_at(np.array([t]))[0, 0])

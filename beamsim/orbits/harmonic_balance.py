@@ -119,12 +119,12 @@ class Condensation:
         S = self.shifts(load.shape[0] - 1)
         z, near = self._modal(w)
         inverse = 1.0 / z
-        carried = inverse[:, None, :] * B  # (H + 1, r, n) B Z^-1
+        turned = inverse[:, None, :] * B  # (H + 1, r, n) B Z^-1
         by_frequency = 1j * np.multiply.outer(h, np.diag(self.damping)) - 2.0 * (h * w)[:, None]
-        slope = -(carried * (by_frequency * inverse)[:, None, :])
-        G, dG = carried @ B.T, slope @ B.T
-        W = (carried @ load[:, :, None])[:, :, 0]
-        dW = (slope @ load[:, :, None] + carried @ load_slope[:, :, None])[:, :, 0]
+        slope = -(turned * (by_frequency * inverse)[:, None, :])
+        G, dG = turned @ B.T, slope @ B.T
+        W = (turned @ load[:, :, None])[:, :, 0]
+        dW = (slope @ load[:, :, None] + turned @ load_slope[:, :, None])[:, :, 0]
         # springs S by the identity of Woodbury
         stiffened = np.linalg.inv(np.eye(r) + G * S[:, None, :])
         receptance = stiffened @ G
@@ -387,8 +387,10 @@ class ForcedBalance:
         value, by_base, by_rate = (np.zeros((H + 1, count), dtype=complex) for _ in range(3))
         by_x = np.zeros((count, H + 1, 2 * H + 1), dtype=complex)
         h = np.arange(H + 1)
-        felt = c.felt if self.cubic is None else np.append(c.felt, self.cubic.felt)
-        absolute = W + np.multiply.outer(base, felt)
+        base_influence = (
+            c.base_influence if self.cubic is None else np.append(c.base_influence, self.cubic.base_influence)
+        )
+        absolute = W + np.multiply.outer(base, base_influence)
         absolute[0] = absolute[0].real
         closed = []
         for j in range(c.count):
@@ -406,7 +408,7 @@ class ForcedBalance:
             third, slope = cubic(absolute[:, j])
             by_x[j] = -k * toeplitz(slope, H, H)
             value[:, j] = -k * third
-        by_base[:] = felt * (by_x @ to_real(base_slope)).T
+        by_base[:] = base_influence * (by_x @ to_real(base_slope)).T
         return value, by_x, by_base, by_rate, tuple(closed)
 
     def flow_at(self, value: float) -> SmoothFlow:

@@ -190,7 +190,7 @@ class Exponent:
 
 
 def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycles: int, seed: int = 0) -> Exponent:
-    """Exponent over ``cycles`` cycles after as many as a quarter of them; ``motion`` is carried along.
+    """Exponent over ``cycles`` cycles after as many as a quarter of them; ``motion`` is followed to there.
 
     A motion whose exponent is clearly positive is chaotic; one whose exponent is clearly negative, or that comes closer
     to a motion of some period, is not settled yet (its transient still decays, or its period is longer than those
@@ -199,7 +199,7 @@ def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycl
     Parameters
     ----------
     stepper : carries motions from cycle to cycle.
-    motion : where it begins; carried along.
+    motion : where it begins; followed to the end.
     cycles : whose growth is averaged.
     seed : of the first neighbour.
 

@@ -287,7 +287,7 @@ class BeamStructure(MeshedBody):
 
     @property
     def most_modes(self) -> int:
-        """One an element: modes with higher numbers are not carried by the mesh."""
+        """One an element: the mesh has no modes with higher numbers."""
         return self.mesh.elements
 
     def frequency_count(self, omega: float) -> int:

@@ -123,8 +123,8 @@ def check_mechanisms(joints: Sequence[str], structure: Structure, basis: Reduced
     if not rigid or not structure.couplings:
         return []
     size = np.linalg.norm(stopping, axis=1, keepdims=True)
-    felt = (stopping / np.where(size > 0, size, 1.0))[:, :rigid]
-    _, s, vt = np.linalg.svd(felt)
+    stopped = (stopping / np.where(size > 0, size, 1.0))[:, :rigid]
+    _, s, vt = np.linalg.svd(stopped)
     unstopped = vt[int(np.sum(s > NOTHING)) :].T
     problems = [
         problem(("joints", index), f"{what}, and nothing stops that motion", f"{remedy}, or let a snubber meet it")

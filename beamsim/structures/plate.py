@@ -140,7 +140,7 @@ class PlateStructure(MeshedBody):
 
     @property
     def most_modes(self) -> int:
-        """One an element: modes with higher numbers are not carried by the mesh."""
+        """One an element: the mesh has no modes with higher numbers."""
         return self.mesh.x.elements * self.mesh.y.elements
 
     def frequency_count(self, omega: float) -> int:

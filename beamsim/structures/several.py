@@ -42,7 +42,7 @@ class SeveralBodies(Structure):
         bodies = [member.body for member in self.members]
         if all(body.most_modes is None for body in bodies):
             return None
-        highest = min(_carried(body) for body in bodies if body.most_modes is not None)
+        highest = min(_highest_of(body) for body in bodies if body.most_modes is not None)
         if np.isinf(highest):
             return None
         counts = [min(body.frequency_count(highest / body.frequency_scale), body.size) for body in bodies]
@@ -122,8 +122,8 @@ class SeveralBodies(Structure):
         return tuple(recovered)
 
 
-def _carried(body: BodyStructure) -> float:
-    """Angular frequency, rad/s, below which a body has as many modes as its discretisation carries; inf for all."""
+def _highest_of(body: BodyStructure) -> float:
+    """Angular frequency, rad/s, below which a body has as many modes as its discretisation has; inf for all."""
     assert body.most_modes is not None
     from scipy.optimize import bisect
 
@@ -133,10 +133,10 @@ def _carried(body: BodyStructure) -> float:
             return np.inf
         high *= 2
     # the count is a bound: at zero it may be above the number of modes there, none
-    carried = bisect(
+    highest = bisect(
         lambda omega: (body.frequency_count(omega) if omega > 0.0 else 0) - most - 0.5, 0.0, high, xtol=1e-12 * high
     )
-    return float(carried) * (1 - 1e-11) * body.frequency_scale
+    return float(highest) * (1 - 1e-11) * body.frequency_scale
 
 
 def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:

@@ -63,8 +63,8 @@ def constant_loads(parts: Parts) -> Floats:
     return np.array(loads).reshape(len(loads), parts.basis.size)
 
 
-def carried_start(parts: Parts, forcing: Forcing) -> Floats:
-    """(2 n,) what supports that move carry the structure along with at t = 0: their static shapes and rates.
+def supported_start(parts: Parts, forcing: Forcing) -> Floats:
+    """(2 n,) where supports that move put the structure at t = 0: their static shapes and rates.
 
     A start is relative to it, as one is to a base that moves.
     """
@@ -80,7 +80,7 @@ def carried_start(parts: Parts, forcing: Forcing) -> Floats:
 def sine_loads(parts: Parts, forcing: Forcing) -> SineLoads | None:
     """How the loads follow the one frequency of a harmonic excitation; None where it is no such excitation."""
     excitation = parts.scenario.excitation
-    if excitation.kind == "none" or any(sine_problems(excitation, "sweep")) or forcing.felt is not None:
+    if excitation.kind == "none" or any(sine_problems(excitation, "sweep")) or forcing.influence is not None:
         return None
     coefficient: list[complex] = []
     power: list[int] = []
@@ -138,12 +138,12 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> tuple[BaseMotion | 
         if structure.base_load(direction)[1].any():  # springs to ground stretch by the base's displacement as well
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), parts.basis.size)
-    on_ground = pushing.contacts.felt.any() or pushing.cubic.felt.any()
+    on_ground = pushing.contacts.base_influence.any() or pushing.cubic.base_influence.any()
     displacement = motion.displacement if motion is not None and on_ground else None
-    felt = parts.felt(len(loads))
-    of_contacts = np.vstack([felt, np.zeros((len(parts.spring_sites), len(loads)))])[pushing.owner]
+    influence = parts.influence(len(loads))
+    of_contacts = np.vstack([influence, np.zeros((len(parts.spring_sites), len(loads)))])[pushing.owner]
     return motion, Forcing(
-        load, tuple(signal for _, signal in loads), displacement, of_contacts if felt.any() else None
+        load, tuple(signal for _, signal in loads), displacement, of_contacts if influence.any() else None
     )
 
 
@@ -244,7 +244,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     first = equilibrium if beginning is contacts else _equilibrium(parts, beginning, resting, cubic)
     initial, warnings = initial_state(parts, beginning, resting, cubic, first)
     motion, forcing = time_dependent_loads(parts, pushing)
-    initial += carried_start(parts, forcing)
+    initial += supported_start(parts, forcing)
 
     corrections = None if motion is None else motion.corrections
     held = any(holds_levels(each) for _, each in scenario.excitation.items)
@@ -337,9 +337,9 @@ def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
     """(r,) internal states of contacts at the start, after a long rest there or as they were mounted."""
     apart = contacts.shape @ q
     if forcing.base_displacement is not None:
-        apart += contacts.felt * float(forcing.base_displacement(0.0))
-    if forcing.felt is not None:
-        apart += forcing.felt @ [float(signal(0.0)) for signal in forcing.signal]
+        apart += contacts.base_influence * float(forcing.base_displacement(0.0))
+    if forcing.influence is not None:
+        apart += forcing.influence @ [float(signal(0.0)) for signal in forcing.signal]
     return contacts.settled_states(-contacts.gap - contacts.sign * apart)
 
 

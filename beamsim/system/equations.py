@@ -72,14 +72,16 @@ class PiecewiseLinearSystem:
 class Forcing:
     """Time-dependent loads: ``sum_l load[l] * signal[l](t)``, and the base's own displacement d(t).
 
-    ``base_displacement`` is needed only by contacts on the ground (``None`` means d = 0), ``felt`` by contacts on what
-    moves by signals of its own.
+    ``base_displacement`` is needed only by contacts on the ground (``None`` means d = 0), ``influence`` by contacts on
+    what moves by signals of its own.
     """
 
     load: Floats  # (L, n)
     signal: tuple[Signal, ...]  # (L,)
     base_displacement: Signal | None = None
-    felt: Floats | None = None  # (m, L) displacement of each contact's place from its stand by a unit of each signal
+    influence: Floats | None = (
+        None  # (m, L) displacement of each contact's place from its stand by a unit of each signal
+    )
 
 
 @dataclass(frozen=True)

@@ -283,7 +283,7 @@ class Parts:
                 levers[k] = 1.0 if abs(lever - 1.0) < 1e-9 else lever
         return levers
 
-    def felt(self, signals: int) -> Floats:
+    def influence(self, signals: int) -> Floats:
         """(k, L) displacement of each snubber's place from its stand by a unit of each of so many signals of the loads.
 
         They are -1 where a support or the snubber itself moves its stand.
@@ -294,8 +294,10 @@ class Parts:
             Where a snubber is mounted on a support that there is not.
         """
         scenario, first = self.scenario, len(exciting_forces(self.scenario))
-        felt, stops = np.zeros((len(self.snubber_sites), signals)), driven_stops(scenario)
-        for row, site, (path, _, snubber, _) in zip(felt, self.snubber_sites, scenario.located_snubbers, strict=True):
+        influence, stops = np.zeros((len(self.snubber_sites), signals)), driven_stops(scenario)
+        for row, site, (path, _, snubber, _) in zip(
+            influence, self.snubber_sites, scenario.located_snubbers, strict=True
+        ):
             on = getattr(snubber, "mounted_on", None)
             if isinstance(on, OnSupport):
                 at, body = (*path, "mounted_on", "support"), on.body or scenario.default_body
@@ -307,7 +309,7 @@ class Parts:
                         row[first + 3 * k + 2] = -1.0
             for k, (_, driven) in enumerate(stops, start=first + 3 * len(self.moved)):
                 row[k] = -float(driven.moves_stop(snubber.name))
-        return felt
+        return influence
 
     @cached_property
     def snubber_sites(self) -> list[Site]:
@@ -369,7 +371,7 @@ def _contact_sites(scenario: Scenario) -> list[Site]:
 
 
 def _sensed(scenario: Scenario) -> list[Place]:
-    """Places whose motion is felt or recorded."""
+    """Where contacts act and motions are recorded."""
     sites = [*_contact_sites(scenario), *(site_in(scenario, probe) for probe in scenario.effective_probes)]
     return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
 

@@ -30,7 +30,7 @@ class ProbeRow:
     position: float  # m along the beam, x on a plate; the mass number for a chain
     across: float | None  # m, y on a plate
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
-    carried: float = 1.0  # absolute motion for a unit motion of the base
+    base_influence: float = 1.0  # absolute motion for a unit motion of the base
 
 
 FORCE_UNITS = {"m": "N", "rad": "N m"}  # by the unit of the motion that they act on
@@ -111,10 +111,10 @@ class StructuralSystem:
     sine: SineLoads | None = None  # how the loads follow a sine; None where the excitation is none
 
     @property
-    def carried(self) -> Floats:
+    def base_influence(self) -> Floats:
         """(probes,) absolute motion of each for a unit motion of the base; zeros where it is at rest."""
         moving = self.base_acceleration is not None
-        return np.array([probe.carried if moving else 0.0 for probe in self.probes])
+        return np.array([probe.base_influence if moving else 0.0 for probe in self.probes])
 
     @property
     def modes(self) -> ModeTable:
@@ -191,26 +191,27 @@ class StructuralSystem:
 
 def _of_probes(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     channels = []
-    for probe, carried in zip(system.probes, system.carried, strict=True):
+    for probe, base_influence in zip(system.probes, system.base_influence, strict=True):
         channels += [
             Channel("probes", probe.name, "displacement", "m", Rows.of(1, sizes, displacement=probe.shape)),
             Channel("probes", probe.name, "velocity", "m/s", Rows.of(1, sizes, velocity=probe.shape)),
             Channel(
                 "probes", probe.name, "absolute_acceleration", "m/s^2",
-                Rows.of(1, sizes, acceleration=probe.shape, base_acceleration=carried),
+                Rows.of(1, sizes, acceleration=probe.shape, base_acceleration=base_influence),
             ),
         ]  # fmt: skip
     return channels
 
 
 def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
-    contacts, felt, channels = system.dynamics.contacts, system.forcing.felt, []
+    contacts, influence, channels = system.dynamics.contacts, system.forcing.influence, []
     unit = np.eye(contacts.count)
     for j, snubber in enumerate(system.snubbers):
         sign, shape = contacts.sign[j], contacts.shape[j]
         penetration = Rows.of(
-            1, sizes, displacement=-sign * shape, constant=-contacts.gap[j], base_displacement=-sign * contacts.felt[j],
-            load=0.0 if felt is None else -sign * felt[j],
+            1, sizes, displacement=-sign * shape, constant=-contacts.gap[j],
+            base_displacement=-sign * contacts.base_influence[j],
+            load=0.0 if influence is None else -sign * influence[j],
         )  # fmt: skip
         way = snubber.gap_unit
         channels += [
@@ -236,10 +237,10 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
                 of_contacts[contact] = 1.0 if part is None else part.direction
                 contact += 1
         force = Rows.of(
-            1, sizes, displacement=spring.linear * spring.shape, base_displacement=spring.linear * spring.felt,
-            contact=of_contacts, cubic=pull,
+            1, sizes, displacement=spring.linear * spring.shape,
+            base_displacement=spring.linear * spring.base_influence, contact=of_contacts, cubic=pull,
         )  # fmt: skip
-        stretch = Rows.of(1, sizes, displacement=spring.shape, base_displacement=spring.felt)
+        stretch = Rows.of(1, sizes, displacement=spring.shape, base_displacement=spring.base_influence)
         section = "friction" if spring.kind == "friction" else "springs"
         channels += [
             Channel(section, spring.name, "stretch", spring.gap_unit, stretch),

@@ -190,10 +190,10 @@ def test_the_base_moves_along_any_axis_of_an_imported_model(tmp_path, direction,
     q = system.forcing.load[0] / system.dynamics.stiffness
     if shape is not None:
         assert shape @ q == pytest.approx(tip, rel=1e-10)
-        assert system.probes[0].carried == 1.0
+        assert system.probes[0].base_influence == 1.0
     else:  # the probe is in z, which neither moves nor is carried
         assert abs(system.probes[0].shape @ q) < 1e-12
-        assert system.probes[0].carried == 0.0
+        assert system.probes[0].base_influence == 0.0
 
 
 def test_gravity_as_a_vector_is_the_scalar_where_they_coincide(tmp_path):

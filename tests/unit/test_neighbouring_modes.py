@@ -45,7 +45,7 @@ def test_long_chains_of_states_stay_as_exact_as_fresh_ones(law, seed):
     """60 random changes of contacts, one after the other."""
     system, rng = beam_like(law, seed=seed, load=2.0), np.random.default_rng(seed)
     flow, phases = flow_of(system), np.zeros(M, dtype=np.int64)
-    arguments = (system, flow.forcing, flow.sources, flow.felt)
+    arguments = (system, flow.forcing, flow.sources, flow.influence)
     state = contact_modes(*arguments, phases, flow.longest_window)
     for _ in range(60):
         phases[rng.integers(M)] ^= 1
@@ -66,7 +66,7 @@ def test_coupled_contacts_at_one_place():
     shape[2, 1::2] = 0.0
     system = replace(system, contacts=replace(system.contacts, shape=shape))
     flow = flow_of(system)
-    arguments = (system, flow.forcing, flow.sources, flow.felt)
+    arguments = (system, flow.forcing, flow.sources, flow.influence)
     state = contact_modes(*arguments, np.zeros(M, dtype=np.int64), flow.longest_window)
     for phases in ([1, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0], [1, 1, 1, 0, 0, 0], [0, 1, 1, 0, 0, 0]):
         state = contact_modes(*arguments, np.array(phases), flow.longest_window, state)

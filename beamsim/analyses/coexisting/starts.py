@@ -1,8 +1,8 @@
 """Motions from many starts at one frequency: where each ends, and which disturbance leaves a periodic one.
 
-A start is a state at a phase of the excitation. It is carried cycle by cycle until it repeats; what does not repeat has
-its largest Lyapunov exponent. Every start is independent of the others, so that workers may share them (P. J. Menck et
-al., Nature Physics 9, 2013: the share of random starts that come to a motion is its basin stability).
+A start is a state at a phase of the excitation. It is followed cycle by cycle until it repeats; what does not repeat
+has its largest Lyapunov exponent. Every start is independent of the others, so that workers may share them (P. J. Menck
+et al., Nature Physics 9, 2013: the share of random starts that come to a motion is its basin stability).
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ def _refuse(system: StructuralSystem) -> None:
         why = "is written for one-sided springs, and this structure has a cubic one"
     elif contacts.count == 0:
         why = "has no one-sided spring to work on"
-    elif system.forcing.base_displacement is not None and np.any(contacts.felt):
+    elif system.forcing.base_displacement is not None and np.any(contacts.base_influence):
         why = "is written for forces, and the base also pushes through a snubber on the ground"
     elif not contacts.one_sided:
         why = "is written for the law of Kelvin and Voigt, and a snubber's dashpot never pulls here"

@@ -23,7 +23,7 @@ from beamsim.typing import Floats
 SAMPLES = 1024  # of a period, in the stored motion
 HARMONICS = 20
 PERIODS = 50  # of the spectrum, as in the thesis
-RATE = 512  # samples a period of what is carried on
+RATE = 512  # samples a period of what is followed
 
 
 def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
@@ -142,7 +142,7 @@ def special_points(
 def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: float) -> OrbitMotion:
     """One motion over a period from a state, and its spectrum over 50 periods of the exact flow.
 
-    The flow is carried on from period to period without being put back on the periodic motion: an unstable one drifts
+    The motion is followed from period to period without being put back on the periodic motion: an unstable one drifts
     away, and the spectrum then shows it.
 
     Parameters
@@ -176,7 +176,7 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
         c = 2.0 * np.fft.rfft(q[:-1] @ shape)[: HARMONICS + 1] / SAMPLES
         c[0] *= 0.5
         harmonics[name] = c
-    over, last = carried(flow, start, period, PERIODS)
+    over, last = followed(flow, start, period, PERIODS)
     w = np.concatenate([np.maximum(np.sqrt(flow.system.stiffness), 0.2 * np.pi / period), np.ones(n)])
     off = np.linalg.norm(w * (last.end - start)[: 2 * n]) / np.linalg.norm(w * start[: 2 * n])
     record = over.reshape(PERIODS * RATE, -1)[:, :n]
@@ -194,8 +194,8 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
     )
 
 
-def carried(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, Passage]:
-    """A motion carried on from period to period, without being put back on what it began on.
+def followed(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, Passage]:
+    """A motion followed from period to period, without being put back on what it began on.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def carried(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> t
 
 
 def line_frequencies(period: float, periods: int) -> Floats:
-    """(nf,) Hz, of the lines of what is carried over some periods."""
+    """(nf,) Hz, of the lines of what is followed over some periods."""
     return np.arange(periods * RATE // 2 + 1) / (periods * period)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.analyses.continuation.branches import joined
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import periodic_flow, periodic_forcing
-from beamsim.analyses.nnm.orbits import RATE, amplitudes_of_lines, carried, line_frequencies
+from beamsim.analyses.nnm.orbits import RATE, amplitudes_of_lines, followed, line_frequencies
 from beamsim.analyses.nnm.result import (
     HeldMotion,
     PhaseResonanceResult,
@@ -334,13 +334,13 @@ def _resonance(
     """The exact motion near a prediction, the response about it, and the damped structure left to itself there."""
     problem = held.problem(level, motion.force.omega)
     point = _exact_motion(held, problem, motion, level)
-    carried = _carried(held, problem, motion, periods)
+    left_alone = _left_alone(held, problem, motion, periods)
     predicted: dict[str, Any] = {
         "level": level,
         "predicted_frequency_hz": motion.frequency_hz,
         "predicted_energy": motion.energy,
         "predicted_amplitude": held.amplitudes(motion),
-        "held": carried,
+        "held": left_alone,
     }
     if point is None:
         nothing = dict.fromkeys(predicted["predicted_amplitude"], np.nan)
@@ -434,7 +434,7 @@ def _curve(held: _Levels, problem: ForcedOrbits, point: BranchPoint, span: float
     )
 
 
-def _carried(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
+def _left_alone(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, periods: int) -> HeldMotion | None:
     """The damped structure from the predicted start under the predicted force; None where it chatters."""
     flow = problem.flow.under(motion.force.omega, motion.level)
     system = held.damped.dynamics
@@ -445,7 +445,7 @@ def _carried(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, peri
     start = np.zeros(flow.size)
     start[: 2 * n] = mode[0]
     try:
-        states, last = carried(flow, start, T, periods)
+        states, last = followed(flow, start, T, periods)
     except ArithmeticError:
         return None
     departure = np.linalg.norm((states[..., : 2 * n] - mode) * weight, axis=2).max(axis=1) / size

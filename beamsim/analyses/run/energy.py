@@ -213,7 +213,7 @@ def power_factors(flow: ExactFlow) -> PowerFactors:
     stands = flow.stands
     rates = flow.empty_output(stands.size)  # of what contacts stand on
     rates.direct_slope[:] = stands[:, None] == sources.channel
-    push = -flow.felt[stands] * contacts.sign
+    push = -flow.influence[stands] * contacts.sign
 
     @lru_cache(maxsize=1)  # both factors of one state are asked for in turn
     def losses(phases: bytes) -> tuple[LinearOutput, LinearOutput]:

@@ -78,7 +78,7 @@ def linear_input(scenario: Scenario, system: StructuralSystem) -> LinearInput | 
     excitation = scenario.excitation
     alone = system.base_acceleration is not None or system.forcing.load.shape[0] == 1
     linear = not system.cubic.count and not system.springs and not system.dynamics.contacts.ever_hold
-    resting = system.forcing.felt is None  # stops move with the base alone
+    resting = system.forcing.influence is None  # stops move with the base alone
     if not isinstance(excitation, RandomInput) or not alone or not linear or not resting or not system.snubbers:
         return None
     at = np.array([point.frequency for point in excitation.psd])
@@ -164,9 +164,9 @@ def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats
     displacement = moved @ rows.T
     stretch = moved @ contacts.shape.T
     if system.base_acceleration is not None:
-        stretch = stretch - contacts.felt / omega**2
+        stretch = stretch - contacts.base_influence / omega**2
     force = (contacts.dynamic_stiffness(phases, omega[:, 0]) * stretch)[:, snubbers]
-    responses = np.hstack([displacement, system.carried - omega**2 * displacement, force, stretch[:, snubbers]])
+    responses = np.hstack([displacement, system.base_influence - omega**2 * displacement, force, stretch[:, snubbers]])
     return np.asarray(np.abs(responses) ** 2)
 
 

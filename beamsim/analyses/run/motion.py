@@ -207,7 +207,7 @@ def _probes(system: StructuralSystem, motion: RunMotion, histories: Histories) -
             position=probe.position,
             across=probe.across,
             displacement=displacement[:, i],
-            absolute_displacement=displacement[:, i] + system.carried[i] * base,
+            absolute_displacement=displacement[:, i] + system.base_influence[i] * base,
             velocity=histories.of(("probes", "velocity"))[:, i],
             absolute_acceleration=histories.of(("probes", "absolute_acceleration"))[:, i],
             low_passed_acceleration=None if motion.low_passed is None else motion.low_passed[: base.size, i],
@@ -296,9 +296,9 @@ def contact_instant(system: StructuralSystem, motion: RunMotion) -> ContactInsta
     if not forces[at] > 0.0:
         return None
     coordinates = motion.state_at(float(times[at]))[: system.dynamics.size]
-    carried = system.with_supports([place for body in system.bodies for place in body.places], times[[at]])[0]
+    supports = system.with_supports([place for body in system.bodies for place in body.places], times[[at]])[0]
     instant = ContactInstant(float(times[at]), system.snubbers[at].name, float(forces[at]), coordinates)
-    return replace(instant, supports=carried) if carried.any() else instant
+    return replace(instant, supports=supports) if supports.any() else instant
 
 
 def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, OutputHistory]:

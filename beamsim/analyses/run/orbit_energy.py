@@ -155,13 +155,13 @@ def _by_quadrature(flow: PeriodicFlow, motion: _Known, fastest: float) -> tuple[
     states, of_state = np.unique(phases, axis=0, return_inverse=True)
     dashpots = np.array([contacts.losses(row)[0] for row in states])[of_state.reshape(-1)]
     delta, rate = flow.penetration_of(y, times)
-    push = contacts.forces(phases[each], delta, rate, y[:, 2 * n :]) @ (contacts.sign * contacts.felt)
+    push = contacts.forces(phases[each], delta, rate, y[:, 2 * n :]) @ (contacts.sign * contacts.base_influence)
     v, force = y[:, n : 2 * n], loads.at(flow.omega, flow.level)[0]
     turning = np.exp(1j * np.multiply.outer(times, loads.multiple * flow.omega))
     outside = flow.system.constant_load + (turning @ force).real
     _, base_rate = loads.base_motion(flow.omega, flow.level, times)
     power = (outside * v).sum(axis=1) - push * base_rate
     if isinstance(flow, SmoothFlow):
-        power += (flow.springs.stiffness * flow.cubic_stretch(y, times) ** 3) @ flow.springs.felt * base_rate
+        power += (flow.springs.stiffness * flow.cubic_stretch(y, times) ** 3) @ flow.springs.base_influence * base_rate
     loss = ((v @ flow.system.damping) * v).sum(axis=1) + (dashpots[each] * rate**2).sum(axis=1)
     return float(share @ power), float(share @ loss)

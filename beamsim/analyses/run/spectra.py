@@ -213,7 +213,7 @@ def spectrum(
     x : (n,) the signal, in ``unit``.
     settings : part and window; a Hann window if it names none.
     excitation_hz : Hz, nan where there is no single excitation frequency.
-    probe, quantity, unit : labels carried into the result.
+    probe, quantity, unit : labels of the result.
 
     Returns
     -------
@@ -265,7 +265,7 @@ def spectrum_of(
     record : the part that is analysed.
     window : of the curve.
     excitation_hz : Hz, nan where there is no single excitation frequency.
-    probe, quantity, unit : labels carried into the result.
+    probe, quantity, unit : labels of the result.
     residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
     chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
         excitation has this frequency; they replace what is nearer than a bin.

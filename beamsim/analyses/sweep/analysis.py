@@ -209,7 +209,7 @@ def _linear_curve(system: StructuralSystem, low_hz: float, high_hz: float, logar
         pressed = transfer(system, frequency, pressed_phases(system, penetration))
         closed = {probe.name: pressed @ probe.shape for probe in system.probes}
     acceleration = {
-        name: carried - omega2 * w for carried, (name, w) in zip(system.carried, displacement.items(), strict=True)
+        name: base - omega2 * w for base, (name, w) in zip(system.base_influence, displacement.items(), strict=True)
     }
     at_rest = bool(closed) and bool(np.all(penetration[: len(system.snubbers)] > 0.0))
     levels = contact_levels(system, frequency)

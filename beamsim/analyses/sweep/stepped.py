@@ -128,7 +128,7 @@ def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tup
 
     Returns
     -------
-    forcing : the loads, and the displacement of the base where contacts feel it.
+    forcing : the loads, and the displacement of the base where contacts on the ground need it.
     observers : the base's acceleration; none where the base rests.
     """
     assert system.sine is not None
@@ -138,8 +138,8 @@ def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tup
 
     forcing, moves = system.forcing, system.base_acceleration is not None
     signals = tuple(signal(factor * sine) for factor in system.sine.at(np.array([omega]))[0])
-    felt = None if forcing.base_displacement is None else signal(-sine / omega**2)
-    return Forcing(forcing.load, signals, felt), (signal(sine),) if moves else ()
+    base = None if forcing.base_displacement is None else signal(-sine / omega**2)
+    return Forcing(forcing.load, signals, base), (signal(sine),) if moves else ()
 
 
 def _cycles_to_measure(settings: SteppedSine, period: int) -> int:

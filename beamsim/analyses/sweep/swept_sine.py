@@ -60,8 +60,8 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
             return replace(forcing, signal=tuple(swept_signals(sine, carrier)[0] for sine in sines)), ()
         acceleration, _, displacement = swept_signals(windows, carrier)
         signals = tuple(acceleration if signal is moves else displacement for signal in forcing.signal)
-        felt = None if forcing.base_displacement is None else displacement
-        return Forcing(forcing.load, signals, felt), (acceleration,)
+        base = None if forcing.base_displacement is None else displacement
+        return Forcing(forcing.load, signals, base), (acceleration,)
 
     return loads
 

@@ -200,12 +200,12 @@ def _nearest_pole(w2: Floats, mode: int, force: Floats, a1: float) -> tuple[floa
     omega = np.sqrt(w2)
     shift = abs(a1) / (2.0 * float(omega[mode]))
     # 1e-9: share of the largest harmonic of the force above which one counts
-    felt = np.abs(force[1:]) > 1e-9 * np.abs(force).max(initial=0.0)
-    felt[0, mode] = False
-    if shift == 0.0 or not np.any(felt):
+    forced = np.abs(force[1:]) > 1e-9 * np.abs(force).max(initial=0.0)
+    forced[0, mode] = False
+    if shift == 0.0 or not np.any(forced):
         return np.inf, -1, 0
     h = np.arange(1, force.shape[0])[:, None]
-    factor = np.where(felt, np.abs(omega / h - omega[mode]) / shift, np.inf)
+    factor = np.where(forced, np.abs(omega / h - omega[mode]) / shift, np.inf)
     at = np.unravel_index(int(np.argmin(factor)), factor.shape)
     return float(factor[at]), int(at[1]), int(at[0]) + 1
 
