@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
@@ -145,6 +146,14 @@ def two_tones() -> tuple[Signal, Signal]:
     """An acceleration with two tones and the displacement without drift that belongs to it."""
     amplitude, omega, phase = np.array([1.0, 0.5]), np.array([1.3, 4.1]), np.array([0.3, 0.2])
     return Signal.harmonic(amplitude, omega, phase), Signal.harmonic(-amplitude / omega**2, omega, phase)
+
+
+@pytest.fixture
+def heeded() -> Iterator[None]:
+    """SIGINT as it is in a foreground process, wherever the tests run."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""What `build_system` hands to the analyses: one structure, ready to move."""
+"""The one structure that every analysis moves, as `build_system` makes it."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def same_results(whole):
 
 
 @pytest.mark.parametrize("last", slow_after(1, [10, 17]))  # amid the starts, and amid the disturbances
-def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch):
+def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch, heeded):
     begun = []
 
     def solve(self, case, real=Marches.__call__):
@@ -77,10 +77,8 @@ def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch):
             time.sleep(0.3)
         return real(self, case)
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     monkeypatch.setattr(Marches, "__call__", solve)
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
-    signal.signal(signal.SIGINT, before)
     assert done.exit_code == 130, done.output
     assert f"{last - 1} starts and disturbances are kept; --resume computes the others" in done.output
     part = beamsim.open_result("case.h5")

@@ -186,14 +186,6 @@ def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_
     assert POINTS <= kept.branches[0].parameter.size <= POINTS + 1  # the first need not be reported
 
 
-@pytest.fixture
-def heeded():
-    """SIGINT as it is in a foreground process, wherever the tests run."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_first_signal_is_a_flag_and_the_second_one_ends(number, heeded, capsys):
     handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]

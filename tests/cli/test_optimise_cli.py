@@ -76,7 +76,7 @@ def test_two_workers_find_what_one_finds():
     )
 
 
-def test_an_interrupted_search_goes_on_where_it_was(monkeypatch):
+def test_an_interrupted_search_goes_on_where_it_was(monkeypatch, heeded):
     assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-o", "whole.h5").exit_code == 0
     solved, whole = [], beamsim.open_result("whole.h5").cases
 

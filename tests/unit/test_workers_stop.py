@@ -44,19 +44,15 @@ def test_workers_give_everything_where_nothing_stops_them(count, tmp_path):
         assert sorted(solved(range(50))) == [number**2 for number in range(50)]
 
 
-def test_processes_end_with_a_caller_that_fails(tmp_path):
+def test_processes_end_with_a_caller_that_fails(tmp_path, heeded):
     def interrupt():
         while not (tmp_path / "1").exists():
             time.sleep(0.01)
         os.kill(os.getpid(), signal.SIGINT)
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Thread(target=interrupt).start()
-    try:
-        with pytest.raises(KeyboardInterrupt), working(Noting(tmp_path, long=1), 3, never, workers=2) as solved:
-            list(solved(range(3)))
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with pytest.raises(KeyboardInterrupt), working(Noting(tmp_path, long=1), 3, never, workers=2) as solved:
+        list(solved(range(3)))
 
 
 @pytest.mark.slow

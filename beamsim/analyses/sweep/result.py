@@ -1,4 +1,4 @@
-"""What a sweep hands back: a curve for every direction and level, the peaks in them, and a summary."""
+"""The result of a sweep: a curve for every direction and level, the peaks in them, and a summary."""
 
 from __future__ import annotations
 
