@@ -11,9 +11,11 @@ from beamsim.scenario.base import Schema, descriptions
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.quantities import NUMBER_WITH_UNIT, example_of
 from beamsim.scenario.scenario import Scenario
+from beamsim.scenario.studies import SteadyTest
 from beamsim.scenario.tree import REPLACED_WHOLE
 
-_COMPLETE = "Complete"
+_PARTIAL = "Partial"
+_NULL = {"type": "null"}
 _WITH_UNIT = "NumberWithUnit"
 
 
@@ -21,32 +23,28 @@ def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scenario file.
 
     Quantities are a number in SI units or a string with a unit; the unit ends each description. A file that extends
-    another need not be complete: what is merged with that file is described once with nothing required, and what a
-    complete file has to say in addition stands in definitions of its own.
+    another need not be complete: of what is merged with that file there is a second definition, which requires nothing.
     """
     whole = Scenario.model_json_schema(by_alias=True, schema_generator=_Describing)
     parts: dict[str, Any] = {"Scenario": whole} | whole.pop("$defs")
-    merged = set[str]()
-    _find_merged("Scenario", parts, merged)
     extends = {
         "type": "string",
         "description": "Path of the scenario file, relative to this one, that this file modifies: mappings merge, "
         "lists are replaced, a mapping whose kind changes is replaced completely, null removes a key.",
     }
-    definitions = {name: _loosened(part) if name in merged else part for name, part in parts.items()}
-    definitions["Scenario"]["properties"] = {"extends": extends, **definitions["Scenario"]["properties"]}
+    whole["properties"] = {"extends": extends, **whole["properties"]}
     keys = {key: {"description": item["description"]} for key, item in whole["properties"].items()}
+    complete, partial = {"$ref": "#/$defs/Scenario"}, dict[str, Any]()
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "beamsim scenario",
         "description": Scenario.__doc__,
         "type": "object",
         "properties": {"extends": extends, **keys},
-        "anyOf": [{"$ref": "#/$defs/Scenario"}],
         "if": {"required": ["extends"]},
-        "then": {},
-        "else": {"$ref": f"#/$defs/Scenario{_COMPLETE}"},
-        "$defs": _shortened(definitions) | _complete(parts, merged) | {_WITH_UNIT: NUMBER_WITH_UNIT},
+        "then": _loosened(complete, parts, partial),
+        "else": complete,
+        "$defs": _shortened(parts | partial) | {_WITH_UNIT: NUMBER_WITH_UNIT},
     }
 
 
@@ -61,76 +59,38 @@ def _shortened(schema: Any) -> Any:
     return {name: _shortened(item) for name, item in schema.items()}
 
 
-def _complete(parts: dict[str, Any], merged: set[str]) -> dict[str, Any]:
-    """By name what complete files have to say in addition, see `_demands`; only where that is something."""
-    demanding = merged
-    while True:
-        demands = {name: found for name in sorted(demanding) if (found := _demands(parts[name], demanding))}
-        if demands.keys() == demanding:
-            return {f"{name}{_COMPLETE}": found for name, found in demands.items()}
-        demanding = set(demands)
+def _loosened(schema: Any, parts: dict[str, Any], partial: dict[str, Any]) -> Any:
+    """The schema of what is merged with another file's: nothing is required but inside what is replaced; null removes.
 
-
-def _find_merged(name: str, parts: dict[str, Any], merged: set[str]) -> None:
-    """Add a definition and those that it holds to the ones that are merged with another file's."""
-
-    def visit(schema: Any) -> None:
-        for key, item in schema.items() if isinstance(schema, dict) else ():
-            if key == "$ref":
-                _find_merged(item.rpartition("/")[2], parts, merged)
-            elif key == "properties":
-                for field in item.keys() - REPLACED_WHOLE:
-                    visit(item[field])
-            elif key in ("anyOf", "oneOf"):
-                for each in item:
-                    visit(each)
-            elif key != "items":
-                visit(item)
-
-    if name not in merged:
-        merged.add(name)
-        visit(parts[name])
-
-
-def _loosened(schema: Any) -> Any:
-    """Return the schema of a partial mapping: nothing is required, except inside mappings that are replaced."""
+    Parameters
+    ----------
+    schema : that of a complete file.
+    parts : the definitions that it refers to, by name.
+    partial : gets those that are others here, under names of their own.
+    """
     if isinstance(schema, list):
-        return [_loosened(item) for item in schema]
+        return [_loosened(item, parts, partial) for item in schema]
     if not isinstance(schema, dict):
         return schema
     loose: dict[str, Any] = {}
     for name, item in schema.items():
-        if name == "items":
+        if name == "$ref":
+            of = item.rpartition("/")[2]
+            if (found := _loosened(parts[of], parts, partial)) != parts[of]:
+                partial[of + _PARTIAL] = {key: each for key, each in found.items() if key != "description"}
+            loose[name] = item + _PARTIAL * (of + _PARTIAL in partial)
+        elif name == "items":
             loose[name] = item
         elif name == "properties":
-            loose[name] = {field: item[field] if field in REPLACED_WHOLE else _loosened(item[field]) for field in item}
+            for key, each in item.items():
+                inner = each if key in REPLACED_WHOLE else _loosened(each, parts, partial)
+                removable = {"anyOf": [inner, _NULL], "description": each["description"]}
+                loose.setdefault(name, {})[key] = inner if _NULL in inner.get("anyOf", ()) else removable
         elif name == "oneOf":
-            loose["anyOf"] = _loosened(item)
+            loose["anyOf"] = _loosened(item, parts, partial)
         elif name not in ("required", "discriminator"):
-            loose[name] = _loosened(item)
+            loose[name] = _loosened(item, parts, partial)
     return loose
-
-
-def _demands(schema: dict[str, Any], merged: set[str]) -> dict[str, Any]:
-    """What a complete file has to say beyond what `_loosened` asks for; empty where that is nothing."""
-    if "$ref" in schema:
-        return {"$ref": schema["$ref"] + _COMPLETE} if schema["$ref"].rpartition("/")[2] in merged else {}
-    demanded: dict[str, Any] = {}
-    if "properties" in schema:
-        inner = {key: found for key, item in schema["properties"].items() if (found := _demands(item, merged))}
-        kind = schema["properties"].get("kind", {})
-        if "const" in kind and "kind" in schema.get("required", ()):
-            inner["kind"] = {"const": kind["const"]}
-        demanded |= {"required": schema["required"]} if schema.get("required") else {}
-        demanded |= {"properties": inner} if inner else {}
-    for key in ("items", "additionalProperties"):
-        if isinstance(schema.get(key), dict) and (found := _demands(schema[key], merged)):
-            demanded[key] = found
-    for key in ("anyOf", "oneOf"):
-        inside = [_demands(item, merged) for item in schema.get(key, ())]
-        if any(inside):
-            demanded["anyOf"] = [found or item for found, item in zip(inside, schema[key], strict=True)]
-    return demanded
 
 
 def _fit_examples(schema: Any, key: str) -> None:
@@ -156,7 +116,7 @@ class _Describing(GenerateJsonSchema):
             unit = _unit(item)
             item["description"] = f"{texts[attribute]} [{unit}]" if unit else texts[attribute]
             _fit_examples(item, key)
-        if "const" in items.get("kind", {}) and "length" not in items and section is not Chain:
+        if "const" in items.get("kind", {}) and "length" not in items and section not in (Chain, SteadyTest):
             described["required"] = sorted({"kind", *described.get("required", ())})
         return described
 

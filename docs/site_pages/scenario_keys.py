@@ -22,11 +22,7 @@ def page() -> str:
     """Return the page as MyST Markdown."""
     schema = json_schema()
     definitions = schema["$defs"]
-    parts = {
-        name: part | {"required": definitions.get(f"{name}Complete", part).get("required", ())}
-        for name, part in definitions.items()
-        if "description" in part
-    }
+    parts = {name: part for name, part in definitions.items() if "description" in part}
     return _INTRODUCTION + "".join(_section(name, path, parts[name]) for name, path in _paths(parts).items())
 
 
