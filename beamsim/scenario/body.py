@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
-from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, overload
 
 from pydantic import BeforeValidator, Field
@@ -706,10 +705,6 @@ class Body(Schema):
         Problem
         """
         yield from self.position_problems(where, at, position, "")
-
-    def in_folder(self, folder_of: Callable[..., FilePath]) -> Self:
-        """The body with the files that it names where they are; ``folder_of`` tells the folder of a key's file."""
-        return self
 
     def power_of_start(self, index: int) -> int:
         """Power of x whose coefficient is the number of a displacement or velocity to start from."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path as FilePath
-from typing import Annotated, ClassVar, Literal, NamedTuple, Self, get_args
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 from pydantic import Field
 
@@ -195,19 +194,6 @@ class MatricesBody(Body):
     def recovered_rows(self) -> tuple[str, ...]:
         """Names of the rows of the recovery matrix."""
         return () if self.recovery is None else self.recovery.rows
-
-    def in_folder(self, folder_of: Callable[..., FilePath]) -> Self:
-        """The same with absolute paths; ``folder_of`` tells the folder of the file that has a key."""
-        update: dict[str, object] = {
-            key: source.model_copy(update={"file": str((folder_of(key, "file") / str(source.file)).absolute())})
-            for key, source in self.sources.items()
-        }
-        if self.recovery is not None:
-            file = str((folder_of("recovery", "file") / str(self.recovery.file)).absolute())
-            update["recovery"] = self.recovery.model_copy(update={"file": file})
-        if self.dofs is not None:
-            update["dofs"] = str((folder_of("dofs") / self.dofs).absolute())
-        return self.model_copy(update=update)
 
     def node_problems(self, where: Path, at: Path) -> Iterator[Problem]:
         """None: which nodes there are is in the files."""

@@ -54,6 +54,7 @@ from beamsim.scenario.tree import apply_overrides, from_python, in_a_body
 from beamsim.scenario.units import RATIO, UnitError, read_level, read_quantity
 
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
+Part = TypeVar("Part", bound=Schema)
 
 
 def find_parameters(scenario: ScenarioParts, path: str, at: Path = ()) -> list[Path]:
@@ -167,11 +168,11 @@ def with_values(scenario: AnyScenario, values: Mapping[Path, object]) -> AnyScen
     return replaced(scenario, {place: _as_read(scenario, place, value) for place, value in values.items()})
 
 
-def replaced(scenario: AnyScenario, values: Mapping[Path, object]) -> AnyScenario:
-    """The same scenario with other values at these places, which may be a little outside of their bounds."""
+def replaced(part: Part, values: Mapping[Path, object]) -> Part:
+    """The same scenario, or part, with other values at these places, which may be a little outside of their bounds."""
     for place, value in values.items():
-        scenario = _replaced(scenario, place, value)
-    return scenario
+        part = _replaced(part, place, value)
+    return part
 
 
 def _as_read(scenario: ScenarioParts, place: Path, value: object) -> object:

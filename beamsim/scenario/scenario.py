@@ -365,6 +365,16 @@ class Scenario(ScenarioParts):
         file = None if self._text is None else locate(self._text, path)[0]
         return FilePath(file).parent if file else FilePath()
 
+    def whole_paths(self, part: Schema, where: Path = ()) -> dict[Path, str]:
+        """By path in a part the files that it names, from the root.
+
+        Parameters
+        ----------
+        part : of the scenario, or a variant of all of it.
+        where : path of the part.
+        """
+        return {at: str((self.folder_of(*where, *at) / name).absolute()) for at, name in named_files(part)}
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about values that are allowed but questionable, one sentence each."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -13,6 +12,7 @@ from beamsim.scenario import Located, Scenario
 from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.connections import OfHinge, placed
 from beamsim.scenario.distributed import DistributedLoad
+from beamsim.scenario.parameters import replaced
 from beamsim.structures.places import SLOPE, Distributed, Link, LoadSite, Place, Site, ends_of, load_site_of, site_of
 from beamsim.structures.several import assemble_side_by_side, join
 from beamsim.structures.structure import BodyStructure, Coupling, Structure
@@ -97,7 +97,8 @@ def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: S
 
 def with_places_of_files(scenario: Scenario, name: str) -> Any:
     """The section of a body, whose files are where the scenario has them."""
-    return scenario.all_bodies[name].in_folder(partial(scenario.folder_of, *scenario.body_path(name)))
+    body, where = scenario.all_bodies[name], scenario.body_path(name)
+    return replaced(body, scenario.whole_paths(body, where)) if body.is_read_from_files else body
 
 
 def bodies_of(scenario: Scenario) -> list[BodyStructure]:

@@ -30,7 +30,6 @@ from beamsim.scenario.parameters import (
     varied_parameters,
     with_values,
 )
-from beamsim.scenario.scenario import named_files
 from beamsim.scenario.studies import Correlation, LatinHypercube, OneAtATime, Optimise, Reliability, Sobol
 from beamsim.typing import Floats
 
@@ -147,7 +146,7 @@ def design(result: DesignsResult, case: Mapping[str, Any]) -> Scenario:
     )
     title = f"{result.title}, {called}".removeprefix(", ")
     alone = result.scenario.model_copy(update={"vary": None, "optimise": None, "title": title})
-    alone = with_whole_paths(alone, result.scenario)
+    alone = with_values(alone, result.scenario.whole_paths(alone))  # it has no folder that they could be relative to
     if varies_seed(varied):
         alone = with_values(alone, {("excitation", "amplitudes"): "random"})
     return with_parameters(alone, varied, case["parameters"].values()).rechecked()
@@ -360,7 +359,7 @@ def _plan(
         scenario, analysis, kind, search, plain(case), places, columns, asked, realisations.as_data()
     )
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
-    study = Study(analysis, with_whole_paths(case, scenario), varied, realisations, asked, fingerprint)
+    study = Study(analysis, with_values(case, scenario.whole_paths(case)), varied, realisations, asked, fingerprint)
     most = getattr(scenario.study, "most_cases", len(rows))
     plan = DesignPlan(scenario, kind, (), (), study, (), most).of(rows)
     if kind != "grid":
@@ -390,12 +389,6 @@ def _case(scenario: Scenario, seed_varies: bool) -> Scenario:
     if seed_varies and getattr(case.excitation, "amplitudes", None) is None:
         case = with_values(case, {("excitation", "amplitudes"): "random"})
     return case
-
-
-def with_whole_paths(case: Scenario, scenario: Scenario) -> Scenario:
-    """The case with the paths of files from the root, since it has no folder that they could be relative to."""
-    files = {at: str((scenario.folder_of(*at) / name).absolute()) for at, name in named_files(case)}
-    return with_values(case, files)
 
 
 def varies_seed(varied: Iterable[VariedParameter]) -> bool:

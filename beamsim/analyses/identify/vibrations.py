@@ -22,7 +22,6 @@ import numpy as np
 
 from beamsim.analyses.compare.analysis import Harmonics, best_phase, harmonics_of, period_multiple
 from beamsim.analyses.continuation.paths import periodic_forcing
-from beamsim.analyses.designs.plan import with_whole_paths
 from beamsim.analyses.identify.fit import (
     MOST_EVALUATIONS,
     Best,
@@ -48,6 +47,7 @@ from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, to
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.parameters import with_values
 from beamsim.scenario.run import Reduction
 from beamsim.scenario.studies import IdentifyStiffness, NonlinearFit, SteadyTest, SweepTest, TransientTest
 from beamsim.system.build import build_system
@@ -388,7 +388,7 @@ def _prepared(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
         # 3.0: times the highest harmonic used: modes of a fit without `reduction`
         reduction = Reduction(highest_frequency=3.0 * highest)
     prepared = scenario.model_copy(update={"reduction": reduction, "sweep": None, "nnm": None})
-    return prepared if len(steady) == len(tests) else with_whole_paths(prepared, scenario)
+    return prepared if len(steady) == len(tests) else with_values(prepared, scenario.whole_paths(prepared))
 
 
 @dataclass
