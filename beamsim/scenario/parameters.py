@@ -20,7 +20,6 @@ from beamsim.scenario.base import (
     Path,
     Schema,
     Unfit,
-    counted,
     path_parts,
     path_text,
     plain,
@@ -50,7 +49,7 @@ from beamsim.scenario.studies import (
     Zipped,
 )
 from beamsim.scenario.sweep import PositionPath
-from beamsim.scenario.tree import apply_overrides, from_python, in_a_body
+from beamsim.scenario.tree import apply_overrides, from_python, in_a_body, indices
 from beamsim.scenario.units import RATIO, UnitError, read_level, read_quantity
 
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
@@ -80,13 +79,10 @@ def find_parameters(scenario: ScenarioParts, path: str, at: Path = ()) -> list[P
     if not parts:
         raise Unfit(f"= {path} is not a path", "write for example beam.youngs_modulus or snubbers.tip.stiffness", at)
     try:
-        paths = _walk(scenario, parts, (), path)
+        return _walk(scenario, parts, ())
     except Unfit as error:
-        found = error.problem(())
-        raise Unfit(found.message, in_a_body(from_python(plain(scenario)), parts) or found.remedy, at) from None
-    if not paths:
-        raise Unfit(f"= {path} matches nothing: the list is empty", "add an item, or omit the path", at)
-    return paths
+        remedy = in_a_body(from_python(plain(scenario)), parts) or error.remedy
+        raise Unfit(f"= {path} {error.message}", remedy, at) from None
 
 
 def value_at(scenario: ScenarioParts, place: Path) -> Any:
@@ -275,43 +271,25 @@ def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[
         yield from _types(part, getattr(part, "__metadata__", ()), indices)
 
 
-def _walk(value: Any, parts: list[str | int], walked: Path, path: str) -> list[Path]:
+def _walk(value: Any, parts: list[str | int], walked: Path) -> list[Path]:
     if not parts:
         leaf = isinstance(value, int | float | str | Share | q.Rate) and not isinstance(value, bool)
         if walked != ("run", "sample_rate") and not leaf:
-            raise Unfit(f"= {path} is not a number", _keys_below(value))
+            raise Unfit("is not a number", _keys_below(value))
         return [walked]
-    part, rest = parts[0], parts[1:]
+    part, rest, where = parts[0], parts[1:], path_text(walked) or "the scenario"
     if isinstance(value, tuple):
-        if part == "*":
-            return [place for k, item in enumerate(value) for place in _walk(item, rest, (*walked, k), path)]
-        if isinstance(part, int):
-            if part >= len(value):
-                count = counted(len(value), "item")
-                raise Unfit(f"= {path} does not exist: {path_text(walked)} has {count}", "items are numbered from 0")
-            return _walk(value[part], rest, (*walked, part), path)
-        names = [getattr(item, "name", None) for item in value]
-        if part in names:
-            return _walk(value[names.index(part)], rest, (*walked, names.index(part)), path)
-        known = [name for name in names if name]
-        remedy = f"the names are {', '.join(known)}" if known else "give an index, or [*] for all of them"
-        raise Unfit(f"= {path} does not exist: {path_text(walked)} has no {part}", remedy)
-    if isinstance(value, dict):
-        if part in value:
-            return _walk(value[part], rest, (*walked, part), path)
-        raise Unfit(f"= {path} does not exist: {path_text(walked)} has no {part}", f"the names are {', '.join(value)}")
-    if not isinstance(value, Schema) or not isinstance(part, str) or part == "*":
-        raise Unfit(f"= {path} does not exist: {path_text(walked)} is not a list", "omit the rest of the path")
-    keys = type(value).attributes()
+        return [place for k in indices(value, part, walked) for place in _walk(value[k], rest, (*walked, k))]
+    if not isinstance(value, Schema | dict) or not isinstance(part, str) or part == "*":
+        raise Unfit(f"does not exist: {where} is not a list", "omit the rest of the path")
+    keys = value if isinstance(value, dict) else type(value).attributes()
     if part not in keys:
-        where = path_text(walked) or "the scenario"
-        raise Unfit(f"= {path} does not exist: {where} has no {part}", suggestion(part, keys, "its keys are"))
-    inner = getattr(value, keys[part])
+        known = "the names are" if isinstance(value, dict) else "its keys are"
+        raise Unfit(f"does not exist: {where} has no {part}", suggestion(part, keys, known))
+    inner = _inside(value, part)
     if inner is None and (*walked, part) != ("run", "sample_rate"):
-        raise Unfit(
-            f"= {path} has no value in this scenario", f"give {path_text((*walked, part))} a value to start from"
-        )
-    return _walk(inner, rest, (*walked, part), path)
+        raise Unfit("has no value in this scenario", f"give {path_text((*walked, part))} a value to start from")
+    return _walk(inner, rest, (*walked, part))
 
 
 def _keys_below(value: Any) -> str:

@@ -25,7 +25,7 @@ from typing import Any
 import yaml
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario.base import Path, counted, path_parts, path_text, single_line, suggestion
+from beamsim.scenario.base import Path, Unfit, counted, path_parts, path_text, single_line, suggestion
 from beamsim.scenario.body import DEFAULT_NAMES
 
 MOST_CHARACTERS = 1_000_000
@@ -422,6 +422,10 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
     return merged
 
 
+class _Inside(WrittenMapping):
+    """What overrides say inside a mapping, by key, or a list, by index; it replaces neither as a whole."""
+
+
 def merge(base: Any, over: Any, key: str = "") -> Any:
     """Merge one part of a document into that of the document it extends.
 
@@ -436,11 +440,17 @@ def merge(base: Any, over: Any, key: str = "") -> Any:
     -------
     The merged part.
     """
-    if not isinstance(base, WrittenMapping) or not isinstance(over, WrittenMapping) or key in REPLACED_WHOLE:
+    inside = isinstance(over, _Inside)
+    if isinstance(base, WrittenList) and inside:
+        items = WrittenList(merge(item, over[k]) if k in over else item for k, item in enumerate(base))
+        items.marks = base.marks | {k: NOWHERE for k, item in over.items() if not isinstance(item, _Inside)}
+        return items
+    if not isinstance(base, WrittenMapping) or not isinstance(over, WrittenMapping):
         return over
-    if over.get("kind") not in (None, base.get("kind")):
+    if (key in REPLACED_WHOLE and not inside) or over.get("kind") not in (None, base.get("kind")):
         return over
-    merged = WrittenMapping(base, over.mark, base.marks | over.marks)
+    written = {name: over.marks.get(name, NOWHERE) for name, item in over.items() if not isinstance(item, _Inside)}
+    merged = WrittenMapping(base, base.mark if inside else over.mark, base.marks | written)
     for name, item in over.items():
         merged[name] = merge(merged[name], item, name) if name in merged else item
         if item is None and name in base:
@@ -465,16 +475,15 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
     """Return the tree with values changed: ``{"beam.thickness": "4 mm"}`` or ``["beam.thickness=4 mm"]``.
 
     An item of a list is given by its index or name, ``snubbers.tip.gap``, all of them by ``[*]``. Values in text are
-    read as YAML. An override acts like a file that extends this one and says only that: mappings merge, one whose kind
-    changes is replaced whole, ``null`` takes a key away. Overrides of a
-    ``kind`` come first, whatever their order, so that they don't undo the others.
+    read as YAML. Overrides act like one file that extends this one and says only that: mappings merge, one whose kind
+    changes is replaced whole, ``null`` takes a key away. That of a whole mapping or list comes before those of what is
+    in it, whatever their order.
 
     Raises
     ------
     ScenarioError
         For every override that cannot be read or does not exist.
     """
-    root = copy.deepcopy(root)
     problems: list[Problem] = []
     if isinstance(overrides, str):
         overrides = [overrides]
@@ -487,18 +496,21 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
             ready.append((str(key).strip(), from_python(given)) if isinstance(overrides, Mapping) else _split(str(key)))
         except ScenarioError as error:
             problems += error.problems
-    written: set[Path] = set()
-    for path, value in sorted(ready, key=lambda item: not item[0].endswith(".kind")):
+    said, changed = _Inside({}), root
+    for path, value in sorted(ready, key=lambda item: len(path_parts(item[0]))):
         try:
-            for place in _places(root, path):
-                written.add(place)
-                _with(root, place, value, (), written)
-        except ScenarioError as error:
-            remedy = in_a_body(root, path_parts(path))
-            problems += [replace(each, path=path, remedy=remedy or each.remedy) for each in error.problems]
+            for place in _places(changed, path):
+                within: Any = said
+                for part in place[:-1]:
+                    within = within.setdefault(part, _Inside({})) if isinstance(within, dict) else within[part]
+                within[place[-1]] = copy.deepcopy(value)
+            changed = merge(root, said)
+        except Unfit as error:
+            remedy = in_a_body(root, path_parts(path)) or error.remedy
+            problems.append(Problem(path, error.message, remedy))
     if problems:
         raise ScenarioError(problems)
-    return root
+    return changed
 
 
 def _split(override: str) -> tuple[str, Any]:
@@ -513,16 +525,11 @@ def _split(override: str) -> tuple[str, Any]:
     return path.strip(), from_python(value)
 
 
-def _missing(message: str, remedy: str = _EXAMPLE) -> ScenarioError:
-    """That the place of an override does not exist; its path is for the caller to add."""
-    return ScenarioError(Problem("", f"does not exist: {message}", remedy))
-
-
 def _places(root: WrittenMapping, path: str) -> list[Path]:
     """The places that a path means, in keys and indices: names of items and ``[*]`` resolved."""
     parts = path_parts(path)
     if not parts:
-        raise ScenarioError(Problem("", "is not a path of an override", _EXAMPLE))
+        raise Unfit("is not a path of an override", _EXAMPLE)
     places: list[tuple[Path, Any]] = [((), root)]
     for part in parts:
         places = [place for walked, items in places for place in _step(walked, items, part)]
@@ -531,33 +538,54 @@ def _places(root: WrittenMapping, path: str) -> list[Path]:
 
 def _step(walked: Path, items: Any, part: str | int) -> Iterator[tuple[Path, Any]]:
     """One part of a path further; the value is None where the path leads to what is not there yet."""
-    if part == "*":
-        if not isinstance(items, list) or not items:
-            raise _missing(f"{path_text(walked)} {'is empty' if items == [] else 'is not a list'}")
-        yield from (((*walked, k), item) for k, item in enumerate(items))
-        return
-    if isinstance(items, list) and isinstance(part, str):
-        part = _index_of(items, part, walked)
-    inside = items.get(part) if isinstance(items, dict) else None
-    if isinstance(items, list) and isinstance(part, int) and part < len(items):
-        inside = items[part]
-    yield (*walked, part), inside
+    where = path_text(walked)
+    if isinstance(items, list):
+        yield from (((*walked, k), items[k]) for k in indices(items, part, walked))
+    elif items is None and (isinstance(part, int) or (walked and walked[-1] in DEFAULT_NAMES)):
+        raise Unfit(f"does not exist: there is no {where}", f"give {where} as a whole list")
+    elif isinstance(part, int) or part == "*":
+        raise Unfit(f"does not exist: {where} is not a list", _EXAMPLE)
+    elif items is None or isinstance(items, dict) or walked[-1] in REPLACED_WHOLE:
+        yield (*walked, part), items.get(part) if isinstance(items, dict) else None
+    else:
+        message = f"does not exist: {where} is {single_line(items)}, without keys"
+        raise Unfit(message, f"replace {where} whole")
 
 
-def _index_of(items: list[Any], name: str, walked: Path) -> int:
-    """Index of the item with a name, given or by default."""
+def indices(items: Sequence[Any], part: str | int, walked: Path) -> Sequence[int]:
+    """Indices of the items of a list that a part of a path means: one by its index or name, all by ``*``.
+
+    Parameters
+    ----------
+    items : as they were written, or sections.
+    part : of the path.
+    walked : path of the list.
+
+    Raises
+    ------
+    Unfit
+        Where there is no such item.
+    """
+    where = path_text(walked)
+    if part == "*" and items:
+        return range(len(items))
+    if isinstance(part, int):
+        if part < len(items):
+            return [part]
+        last = f"the last one is {where}[{len(items) - 1}]" if items else "give the whole list"
+        raise Unfit(f"does not exist: {where} has {counted(len(items), 'item')}", last)
     prefix = DEFAULT_NAMES.get(str(walked[-1]), "")
     names = [f"{prefix}_{k}" if prefix else "" for k in range(1, len(items) + 1)]
     for k, item in enumerate(items):
-        if isinstance(item, dict) and item.get("name") is not None:
-            names[k] = str(item["name"])
-    if name in names:
-        return names.index(name)
-    where, given_names = path_text(walked), [known for known in names if known]
-    if not given_names or any(isinstance(item, dict) and name in item for item in items):
-        index = f"{where}[0].{name}" if items else f"{where} as a whole list"
-        raise _missing(f"{where} is a list", f"name the item, for example {index}")
-    raise _missing(f"{where} has no item called {name}", suggestion(name, given_names, "the names are"))
+        if (named := item.get("name") if isinstance(item, dict) else getattr(item, "name", None)) is not None:
+            names[k] = str(named)
+    if part in names:
+        return [names.index(part)]
+    known = [name for name in names if name]
+    if not known or any(part in item for item in items if isinstance(item, dict)):
+        example = f"name the item, for example {where}[0].{part}" if items else f"give {where} as a whole list"
+        raise Unfit(f"does not exist: {where} is {'a list' if items else 'empty'}", example)
+    raise Unfit(f"does not exist: {where} has no item called {part}", suggestion(part, known, "the names are"))
 
 
 def in_a_body(root: WrittenMapping, parts: Sequence[str | int]) -> str:
@@ -568,47 +596,7 @@ def in_a_body(root: WrittenMapping, parts: Sequence[str | int]) -> str:
     for where, body in bodies.items():
         items = body.get(parts[0]) if isinstance(body, dict) and len(parts) > 1 else None
         if isinstance(items, list) and isinstance(parts[1], str):
-            with suppress(ScenarioError):
-                _index_of(items, parts[1], (parts[0],))
+            with suppress(Unfit):
+                indices(items, parts[1], (parts[0],))
                 return f"did you mean {path_text((*where, *parts))}?"
     return ""
-
-
-def _with(base: Any, parts: Path, value: Any, walked: Path, written: Collection[Path]) -> Any:
-    """What stands at a place with a value further inside; what other overrides wrote there stays, see `ALTERNATIVES`.
-
-    Parameters
-    ----------
-    base : what stands there, which is changed; None for nothing.
-    parts : of the path, from there to the value.
-    value : to be merged into what stands at its place.
-    walked : where ``base`` stands.
-    written : the places of this and of earlier overrides.
-    """
-    only_kind = parts == ("kind",) and bool(walked)  # merging a mapping that holds only the kind knows what to do
-    if not parts or only_kind:
-        return merge(base, from_python({"kind": value}) if only_kind else copy.deepcopy(value), str(walked[-1]))
-    part, rest, where = parts[0], parts[1:], path_text(walked)
-    if base is None and (isinstance(part, int) or (walked and walked[-1] in DEFAULT_NAMES)):
-        raise _missing(f"there is no {where}", f"give {where} as a whole list")
-    if isinstance(part, int):
-        if not isinstance(base, WrittenList):
-            raise _missing(f"{where} is not a list")
-        if part >= len(base):
-            last = f"the last one is {where}[{len(base) - 1}]" if base else "give the whole list"
-            raise _missing(f"{where} has {counted(len(base), 'item')}", last)
-        base[part] = _with(base[part], rest, value, (*walked, part), written)
-    else:
-        if base is None or (not isinstance(base, dict) and walked[-1] in REPLACED_WHOLE):
-            base = WrittenMapping({})
-        if not isinstance(base, WrittenMapping):
-            raise _missing(f"{where} is {single_line(base)}, without keys", f"replace {where} whole")
-        if not rest and value is not None:
-            _drop_alternatives(base, {part}, {name for name in base if (*walked, name) in written})
-        if value is None and not rest and part in base:
-            del base[part]
-        else:
-            base[part] = _with(base.get(part), rest, value, (*walked, part), written)
-    if rest in ((), ("kind",)):
-        base.marks.pop(part, None)
-    return base

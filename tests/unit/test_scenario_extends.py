@@ -177,6 +177,23 @@ def test_null_takes_away_what_another_form_does_not_have(folder):
     assert load_scenario(folder / "stepped.yaml").beam == load_scenario(uniform, without).beam
 
 
+def test_an_override_of_a_whole_mapping_comes_before_those_of_what_is_in_it():
+    for overrides in (
+        ["beam.length=1 m", "beam={length: 2 m, width: 9 mm}"],
+        ["beam={width: 9 mm}", "beam.length=1 m"],
+    ):
+        beam = load_scenario(BASE, overrides).beam
+        assert (beam.length, beam.width, beam.thickness) == (1.0, 9e-3, 5e-3)
+
+
+def test_a_file_that_an_override_of_its_section_names_is_not_looked_for_beside_the_case(folder):
+    record = "excitation: {kind: sampled, applied_to: base, file: a.csv, unit: g}\n"
+    for overrides in (["excitation.file=b.csv"], ["excitation={file: b.csv}"]):
+        kept, other = (load(folder, "extends: base.yaml\n" + record, given) for given in ((), overrides))
+        assert kept.folder_of("excitation", "file") == folder
+        assert other.folder_of("excitation", "file") == Path()
+
+
 def test_null_in_an_override():
     scenario = load_scenario(BASE, ["run.sample_rate=null", "probes=", "beam.damping=null"])
     assert scenario.sample_rate == 121 * 65.0
