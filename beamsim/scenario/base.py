@@ -17,7 +17,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
 from pydantic_core import CoreSchema, core_schema
 
 from beamsim.errors import Problem
@@ -25,6 +25,7 @@ from beamsim.errors import Problem
 Path = tuple[str | int, ...]
 
 
+PAIR = Field(min_length=2, max_length=2)
 LONGEST_VALUE = 60  # characters of a value in a message
 
 _KEY = r"[A-Za-z_](?:[\w -]*[\w-])?"

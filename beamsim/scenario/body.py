@@ -13,11 +13,11 @@ from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import (
     BY_FORM,
+    PAIR,
     Path,
     Schema,
     Unfit,
     Variants,
-    counted,
     distinct,
     path_text,
     problem,
@@ -148,10 +148,7 @@ def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
         )  # fmt: skip
 
 
-TwoPlaces = Annotated[
-    tuple[Annotated[AtPlace | q.Count, Variants("names no place", _REMEDY)], ...],
-    Field(json_schema_extra={"minItems": 2, "maxItems": 2}),
-]
+TwoPlaces = Annotated[tuple[Annotated[AtPlace | q.Count, Variants("names no place", _REMEDY)], ...], PAIR]
 """Two places; a number is that of a mass of the chain."""
 
 
@@ -176,9 +173,6 @@ class BetweenPlaces(Schema):
         """Demand two different places."""
         super().check()
         key, ends = self.ends
-        if len(ends) != 2:
-            remedy = "name the two that it acts between: [{body: inner, position: 1 m}, {body: outer, position: 1 m}]"
-            raise Unfit(f"names {counted(len(ends), 'place')}", f"{remedy}, or [1, 2] on a chain", (key,))
         if ends[0] == ends[1]:
             raise Unfit("joins a place to itself", "name two different places", (key,))
         refuse_unlike_directions(self.places)
@@ -369,7 +363,7 @@ class RayleighDamping(Schema):
     """Factor of the mass matrix."""
     stiffness: q.Time = 0.0
     """Factor of the stiffness matrix."""
-    ratios: tuple[RatioAtFrequency, ...] = ()
+    ratios: Annotated[tuple[RatioAtFrequency, ...], PAIR] = ()
     """Damping ratios at two frequencies, instead of the factors: [{frequency: 20 Hz, ratio: 1 %}, {...}]."""
 
     def check(self) -> None:
@@ -377,9 +371,6 @@ class RayleighDamping(Schema):
         self.exclude("ratios", "mass", "stiffness", remedy="keep ratios, or mass and stiffness, not both")
         if not self.ratios:
             return
-        if len(self.ratios) != 2:
-            raise Unfit(f"has {counted(len(self.ratios), 'entry', 'entries')}, where two are needed",
-                       "give the ratios at two frequencies: two factors follow from them", ("ratios",))  # fmt: skip
         low, high = sorted(self.ratios, key=lambda at: at.frequency)
         if low.frequency == high.frequency:
             raise Unfit("has the same frequency twice", "give two different frequencies", ("ratios",))

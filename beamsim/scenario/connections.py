@@ -13,7 +13,7 @@ from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, counted, demand_rising
+from beamsim.scenario.base import BY_FORM, PAIR, Path, Schema, Unfit, Variants, counted, demand_rising
 from beamsim.scenario.body import (
     AtPlace,
     BaseOrPlace,
@@ -51,7 +51,7 @@ class SpringBetween(BetweenPlaces, Named):
 
     between: TwoPlaces = ()
     """The two places; the stretch is positive when the second moves up from the first."""
-    masses: tuple[q.Count, ...] = ()
+    masses: Annotated[tuple[q.Count, ...], PAIR] = ()
     """Instead of between the numbers of two masses of a chain; the stretch is positive when they separate."""
 
     @property
@@ -62,6 +62,8 @@ class SpringBetween(BetweenPlaces, Named):
     def check(self) -> None:
         """Refuse places that are named twice."""
         self.exclude("masses", "between")
+        if not self.ends[1]:
+            raise Unfit("names no places", "give between, or on a chain masses: [1, 2]")
         super().check()
 
 
@@ -581,14 +583,11 @@ JointEnd = Annotated[
 class Joint(Named):
     """Common part of all joints."""
 
-    between: Annotated[tuple[JointEnd, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    between: Annotated[tuple[JointEnd, ...], PAIR]
     """Two points of bodies, or a point and base."""
 
     def check(self) -> None:
         """Demand two different ends, at least one of them on a body."""
-        if len(self.between) != 2:
-            remedy = "name the two that it joins: [{body: yoke, position: 300 mm}, {body: panel, position: 0 mm}]"
-            raise Unfit(f"names {counted(len(self.between), 'end')}", remedy, ("between",))
         if self.between[0] == self.between[1]:
             raise Unfit("joins a point to itself", "name two different points", ("between",))
         refuse_unlike_directions(self.places)

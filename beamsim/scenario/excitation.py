@@ -23,7 +23,7 @@ Quantity = Literal[
     "angular_acceleration", "angular_velocity", "rotation",
 ]  # fmt: skip
 
-About = Annotated[q.Coordinate | tuple[q.Coordinate, ...], BY_FORM]
+About = Annotated[q.Coordinate | Annotated[tuple[q.Coordinate, ...], Field(min_length=1, max_length=3)], BY_FORM]
 
 
 def point_of(about: float | tuple[float, ...] | None) -> tuple[float, float, float]:
@@ -156,8 +156,6 @@ class Driven(Input):
                        ("direction",))  # fmt: skip
         if self.about is not None and not self.rotates:
             raise Unfit("belongs to a rotation of the base", "give direction: ry, or leave it out", ("about",))
-        if isinstance(self.about, tuple) and not 1 <= len(self.about) <= 3:
-            raise Unfit("is no point", "give a position, [x, y] or [x, y, z]", ("about",))
 
     def _check_quantity(self) -> None:
         """Refuse units, a stated quantity and a place that contradict each other."""
@@ -624,7 +622,7 @@ class RandomInput(Driven):
 
     kind: Literal["random"] = "random"
     """Random input."""
-    psd: Annotated[tuple[PsdPoint, ...], Field(min_length=2)]
+    psd: Annotated[tuple[PsdPoint, ...], AtLeastTwo]
     """Density over frequency; log-log interpolation between the points, zero outside."""
     seed: q.Seed = 0
     """Seed of the random numbers: the same seed gives the same input. Or a blend of the inputs of several seeds with
@@ -667,16 +665,16 @@ class RandomInput(Driven):
 
 
 PositiveAcceleration = Annotated[float, q.Quantity(replace(units.ACCELERATION, example="20 g"), above=0.0)]
-ShockCurve = Annotated[tuple[tuple[q.Frequency, PositiveAcceleration], ...] | q.FileName, BY_FORM]
+AtLeastTwo = Field(min_length=2)
+ShockCurve = Annotated[
+    Annotated[tuple[tuple[q.Frequency, PositiveAcceleration], ...], AtLeastTwo] | q.FileName, BY_FORM
+]  # fmt: skip
 
 
 def check_curve(points: tuple[tuple[float, float], ...] | str, at: Path) -> None:
-    """Refuse points of a curve at a path that are fewer than two, or fall in frequency; a file is not read."""
-    if isinstance(points, str):
-        return
-    if len(points) < 2:
-        raise Unfit("has too few points", "give two or more: [[100 Hz, 20 g], [1 kHz, 90 g]]", at)
-    demand_rising((f for f, _ in points), "Hz", lambda k: (*at, k, 0))
+    """Refuse points of a curve at a path that fall in frequency; a file is not read."""
+    if not isinstance(points, str):
+        demand_rising((f for f, _ in points), "Hz", lambda k: (*at, k, 0))
 
 
 class MatchedInput(Driven):

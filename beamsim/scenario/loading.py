@@ -18,6 +18,7 @@ from beamsim.scenario.base import (
     Path,
     Schema,
     closest,
+    counted,
     descriptions,
     path_parts,
     plain,
@@ -25,6 +26,7 @@ from beamsim.scenario.base import (
     single_line,
     suggestion,
     tag_of,
+    within,
     words_of,
 )
 from beamsim.scenario.quantities import FieldType, Quantity, example_of
@@ -174,22 +176,17 @@ def _field(root: type[Schema], location: Path) -> tuple[type[Schema], FieldInfo 
     choices: dict[str, type[Schema]] = {}
     within_mapping = False
     for part in location:
-        if isinstance(part, int):
-            continue
-        if within_mapping:  # the part is a name, such as a body's
-            within_mapping = False
-            continue
-        if _is_tag(part) and part in choices:
-            schema, choices = choices[part], {}
-            continue
         if _is_tag(part):
-            continue
-        if field is not None and choices:
-            schema, choices = next(iter(choices.values())), {}
-        name = schema.keys().get(part, part)
-        field = schema.model_fields.get(name)
-        choices = {} if field is None else members(field.annotation)
-        within_mapping = field is not None and get_origin(field.annotation) is dict
+            if part in choices:
+                schema, choices = choices[str(part)], {}
+        elif within_mapping:  # the part is a name, such as a body's
+            within_mapping = False
+        elif isinstance(part, str):
+            if field is not None and choices:
+                schema, choices = next(iter(choices.values())), {}
+            field = schema.model_fields.get(schema.keys().get(part, part))
+            choices = {} if field is None else members(field.annotation)
+            within_mapping = field is not None and any(get_origin(each) is dict for each in within(field.annotation))
     return schema, field
 
 
@@ -221,9 +218,13 @@ def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
             return path, shown + "must be a mapping", f"its keys are {keys}"
         case "tuple_type" | "list_type":
             return path, shown + "must be a list", "write [ ... ], also for a single value"
-        case "too_short":
+        case "too_short" if not value:
             needed = field is None or field.is_required()
             return path, "is an empty list", "give at least one value" + ("" if needed else ", or leave it out")
+        case "too_short" | "too_long":
+            least, most = context.get("min_length"), context.get("max_length")
+            bound = f"at most {most}" if least is None else f"at least {least}"
+            return path, f"has {counted(len(value), 'value')}, and takes {bound}", _described(schema, field)
     return path, shown + "is not accepted: " + error["msg"][:1].lower() + error["msg"][1:], ""
 
 
@@ -242,7 +243,12 @@ def _how_to_give(key: str, schema: type[Schema], field: FieldInfo | None) -> str
             return f"give for example {key}: {usual or item.example}"
     if get_origin(field.annotation) is Literal:
         return f"give {key}: " + " or ".join(str(choice) for choice in get_args(field.annotation))
-    described = descriptions(schema).get(schema.keys().get(key, key), "")
+    return _described(schema, field)
+
+
+def _described(schema: type[Schema], field: FieldInfo | None) -> str:
+    name = next((name for name, each in schema.model_fields.items() if each is field), "")
+    described = descriptions(schema).get(name, "")
     return f"it is: {described[:1].lower()}{described[1:].rstrip('.')}" if described else ""
 
 

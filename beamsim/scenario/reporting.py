@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants
 from beamsim.scenario.body import Body, Sited
-from beamsim.scenario.excitation import About, PositiveAcceleration, ShockCurve, check_curve, point_of
+from beamsim.scenario.excitation import About, AtLeastTwo, PositiveAcceleration, ShockCurve, check_curve, point_of
 from beamsim.scenario.quantities import (
     FileName,
     Frequency,
@@ -165,12 +165,12 @@ LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.
 PositiveDensity = Annotated[
     float, LevelType(tuple(LIMITED_DENSITIES.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0)
 ]
-DensityCurve = Annotated[tuple[tuple[Frequency, PositiveDensity], ...] | FileName, BY_FORM]
+DensityCurve = Annotated[Annotated[tuple[tuple[Frequency, PositiveDensity], ...], AtLeastTwo] | FileName, BY_FORM]
 LIMITED_RESPONSES = {each.name: each for each in (units.ACCELERATION, units.LENGTH, units.FORCE, units.MOMENT)}
 PositiveResponse = Annotated[
     float, LevelType(tuple(LIMITED_RESPONSES.items()), "20 g", ("20 g", "0.5 mm", "50 N"), above=0.0)
 ]
-ResponseCurve = Annotated[tuple[tuple[Frequency, PositiveResponse], ...] | FileName, BY_FORM]
+ResponseCurve = Annotated[Annotated[tuple[tuple[Frequency, PositiveResponse], ...], AtLeastTwo] | FileName, BY_FORM]
 
 
 class Limits(Schema):

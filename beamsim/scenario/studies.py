@@ -10,7 +10,7 @@ from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, counted, demand_rising, kind_of
+from beamsim.scenario.base import BY_FORM, PAIR, Schema, ShortFor, Unfit, Variants, counted, demand_rising, kind_of
 from beamsim.scenario.body import Ratios
 from beamsim.scenario.excitation import Excitation
 from beamsim.scenario.quantities import FileName, NotNegativeWhole, NumberOrText, Quantile, SteppedCount, Text
@@ -120,16 +120,11 @@ class Measured(_Parameter):
 
     known_by: ClassVar[tuple[str, ...]] = ("data",)
 
-    data: Annotated[tuple[AnyValue, ...] | FileName, BY_FORM]
+    data: Annotated[Annotated[tuple[AnyValue, ...], Field(min_length=LEAST_DATA)] | FileName, BY_FORM]
     """The values, with or without unit; or a file with columns, relative to the scenario's folder, whose headings may
     have units."""
     column: Text = "1"
     """Heading of the column of the file, or its number."""
-
-    def check(self) -> None:
-        """Refuse values that are too few for a distribution."""
-        if not isinstance(self.data, str) and len(self.data) < LEAST_DATA:
-            raise Unfit(f"has {counted(len(self.data), 'value')}", f"measure {LEAST_DATA} or more", ("data",))
 
 
 AnyParameter = Annotated[
@@ -176,15 +171,10 @@ class _Study(Schema):
 class Correlation(Schema):
     """Two numbers that are drawn together."""
 
-    between: Annotated[tuple[Text, ...], Field(json_schema_extra={"minItems": 2, "maxItems": 2})]
+    between: Annotated[tuple[Text, ...], PAIR]
     """Paths of both, as the parameters have them."""
     coefficient: Annotated[float, q.Quantity(units.NUMBER, above=-1.0, below=1.0)]
     """Rank correlation (Spearman's): 1 were in the same order, -1 in the opposite one."""
-
-    def check(self) -> None:
-        """Demand two."""
-        if len(self.between) != 2:
-            raise Unfit(f"has {counted(len(self.between), 'parameter')}", "name the two that go together", ("between",))
 
 
 class Tolerances(Schema):
@@ -444,19 +434,10 @@ class SoughtParameter(Schema):
 
     parameter: q.Text
     """Path of the number, for example beam.youngs_modulus; [*] varies a list by one common factor."""
-    bounds: tuple[Bound, ...] = ()
+    bounds: Annotated[tuple[Bound, ...], PAIR] = ()
     """Lowest and highest value, with or without unit."""
     prior: q.Ratio | None = None
     """Standard deviation of the prior, relative to the value in the scenario; no prior by default."""
-
-    def check(self) -> None:
-        """Reject one bound, or three."""
-        if self.bounds and len(self.bounds) != 2:
-            raise Unfit(
-                f"has {counted(len(self.bounds), 'value')}",
-                "give the lowest and the highest, [60 GPa, 75 GPa]",
-                ("bounds",),
-            )
 
 
 Sought = Annotated[SoughtParameter, ShortFor("parameter")]
