@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -97,7 +96,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
     infos: list[SpringInfo] = []
     numbers: tuple[float, float, ContactLaw | None]
     for row, lever, located in zip(shape, levers, springs, strict=True):
-        path, spring = located.path, located.item
+        spring = located.item
         places = tuple(end.label for end in ends_of(site_of(spring, located.body, located.sections)))
         masses = tuple(place.mass for place in spring.places if place.mass is not None)
         maxwell = getattr(spring, "maxwell", ())
@@ -109,14 +108,6 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
         elif spring.kind == FRICTION:
             numbers = (0.0, 0.0, _law_of_friction(spring))
         else:
-            if any(b <= a for a, b in pairwise(spring.breakpoints)):
-                raise ScenarioError(
-                    Problem(
-                        f"{path_text(path)}.breakpoints",
-                        f"= {list(spring.breakpoints)} do not increase",
-                        "keep their order in every case",
-                    )
-                )
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             law = _mounted(relaxing_law(law, branches), maxwell, (1.0, -1.0)) if branches else law
             numbers = (0.0, float(spring.linear_stiffness), law)
@@ -141,10 +132,10 @@ def _normal_force(spring: Any) -> float | None:
 
 def _law_of_friction(contact: Any) -> ContactLaw:
     if contact.pressed_by is not None:
-        return pressed_friction_law(contact.stiffness, contact.static_coefficient, contact.sliding_coefficient)
+        return pressed_friction_law(contact.stiffness, contact.coefficients.static, contact.coefficients.sliding)
     forces = contact.static_force, contact.sliding_force, contact.start_force
-    if contact.stribeck_speed is not None:
-        return falling_friction_law(forces[0], forces[1], contact.stribeck_speed, forces[2])
+    if (speed := contact.coefficients.stribeck_speed) is not None:
+        return falling_friction_law(forces[0], forces[1], speed, forces[2])
     return rigid_friction_law(*forces) if contact.stiffness is None else friction_law(contact.stiffness, *forces)
 
 

@@ -499,29 +499,20 @@ class FrictionBase(Named):
         return math.nan if isinstance(self.normal_force, SnubberForce) else self.normal_force
 
     @property
-    def static_coefficient(self) -> float:
-        """Friction force over normal force up to which it sticks."""
-        return self.coefficient.static if isinstance(self.coefficient, FrictionCoefficients) else self.coefficient
-
-    @property
-    def sliding_coefficient(self) -> float:
-        """Friction force over normal force while it slides."""
-        return self.coefficient.sliding if isinstance(self.coefficient, FrictionCoefficients) else self.coefficient
-
-    @property
-    def stribeck_speed(self) -> float | None:
-        """Speed at which the coefficient has fallen to that of sliding, m/s; None where it falls at once."""
-        return self.coefficient.stribeck_speed if isinstance(self.coefficient, FrictionCoefficients) else None
+    def coefficients(self) -> FrictionCoefficients:
+        """The coefficients in their long form."""
+        given = self.coefficient
+        return given if isinstance(given, FrictionCoefficients) else FrictionCoefficients(static=given, sliding=given)
 
     @property
     def static_force(self) -> float:
         """Largest friction force while it sticks, N; nan where the normal force is that of a snubber."""
-        return self.constant_force * self.static_coefficient
+        return self.constant_force * self.coefficients.static
 
     @property
     def sliding_force(self) -> float:
         """Friction force while it slides, N, likewise."""
-        return self.constant_force * self.sliding_coefficient
+        return self.constant_force * self.coefficients.sliding
 
     @property
     def start_force(self) -> float:
@@ -531,7 +522,7 @@ class FrictionBase(Named):
     def check(self) -> None:
         """Demand a force at the start that sticks, and constant coefficients where the force is more than friction."""
         super().check()
-        if self.stribeck_speed is not None and (self.pressed_by is not None or self.stiffness is not None):
+        if self.coefficients.stribeck_speed is not None and (self.pressed_by is not None or self.stiffness is not None):
             other = "the normal force of a snubber" if self.stiffness is None else "stiffness"
             remedy = "leave it out: the coefficient then falls at once"
             raise Unfit(f"does not go with {other}", remedy, ("coefficient", "stribeck_speed"))

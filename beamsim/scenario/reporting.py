@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants
+from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants, within
 from beamsim.scenario.body import Body, Sited
 from beamsim.scenario.excitation import About, AtLeastTwo, PositiveAcceleration, ShockCurve, check_curve, point_of
 from beamsim.scenario.quantities import (
@@ -313,25 +313,6 @@ def limited_quantity(name: str, base_force: str = BASE_FORCE.name) -> LimitedQua
     return LimitedQuantity(section, item, quantity) if item and quantity in QUANTITIES_OF.get(section, ()) else None
 
 
-DIMENSIONS: dict[str, Dimension] = {
-    "acceleration": units.ACCELERATION,
-    "length": units.LENGTH,
-    "angle": units.ANGLE,
-    "velocity": units.VELOCITY,
-    "force": units.FORCE,
-    "stress": units.PRESSURE,
-    "time": units.TIME,
-    "mass": units.MASS,
-    "stiffness": units.STIFFNESS,
-    "energy": units.ENERGY,
-}
-_EXAMPLES = {"acceleration": "g", "length": "mm", "angle": "deg", "stress": "MPa", "time": "min", "stiffness": "N/mm"}
-
-
-def _unit_of(name: str) -> UnitType:
-    return UnitType(of=DIMENSIONS[name], example=_EXAMPLES.get(name, DIMENSIONS[name].unit))
-
-
 class DisplayUnits(Schema):
     """Units of tables, plots and reports; result files and ``--json`` stay in SI units.
 
@@ -339,30 +320,28 @@ class DisplayUnits(Schema):
     written.
     """
 
-    acceleration: Annotated[str, _unit_of("acceleration")] | None = None
+    acceleration: Annotated[str, UnitType(of=units.ACCELERATION, example="g")] | None = None
     """Unit of accelerations, such as m/s^2; by default as they are written, g for bare numbers."""
-    length: Annotated[str, _unit_of("length")] | None = None
+    length: Annotated[str, UnitType(of=units.LENGTH, example="mm")] | None = None
     """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
     the size where all are in metres."""
-    angle: Annotated[str, _unit_of("angle")] | None = None
+    angle: Annotated[str, UnitType(of=units.ANGLE, example="deg")] | None = None
     """Unit of angles, such as deg; by default as most of them are written, radians with a prefix for bare numbers."""
-    velocity: Annotated[str, _unit_of("velocity")] | None = None
+    velocity: Annotated[str, UnitType(of=units.VELOCITY, example="m/s")] | None = None
     """Unit of velocities, such as mm/s."""
-    force: Annotated[str, _unit_of("force")] | None = None
+    force: Annotated[str, UnitType(of=units.FORCE, example="N")] | None = None
     """Unit of forces, such as kN."""
-    stress: Annotated[str, _unit_of("stress")] | None = None
+    stress: Annotated[str, UnitType(of=units.PRESSURE, example="MPa")] | None = None
     """Unit of stresses and moduli, such as MPa."""
-    time: Annotated[str, _unit_of("time")] | None = None
+    time: Annotated[str, UnitType(of=units.TIME, example="min")] | None = None
     """Unit of times, such as ms or min; by default minutes or hours where times are written so. Times that are shorter
     than the unit chosen are in seconds if that is longer."""
-    mass: Annotated[str, _unit_of("mass")] | None = None
+    mass: Annotated[str, UnitType(of=units.MASS, example="kg")] | None = None
     """Unit of masses, such as g."""
-    stiffness: Annotated[str, _unit_of("stiffness")] | None = None
+    stiffness: Annotated[str, UnitType(of=units.STIFFNESS, example="N/mm")] | None = None
     """Unit of stiffnesses, such as N/mm."""
-    energy: Annotated[str, _unit_of("energy")] | None = None
+    energy: Annotated[str, UnitType(of=units.ENERGY, example="J")] | None = None
     """Unit of energies, such as mJ."""
-
-    named: ClassVar[tuple[str, ...]] = tuple(DIMENSIONS)
 
     def filled(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
         """The same with the units in which quantities are written, for what is not chosen.
@@ -393,8 +372,15 @@ class DisplayUnits(Schema):
     @property
     def scales(self) -> dict[str, tuple[float, str]]:
         """By SI unit the factor of SI values and the unit that is shown."""
-        chosen = {name: getattr(self, name) for name in self.named}
+        chosen = {name: getattr(self, name) for name in DIMENSIONS}
         return {_si(name): (1.0 / _size(name, unit), unit) for name, unit in chosen.items() if unit is not None}
+
+
+DIMENSIONS: dict[str, Dimension] = {
+    name: next(each.of for each in within(field.annotation) if isinstance(each, UnitType))
+    for name, field in DisplayUnits.model_fields.items()
+}
+"""By name of a chosen unit."""
 
 
 def _size(name: str, unit: str) -> float:

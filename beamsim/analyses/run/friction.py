@@ -142,7 +142,7 @@ def _sliding(
     begins = slides.copy()
     begins[1:] &= ~slides[:-1]
     normal = trajectory.sample(trajectory.time, lambda state: _normal_forces(flow, contacts, which, state))
-    drop = np.array([c.static_coefficient - c.sliding_coefficient for c in contacts])
+    drop = np.array([c.coefficients.static - c.coefficients.sliding for c in contacts])
     spring = np.array([c.stiffness or np.inf for c in contacts])
     snaps = np.zeros_like(normal)
     snaps[1:] = (begins[1:] & (phases[:-1] == STICK)) * normal[1:] * drop / spring
