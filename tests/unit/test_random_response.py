@@ -15,6 +15,7 @@ from beamsim.analyses.run.impacts import damage_interval
 from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.random_response import (
     LEVELS,
+    Compression,
     crossing_rates,
     largest_of_test,
     rms_interval,
@@ -23,6 +24,7 @@ from beamsim.analyses.run.random_response import (
 )
 from beamsim.analyses.run.result import SignalStatistics
 from beamsim.cli.report import table_rows
+from beamsim.contacts.laws import OneSidedSpring, kelvin_voigt
 from beamsim.inputs.excitation import random_signals
 from beamsim.plots.run import density, phase_density
 from beamsim.scenario import load_scenario
@@ -300,6 +302,46 @@ def test_largest_values_of_tests_of_gaussian_noise(mean):
     root = np.sqrt(2.0 * np.log(crossings))
     closed_form = abs(mean) + root + np.euler_gamma / root
     assert np.mean([s["expected_peak"] for s in found]) == pytest.approx(closed_form, rel=0.04)
+
+
+def share_of_tests(found, cycles, energy_of):
+    """How many tests of so many independent cycles, whose energies have a mean of 1, the intervals hold; exact."""
+    below = [
+        np.exp(-cycles * np.exp(-energy_of(s[end])))
+        for end in ("expected_peak_low", "expected_peak_high")
+        for s in found
+    ]
+    return float(np.mean(below[len(found) :]) - np.mean(below[: len(found)]))
+
+
+def test_what_is_extrapolated_of_a_softer_stop_is_the_energy_at_full_compression():
+    """Cycles with exponentially distributed energies against 10 kN/m up to 1 mm, then 1 kN/m, behind a spring."""
+    law = replace(
+        kelvin_voigt(1e4), parts=None, static=(OneSidedSpring(1, 1e4, 0, 0), OneSidedSpring(1, -9e3, 0, 1e-3))
+    )
+    stiffness, gap = 2e3, 0.5e-3
+    depth = np.linspace(0.0, 0.1, 1_000_001)
+    force = 1e4 * np.minimum(depth, 1e-3) + 1e3 * np.maximum(depth - 1e-3, 0.0)
+    energy = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(depth))])
+    energy += 0.5 * stiffness * (depth + gap) ** 2
+    mean, generator = 2.5e-3, np.random.default_rng(0)  # J
+    found = []
+    for _ in range(100):
+        x = np.interp(mean * generator.exponential(size=800), energy, force)
+        found.append(largest_of_test(x, 400.0, 8000.0, Compression(law, stiffness, -gap, 0.0)))
+    exact = np.interp(mean * (np.log(8000.0) + np.euler_gamma), energy, force)
+    assert np.mean([s["expected_peak"] for s in found]) == pytest.approx(exact, rel=0.01)
+    assert 0.93 < share_of_tests(found, 8000, lambda peak: np.interp(peak, force, energy) / mean) < 0.97
+
+
+def test_segments_whose_peaks_go_together_are_joined():
+    """Amplitudes that last for four of the segments that the degrees of freedom make."""
+    generator, found = np.random.default_rng(1), []
+    for _ in range(200):
+        amplitude = np.outer(np.sqrt(generator.exponential(size=30)), np.linspace(1.0, 0.99, 64)).ravel()
+        x = amplitude * np.cos(np.pi * np.arange(amplitude.size))
+        found.append(largest_of_test(x, 8.0 * 50, 10.0 * x.size))
+    assert 0.88 < share_of_tests(found, 300, lambda peak: peak**2) < 0.98
 
 
 def test_the_largest_value_of_a_force_that_gives_way_is_its_limit():

@@ -12,26 +12,41 @@ that of :math:`p_k`. Where the kurtosis exceeds that of a Gaussian signal, the m
 divided by half of the kurtosis less 1. The interval is that of repeated records of a Gaussian input, whether the
 amplitudes of this one are random or fixed.
 
-*The largest value of a test.* The record is cut into N segments. The squares of their peaks, of which the mean of the
-signal is taken off, follow E. J. Gumbel's distribution (Statistics of Extremes, 1958): it is the limit for a Gaussian
-signal (A. G. Davenport, Proc. ICE 28, 1964) and for an oscillator on linear stops, the energy of whose peaks is
-exponentially distributed. With location u and scale b from the first two L-moments (J. R. M. Hosking, J. R. Stat. Soc.
-B 52, 1990), the largest square of r segments is u + b (ln r + G), G being a standard Gumbel variable. The distribution
-of :math:`(\ln r + G - \hat u) / \hat b` does not depend on u and b: its quantiles give an interval which also holds
-how little N segments say. A segment has some four degrees of freedom, so that its peak says nothing of the next one.
+*The largest value of a test.* The record is cut into N segments. The energies at their peaks follow E. J. Gumbel's
+distribution (Statistics of Extremes, 1958), since energy is exponentially distributed: in the limit for a Gaussian
+signal (A. G. Davenport, Proc. ICE 28, 1964), and in stationary white noise for an oscillator with any spring (T. K.
+Caughey, J. Acoust. Soc. Am. 35, 1963). The energy is the square of the distance from the mean, and of a snubber's force
+F what is stored where the structure is turned back: with the penetration :math:`\delta` of its law after a long rest,
+means :math:`\bar\delta, \bar F` and the static stiffness k of the structure at the snubber,
+
+.. math:: \int_0^\delta F d\delta - \bar F (\delta - \bar\delta) + k (\delta - \bar\delta)^2 / 2.
+
+With location u and scale b from the first two L-moments (J. R. M. Hosking, J. R. Stat. Soc. B 52, 1990), the largest
+energy of r segments is u + b (ln r + G), G being a standard Gumbel variable. The distribution of
+:math:`(\ln r + G - \hat u) / \hat b` does not depend on u and b: its quantiles give an interval which also holds how
+little N segments say. A segment has eight degrees of freedom, so that its peak says nothing of the next one. Where the
+frequency changes with the amplitude they seem to be more than they are: segments are joined in pairs as long as
+neighbours have high peaks together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.analyses.run.impacts import CONFIDENCE, SKIPPED
 from beamsim.analyses.run.linear_prediction import linear_responses
-from beamsim.analyses.run.result import MAIN_QUANTITY, RandomResponse, RunResult, SignalStatistics
+from beamsim.analyses.run.result import (
+    MAIN_QUANTITY,
+    RandomResponse,
+    RunResult,
+    SignalStatistics,
+    SnubberHistory,
+)
+from beamsim.contacts.laws import ContactLaw
 from beamsim.inputs.measured import limit_curve
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD, MOMENT_PSD
@@ -42,8 +57,9 @@ from beamsim.typing import Complexes, Floats
 _DENSITY_OF = {"m/s^2": ACCELERATION_PSD.name, "N": FORCE_PSD.name, "N m": MOMENT_PSD.name}
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
-FREEDOM_OF_SEGMENT = 4  # degrees of freedom of a segment that has a peak of its own
+FREEDOM_OF_SEGMENT = 8  # degrees of freedom of a segment that has a peak of its own
 FEWEST_SEGMENTS, MOST_SEGMENTS = 5, 50
+EXPECTED = "expected_peak", "expected_peak_low", "expected_peak_high"
 SAME_PEAK = 1e-9  # relative, within which the largest peaks of two segments are one, which none exceeds
 DRAWS = 20_000  # of segments, for the interval of a largest value
 LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
@@ -78,7 +94,11 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
 
     def statistics(name: str, quantity: str, unit: str, x: Floats) -> SignalStatistics:
         figures: dict[str, Any] = statistics_of(x, rate) | rms_interval(x)
-        figures |= largest_of_test(x, figures.get("degrees_of_freedom", 0.0), tested * rate)
+        of_test = figures.get("degrees_of_freedom", 0.0), tested * rate
+        if quantity == "force" and name in result.snubbers:
+            figures |= largest_of_test(x, *of_test, _compression(system, result.snubbers[name], first))
+        else:
+            figures |= largest_of_test(x, *of_test)
         return SignalStatistics(
             name=name, quantity=quantity, unit=unit, density=cross_density(x, x, rate, length).real,
             limit=limit_curve(scenario, "psd", name, _DENSITY_OF.get(unit, ""), frequency),
@@ -216,7 +236,51 @@ def rms_interval(x: Floats) -> dict[str, float]:
     return {"degrees_of_freedom": freedom, "rms_low": low, "rms_high": high}
 
 
-def largest_of_test(x: Floats, freedom: float, samples: float) -> dict[str, float]:
+class Compression(NamedTuple):
+    """A snubber between a structure and its stand: what is stored where the structure is turned back."""
+
+    law: ContactLaw
+    stiffness: float  # N/m, static, of the structure at the snubber; 0 where it moves freely
+    penetration: float  # m, mean
+    force: float  # N, mean
+
+    def energy(self, force: float) -> float:
+        """J, at a peak of the force, N; see the module."""
+        return self._stored(self.law.static_penetration(force))
+
+    def largest(self, energy: float) -> float:
+        """Force, N, at the peak that has an energy, J; that where the energy is least for a smaller one."""
+        from scipy.optimize import brentq
+
+        # from the larger of the two on it grows with the penetration, as no law becomes weaker
+        low = max(self.penetration, self.law.static_penetration(self.force) if self.force > 0.0 else 0.0)
+        high, step = low, abs(self.penetration)
+        while self._stored(high) < energy:
+            high, step = high + step, 2.0 * step
+        if high > low:
+            high = brentq(lambda penetration: self._stored(penetration) - energy, low, high)
+        return float(self.law.static_force(np.array(high)))
+
+    def _stored(self, penetration: float) -> float:
+        moved = penetration - self.penetration
+        springs = self.law.static_springs
+        pressed = (0.5 * s.stiffness * max(s.direction * penetration - s.offset, 0.0) ** 2 for s in springs)
+        return sum(pressed) - self.force * moved + 0.5 * self.stiffness * moved**2
+
+
+def _compression(system: StructuralSystem, snubber: SnubberHistory, first: int) -> Compression:
+    """A snubber of a run, and the structure behind it, with means from a sample on."""
+    contacts, omega2 = system.dynamics.contacts, system.dynamics.stiffness
+    j = [each.name for each in system.snubbers].index(snubber.name)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        compliance = float(np.nansum(contacts.shape[j] ** 2 / omega2))  # infinite of a body that moves freely there
+    means = float(snubber.penetration[first:].mean()), float(snubber.force[first:].mean())
+    return Compression(contacts.laws[j], 1.0 / compliance, *means)
+
+
+def largest_of_test(
+    x: Floats, freedom: float, samples: float, compression: Compression | None = None
+) -> dict[str, float]:
     """Largest magnitude that a stationary signal is expected to reach in a test, and its interval.
 
     Parameters
@@ -224,6 +288,7 @@ def largest_of_test(x: Floats, freedom: float, samples: float) -> dict[str, floa
     x : (nt,) samples of the signal.
     freedom : degrees of freedom of their mean square.
     samples : of the whole test.
+    compression : of the snubber whose force the signal is; None of other signals.
 
     Returns
     -------
@@ -233,19 +298,39 @@ def largest_of_test(x: Floats, freedom: float, samples: float) -> dict[str, floa
     if count < FEWEST_SEGMENTS:
         return {}
     mean = abs(float(x.mean()))
-    peaks = np.array([np.abs(part).max() for part in np.array_split(x, count)]) - mean
-    if peaks.min() <= 0.0:
+    peaks = np.array([np.abs(part).max() for part in np.array_split(x, count)])
+    if peaks.min() <= (mean if compression is None else 0.0):
         return {}
     bounded = np.sort(peaks)[-2:]
     if np.ptp(bounded) <= SAME_PEAK * bounded[1]:  # the limit of a force that gives way
-        limit = mean + float(bounded[1])
-        return {"expected_peak": limit, "expected_peak_low": limit, "expected_peak_high": limit}
-    place, scale = _gumbel(peaks**2)
-    segments = count * samples / x.size
-    low, high = place + scale * _pivots(count, segments)
-    expected = place + scale * (np.log(segments) + np.euler_gamma)
-    roots = mean + np.sqrt(np.maximum([expected, low, high], 0.0))
-    return dict(zip(("expected_peak", "expected_peak_low", "expected_peak_high"), roots.tolist(), strict=True))
+        return dict.fromkeys(EXPECTED, float(bounded[1]))
+    if compression is None:
+        energies = (peaks - mean) ** 2
+    else:
+        energies = np.array([compression.energy(peak) for peak in peaks.tolist()])
+        if not np.isfinite(energies).all():  # more than the law gives: most of it is that of a dashpot
+            return {}
+    energies = _independent(energies)
+    place, scale = _gumbel(energies)
+    segments = energies.size * samples / x.size
+    low, high = place + scale * _pivots(energies.size, segments)
+    largest = [float(place + scale * (np.log(segments) + np.euler_gamma)), float(low), float(high)]
+    if compression is None:
+        found = [mean + float(np.sqrt(max(energy, 0.0))) for energy in largest]
+    else:
+        found = [compression.largest(energy) for energy in largest]
+    return dict(zip(EXPECTED, found, strict=True))
+
+
+def _independent(peaks: Floats) -> Floats:
+    """Peaks of segments (N,), joined in pairs as long as neighbours are high together."""
+    while peaks.size >= 2 * FEWEST_SEGMENTS:
+        about = peaks - peaks.mean()
+        if about[1:] @ about[:-1] <= 0.0:
+            break
+        pairs = peaks[: 2 * (peaks.size // 2)].reshape(-1, 2)
+        peaks = pairs.max(axis=1)
+    return peaks
 
 
 def _gumbel(x: Floats) -> tuple[Floats, Floats]:
