@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from typing import Any
@@ -69,7 +69,7 @@ def problems(scenario: ScenarioParts) -> list[Problem]:
     if unfit := list(_bodies(scenario)):  # from which rates and frequencies follow
         return [*unfit, *_places(scenario)]
     checks = (
-        _directions, _places, _joints, _names, _outputs, _run, _start, _sweeps, _moving_stops, _levels, _identification,
+        _directions, _places, _joints, _names, _outputs, _run, _start, _sweeps, _unfollowed, _levels, _identification,
         _modes, _cases, _tolerances, _sensitivities, _limits, _pressed_friction,
     )  # fmt: skip
     return [found for check in checks for found in check(scenario)]
@@ -707,7 +707,6 @@ def _sweeps(scenario: ScenarioParts) -> Problems:
         return
     assert isinstance(excitation, Harmonic | Forces)
     if sweep.kind == "swept_sine":
-        yield from _swept_supports(excitation)
         samples = sweep.duration * (sweep.history_rate or 0.0)
         if samples > MOST_SAMPLES:
             yield problem(
@@ -787,31 +786,29 @@ def _unit_problems(path: Path, limit: float, dimension: units.Dimension | None, 
         yield problem(path, f"is in {said or 'no unit'}, {but}", f"write {dimension.example}")
 
 
-def _swept_supports(excitation: Harmonic | Forces) -> Problems:
-    """Supports follow a sine of constant frequency only: while the frequency changes, their motion would drift."""
-    for path, force in excitation.items:
-        if isinstance(force.applied_to, MovedSupport):
-            yield problem(
-                ("excitation", *path, "applied_to"),
-                "is a support that moves, which a swept sine does not follow",
-                "use sweep.kind: stepped or continuation, move the base (applied_to: base), or model what moves the "
-                "support as a body",
-            )  # fmt: skip
+def _unfollowed(scenario: ScenarioParts) -> Problems:
+    """Stops that move by themselves or with a support, which runs alone follow, and supports that move.
 
-
-def _moving_stops(scenario: ScenarioParts) -> Problems:
-    """Runs alone follow stops that move by themselves or with a support."""
+    Supports follow a sine of constant frequency only: while the frequency changes, their motion would drift.
+    """
     sections: dict[str, Any] = {"sweep": scenario.sweep, "identify_stiffness": scenario.identify_stiffness}
     if scenario.nnm is not None:
         sections["nnm.phase_resonance"] = scenario.nnm.phase_resonance
     used = [name for name, section in sections.items() if section is not None]
+    sine = "phase resonance" if "nnm.phase_resonance" in used else ""
+    sine = "a swept sine" if getattr(scenario.sweep, "kind", "") == "swept_sine" else sine
     remedy = f"leave {' and '.join(used)} out, or mount it on the base"
     driven = scenario.excitation.items if used else []
     for path, each in driven:
+        at = ("excitation", *path, "applied_to")
         if isinstance(each.applied_to, MovedStop):
+            yield problem(at, f"is a stop that moves, which {used[0]} does not follow", remedy)
+        elif isinstance(each.applied_to, MovedSupport) and sine:
             yield problem(
-                ("excitation", *path, "applied_to"), f"is a stop that moves, which {used[0]} does not follow", remedy
-            )
+                at, f"is a support that moves, which {sine} does not follow",
+                "use sweep.kind: stepped or continuation, move the base (applied_to: base), or model what moves the "
+                "support as a body",
+            )  # fmt: skip
     if any(isinstance(each.applied_to, MovedSupport) for _, each in driven):
         for at, _, snubber, _ in scenario.located_snubbers:
             if isinstance(getattr(snubber, "mounted_on", None), OnSupport):
@@ -972,15 +969,13 @@ def _identification(scenario: ScenarioParts) -> Problems:
         yield _no_stop_of_hinge(f"{_TOP}.snubber", section.snubber)
     if section.shapes_without is not None:
         yield from _shapes(scenario, section, section.shapes_without)
-    for index, known in enumerate(section.parameter_uncertainty):
-        try:
-            _known(scenario, known.parameter)
-        except Unfit as error:
-            yield error.problem((_TOP, "parameter_uncertainty", index))
-    yield from _all_sought(scenario, section.update, (_TOP, "update"), words=True)
+    uncertain = (_TOP, "parameter_uncertainty")
+    yield from _each_once(section.parameter_uncertainty, uncertain, lambda each: _known(scenario, each.parameter))
+    yield from _each_once(section.update, (_TOP, "update"), lambda each: _sought(scenario, each, words=True))
     if section.nonlinear is None:
         return
-    yield from _all_sought(scenario, section.nonlinear.estimate, (_TOP, "nonlinear", "estimate"), words=False)
+    estimate = section.nonlinear.estimate
+    yield from _each_once(estimate, (_TOP, "nonlinear", "estimate"), lambda each: _sought(scenario, each, words=False))
     steady = any(test.kind != "transient" for test in section.nonlinear.used.values())
     if steady and not isinstance(scenario.excitation, Harmonic):
         yield not_harmonic(f"{_TOP}.nonlinear", "a harmonic excitation", scenario.excitation)
@@ -1013,15 +1008,23 @@ def _shapes(scenario: ScenarioParts, section: IdentifyStiffness, shapes: Measure
             yield from body.shape_problems(where, (*at, "positions", index), position)
 
 
-def _known(scenario: ScenarioParts, path: str) -> None:
-    """Demand numbers at a path."""
-    for place in find_parameters(scenario, path, ("parameter",)):
-        if choices_at(scenario, place) or isinstance(value_at(scenario, place), str | Rate):
-            raise Unfit(f"= {path} is not a number", "name a number", ("parameter",))
+def _known(scenario: ScenarioParts, path: str) -> list[Path]:
+    """The places of a path, at which there must be numbers."""
+    places = find_parameters(scenario, path, ("parameter",))
+    if any(choices_at(scenario, place) or isinstance(value_at(scenario, place), str | Rate) for place in places):
+        raise Unfit(f"= {path} is not a number", "name a number", ("parameter",))
+    return places
 
 
-def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> None:
-    """Demand numbers that the bounds hold; ``words`` where a choice may be sought too, and numbers by a factor."""
+def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> list[Path]:
+    """The places that are sought, at which there must be numbers that the bounds hold.
+
+    Parameters
+    ----------
+    scenario : that has them.
+    item : what is sought.
+    words : whether a choice may be sought too, and numbers by a factor.
+    """
     path, at = item.parameter, ("parameter",)
     places = find_parameters(scenario, path, at)
     choices = choices_at(scenario, places[0])
@@ -1029,14 +1032,13 @@ def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> N
         if item.bounds or item.prior is not None:
             among = f"= {path} is a choice between {', '.join(choices)}: it has no bounds and no prior"
             raise Unfit(among, "leave them out; every choice is tried", at)
-        return
-    _known(scenario, path)
-    values = [value_at(scenario, place) for place in places]
+        return places
+    values = [value_at(scenario, place) for place in _known(scenario, path)]
     if words and not all(value > 0 for value in values):
         zero = f"= {path} is zero in this scenario, and is varied by a factor"
         raise Unfit(zero, "give it a rough value to start from, or leave it out", at)
     if not item.bounds:
-        return
+        return places
     low, high = bounds_of(scenario, item)
     if not low < high:
         raise Unfit(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
@@ -1045,21 +1047,33 @@ def _sought(scenario: ScenarioParts, item: SoughtParameter, *, words: bool) -> N
             f"= [{low:g}, {high:g}] does not hold the scenario's value {values[0]:g}, where the search starts",
             "widen the bounds, change the value, or write the unit", ("bounds",),
         )  # fmt: skip
+    return places
 
 
-def _all_sought(scenario: ScenarioParts, items: Sequence[SoughtParameter], at: Path, *, words: bool) -> Problems:
-    """What is wrong with each of them, and numbers that are listed twice."""
-    seen: dict[Path, int] = {}
+def _each_once(items: Sequence[Any], section: Path, places_of: Callable[[Any], Iterable[Path]]) -> Problems:
+    """What is wrong with each of the numbers that a section lists, and those that are listed twice.
+
+    Parameters
+    ----------
+    items : as they are listed.
+    section : path of the list.
+    places_of : the places of a number; raises `Unfit`.
+
+    Yields
+    ------
+    Problem
+    """
+    taken: dict[Path, int] = {}
     for index, item in enumerate(items):
         try:
-            _sought(scenario, item, words=words)
-            first = min(seen.setdefault(place, index) for place in find_parameters(scenario, item.parameter))
+            first = min(taken.setdefault(place, index) for place in places_of(item))
         except Unfit as error:
-            yield error.problem((*at, index))
+            yield error.problem((*section, index))
             continue
         if first != index:
-            message = f"= {item.parameter} is listed twice, also by {path_text((*at, first))}"
-            yield problem((*at, index, "parameter"), message, "list every parameter once")
+            key = "parameter" if hasattr(item, "parameter") else "path"
+            message = f"= {getattr(item, key)} takes a number that {path_text((*section, first))} takes already"
+            yield problem((*section, index, key), message, "list every number once")
 
 
 # --- nonlinear modes ---
@@ -1100,12 +1114,6 @@ def _phase_resonance(scenario: ScenarioParts, section: PhaseResonance, method: s
         yield Problem("nnm.phase_resonance", "needs the exact mode, not its expansion", "use method: shooting")
     if not isinstance(excitation, Harmonic):
         yield not_harmonic("nnm.phase_resonance", "a harmonic excitation, whose frequency is computed", excitation)
-        return
-    if isinstance(excitation.applied_to, MovedSupport):
-        yield Problem(
-            "excitation.applied_to", "is a support that moves, which phase resonance does not account for",
-            "move the base (applied_to: base), or apply a force",
-        )  # fmt: skip
         return
     if not section.levels and not excitation.level > 0:
         yield Problem("excitation.level", "is zero and sustains no motion", "give nnm.phase_resonance.levels")
@@ -1197,22 +1205,7 @@ def _reliability(scenario: ScenarioParts, vary: Reliability) -> Problems:
 
 def _parameter_problems(scenario: ScenarioParts, parameters: Sequence[Any], section: Path) -> Problems:
     """What is wrong with the parameters that a section lists, each alone and with the others."""
-    taken: dict[Path, int] = {}
-    for index, parameter in enumerate(parameters):
-        at = (*section, index)
-        try:
-            varied = resolve_parameter(scenario, parameter)
-        except Unfit as error:
-            yield error.problem(at)
-            continue
-        for place in varied.set_by:
-            if taken.setdefault(place, index) != index:
-                yield problem(
-                    (*at, "path"),
-                    f"= {varied.path} is varied twice, also by {path_text((*section, taken[place]))}",
-                    "list every parameter once",
-                )
-                break
+    yield from _each_once(parameters, section, lambda each: resolve_parameter(scenario, each).set_by)
 
 
 def _correlation_problems(sample: LatinHypercube | Reliability | Tolerances, section: Path) -> Problems:
