@@ -72,8 +72,9 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
     for name in ("update_misfit", "nonlinear_misfit"):
         if name in s:
             yield f"misfit {_misfit(result, s[name])}"
-    if (fit := result.nonlinear) is not None and len(fit.records) > 1 and fit.misfit > 0.0:
-        worst = min(fit.records, key=lambda test: test.misfit_without)
+    judged = [] if (fit := result.nonlinear) is None else [r for r in fit.records if np.isfinite(r.misfit_without)]
+    if fit is not None and judged and fit.misfit > 0.0:
+        worst = min(judged, key=lambda test: test.misfit_without)
         share = percent(worst.misfit / fit.misfit, 2)
         yield f"{worst.name} has {share} of the misfit; without it {worst.misfit_without:.4g} would be left"
     if "starts_agreeing" in s:

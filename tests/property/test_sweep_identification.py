@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.peaks import SweptPeaks
+from beamsim.cli.measured import identification_screen
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.parts import SharedBuilds
@@ -145,6 +146,43 @@ def test_a_level_below_contact_tells_the_structure_and_that_a_sweep_is_too_fast(
     assert found.numbers == pytest.approx([10.0 * r[np.argmax(amplitude)], amplitude.max()], rel=1e-6)
     assert found.bandwidth == pytest.approx(TRUTH[DASHPOT] / (2 * np.pi), rel=1e-9)  # c / m / (2 pi), in Hz
     assert "1 Hz/s is fast for a bandwidth of 0.318 Hz" in test.doubts(found)[0]  # 0.1 times its square is 0.01
+
+
+@pytest.mark.slow
+def test_a_motion_that_loses_its_stability_on_the_way_to_a_peak_is_named():
+    """The period doubles from 8.6 to 9.4 Hz beside a stiff stop, as it does integrated; the peak is at 14.8 Hz."""
+    numbers = {STOP: 30e3, GAP: 1e-4, DASHPOT: 2.0}
+
+    def doubts(direction, **more):
+        scenario = case([row(1.0, direction, jump=None, **{"from": 8, "to": 16, **more})], numbers)
+        test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
+        return test.doubts(test.predicted(test.case(scenario), None, SharedBuilds()))
+
+    def differs(frequency):
+        def rate(tau, y):
+            force = -SPRING * y[0] - 2.0 * y[1] - 30e3 * max(y[0] - 1e-4, 0.0) - np.sin(tau)
+            return [y[1] / (2 * np.pi * frequency), force / (2 * np.pi * frequency)]
+
+        ends = 2 * np.pi * np.array([300, 301, 302])
+        x = solve_ivp(rate, (0, ends[-1]), [0, 0], "DOP853", ends, rtol=1e-8, atol=1e-12, max_step=0.2).y[0]
+        return abs(x[1] - x[0]) > 0.05 * abs(x[0]), abs(x[2] - x[0]) > 1e-3 * abs(x[0])
+
+    (said,) = doubts("up")
+    assert "the motion at 8.6" in said
+    assert doubts("down") == doubts("up", **{"from": 9.6}) == []  # the peak comes first
+    assert [differs(f) for f in (8.4, 9.0, 9.6)] == [(False, False), (True, False), (False, False)]
+
+
+def test_tests_of_which_none_can_be_spared_are_not_said_to_explain_the_misfit():
+    """Two rows of two numbers each, for two parameters: without one of them nothing is left to judge the other by."""
+    heights = {0.05: 0.26, 0.06: 0.31, 0.07: 0.37}
+    tests = [row(at, "up", (10.0, x), jump=None, **{"from": 9.9, "to": 10.1}) for at, x in heights.items()]
+    few, enough = (identify_stiffness(case(tests[:n], estimate=[DASHPOT, "chain.springs[0]"]), []) for n in (2, 3))
+    assert few.nonlinear.degrees_of_freedom == 2
+    assert np.isnan([record.misfit_without for record in few.nonlinear.records]).all()
+    assert not any("of the misfit" in line for line in identification_screen(few).lines)
+    assert np.isfinite([record.misfit_without for record in enough.nonlinear.records]).all()
+    assert any("of the misfit" in line for line in identification_screen(enough).lines)
 
 
 def test_without_jump_in_the_model_the_row_is_named():

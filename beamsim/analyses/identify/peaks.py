@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -23,7 +24,7 @@ from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.records import Compared, Misfit, Prediction, Test, fit_of
 from beamsim.analyses.identify.result import SweepFit
 from beamsim.flow.variational import VariationalFlow, motion_on
-from beamsim.orbits.branch import BranchPoint
+from beamsim.orbits.branch import BranchPoint, share_of_step
 from beamsim.orbits.continuation import Settings, correct, correct_across, locate, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.scenario import Scenario
@@ -34,8 +35,8 @@ from beamsim.system.parts import SharedBuilds
 from beamsim.typing import Floats
 
 _EXACT = Settings(iterations=15)
-_NEAR = 5e-3  # of a known feature, likewise, within which one of a neighbouring model is looked for
-_APART = 1e-3  # half the distance of the two motions whose peaks give the slope of the peak, in the scale of a branch
+_NEAR = 2e-2  # of a known feature, likewise, within which one of a neighbouring model is looked for
+_APART = 1e-3  # between the motions that give a peak as a parabola, in the scale of a branch
 
 
 class Feature(NamedTuple):
@@ -52,15 +53,24 @@ class _Curve:
     orbits: ForcedOrbits
     measurement: Measurement
     channels: tuple[int, ...]  # of each peak, among those that are measured
+    test: SweepTest
 
-    def traced(self, low: float, high: float) -> tuple[BranchPoint, ...]:
-        """The branch between two frequencies, rad/s."""
+    @property
+    def way(self) -> float:
+        """1 where the frequency rises, else -1."""
+        return 1.0 if self.test.direction == "up" else -1.0
+
+    @cached_property
+    def points(self) -> tuple[BranchPoint, ...]:
+        """The branch between both frequencies of a sweep, in its direction."""
+        low, high = 2 * np.pi * self.test.from_, 2 * np.pi * self.test.to
         found = trace_range(Tracer(self.orbits, (0.5 * low, 2.0 * high)), low, high, Budget(4000, np.inf))
         pieces = [piece for branch in found for piece in cut(branch, low, high)]
         whole = [piece for piece in pieces if piece.span[0] <= low * (1 + 1e-9) and piece.span[1] >= high * (1 - 1e-9)]
         if not whole:
             raise UnpredictableError("the branch of periodic motions does not reach from one frequency to the other")
-        return tuple(whole[0].points)
+        points = tuple(whole[0].points)
+        return points if (points[-1].parameter - points[0].parameter) * self.way > 0 else points[::-1]
 
     def heights(self, point: BranchPoint) -> Floats:
         """Of each measured peak."""
@@ -74,18 +84,23 @@ class _Curve:
             raise UnpredictableError("a motion beside a peak or jump was not found")
         return found
 
-    def slope(self, point: BranchPoint, peak: int) -> float:
-        """Of a peak along the branch."""
-        before, after = (self.heights(self.moved(point, side * _APART))[peak] for side in (-1.0, 1.0))
-        return float(after - before)
-
     def fold(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
         """The fold between two points."""
         return locate(self.orbits, a, b, lambda p: float(p.tangent[-1]), _EXACT)
 
-    def top(self, a: BranchPoint, b: BranchPoint, peak: int) -> BranchPoint | None:
-        """The largest peak between two points."""
-        return locate(self.orbits, a, b, lambda p: self.slope(p, peak), _EXACT)
+    def top(self, point: BranchPoint, peak: int) -> BranchPoint | None:
+        """The largest peak beside a point, by parabolas through three of them; None where there is none."""
+        for _ in range(_EXACT.iterations):
+            sides = [self.heights(self.moved(point, side * _APART))[peak] for side in (-1.0, 1.0)]
+            slope, bend = sides[1] - sides[0], sides[0] + sides[1] - 2.0 * self.heights(point)[peak]
+            if bend >= 0.0:
+                return None
+            away = -0.5 * slope / bend
+            # 20: of these distances, furthest way in one go
+            point = self.moved(point, _APART * float(np.clip(away, -20, 20)))
+            if abs(away) < 1.0:
+                return point
+        return None
 
     def landing(self, near: BranchPoint, frequency: float) -> BranchPoint:
         """The motion at the frequency of a jump after it."""
@@ -96,32 +111,26 @@ class _Curve:
 
     def beside(self, known: Feature, jump: Feature | None, peak: int = 0) -> Feature | None:
         """A feature beside one of a neighbouring model; None where it is not that near."""
-        if known.kind == "landing":
-            assert jump is not None
-            return Feature("landing", self.landing(known.point, jump.point.parameter))
         if known.kind == "jump" and jump is not None:
             return jump
-        centre = solve_at(self.orbits, known.point.u, _EXACT) if known.kind == "start" else None
-        if known.kind == "start":
-            return None if centre is None else Feature("start", centre)
-        centre = correct_across(self.orbits, known.point.u, _EXACT)
-        if centre is None:
+        found: BranchPoint | None
+        if known.kind == "landing" and jump is not None:
+            found = self.landing(known.point, jump.point.parameter)
+        elif known.kind == "start":
+            found = solve_at(self.orbits, known.point.u, _EXACT)
+        elif (centre := correct_across(self.orbits, known.point.u, _EXACT)) is None:
             return None
-        a, b = (self.moved(centre, side * _NEAR) for side in (-1.0, 1.0))
-        found = self.fold(a, b) if known.kind == "jump" else self.top(a, b, peak)
+        elif known.kind == "jump":
+            found = self.fold(*(self.moved(centre, side * _NEAR) for side in (-1.0, 1.0)))
+        elif (found := self.top(centre, peak)) and _determinant(found) * _determinant(known.point) < 0:
+            return None  # beyond a fold
         return None if found is None else Feature(known.kind, found)
 
-    def followed(self, points: Sequence[BranchPoint], up: bool) -> tuple[list[list[Feature]], Feature | None]:
-        """The parts of a branch that a sweep follows, with their ends, and its first jump.
-
-        Parameters
-        ----------
-        points : along the branch, in the direction of the sweep.
-        up : whether the frequency rises.
-        """
-        way = 1.0 if up else -1.0
+    @cached_property
+    def followed(self) -> tuple[list[list[Feature]], Feature | None]:
+        """The parts of the branch that a sweep follows, with their ends, and its first jump."""
         parts, part, first = list[list[Feature]](), list[Feature](), None
-        rest = iter(pairwise(points))
+        way, rest = self.way, iter(pairwise(self.points))
         for a, b in rest:
             part.append(Feature("start", a))
             if (b.parameter - a.parameter) * way > 0 and float(b.tangent[-1]) * float(a.tangent[-1]) > 0:
@@ -137,16 +146,28 @@ class _Curve:
                     break
             else:
                 raise UnpredictableError("after a jump there is no motion within from and to: give a wider range")
-        return [*parts, [*part, Feature("start", points[-1])]], first
+        return [*parts, [*part, Feature("start", self.points[-1])]], first
 
-    def highest(self, parts: Sequence[Sequence[Feature]], peak: int) -> Feature:
-        """Where a peak is largest on what a sweep follows."""
-        heights = [[self.heights(f.point)[peak] for f in part] for part in parts]
-        p = int(np.argmax([max(each) for each in heights]))
+    def highest(self) -> tuple[Feature, ...]:
+        """Where each peak is largest on what a sweep follows."""
+        parts, _ = self.followed
+        heights = [np.array([self.heights(f.point) for f in part]) for part in parts]
+        return tuple(
+            self._highest(parts, [each[:, peak] for each in heights], peak) for peak in range(len(self.channels))
+        )
+
+    def _highest(self, parts: Sequence[Sequence[Feature]], heights: Sequence[Floats], peak: int) -> Feature:
+        p = int(np.argmax([each.max() for each in heights]))
         k, part = int(np.argmax(heights[p])), parts[p]
         inner = part[max(k - 1, 0)].point, part[min(k + 1, len(part) - 1)].point
-        found = self.top(*inner, peak)
-        return part[k] if found is None else Feature("top", found)
+        found = self.top(part[k].point, peak)
+        inside = found is not None and 0.0 <= share_of_step(*inner, found) <= 1.0
+        return Feature("top", found) if found is not None and inside else part[k]
+
+
+def _determinant(point: BranchPoint) -> float:
+    """A number with the sign of that of the derivative by the state, which changes at folds alone."""
+    return point.orientation * float(point.tangent[-1])
 
 
 @dataclass(frozen=True)
@@ -211,7 +232,7 @@ class SweptPeaks(Test):
         test, curve = self.test, self._curve(case, shared)
         try:
             found = None if near is None else self._beside(curve, near)
-            jump, tops = found or self._whole(curve, test)
+            jump, tops = found or self._whole(curve)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise UnpredictableError(f"{self.name}: {error}") from error
         numbers = [] if test.jump is None or jump is None else [jump.point.parameter / (2 * np.pi)]
@@ -236,7 +257,9 @@ class SweptPeaks(Test):
         keys = dict.fromkeys(("probes", quantity) for _, quantity in (*self.places, ("", "displacement")))
         channels = system.channels.of_keys(*keys)
         columns = {(each.name, each.quantity): k for each, k in channels.located}
-        return _Curve(orbits, Measurement(system, harmonic, channels, 1), tuple(columns[at] for at in self.places))
+        return _Curve(
+            orbits, Measurement(system, harmonic, channels, 1), tuple(columns[at] for at in self.places), self.test
+        )
 
     @staticmethod
     def _beside(curve: _Curve, near: SweepPrediction) -> tuple[Feature | None, tuple[Feature, ...]] | None:
@@ -249,15 +272,12 @@ class SweptPeaks(Test):
                 return (jump, found) if len(found) == len(tops) else None
         return None
 
-    @staticmethod
-    def _whole(curve: _Curve, test: SweepTest) -> tuple[Feature | None, tuple[Feature, ...]]:
+    def _whole(self, curve: _Curve) -> tuple[Feature | None, tuple[Feature, ...]]:
         """Jump and peaks on the whole branch."""
-        up = test.direction == "up"
-        points = curve.traced(2 * np.pi * test.from_, 2 * np.pi * test.to)
-        parts, jump = curve.followed(points if up == (points[0].parameter < points[-1].parameter) else points[::-1], up)
-        if test.jump is not None and jump is None:
-            raise UnpredictableError(f"{test.label}: the model does not jump")
-        return jump, tuple(curve.highest(parts, k) for k in range(len(curve.channels)))
+        _, jump = curve.followed
+        if self.test.jump is not None and jump is None:
+            raise UnpredictableError(f"{self.name}: the model does not jump")
+        return jump, curve.highest()
 
     def compared(self, prediction: Any, gain: float, near: Compared | None) -> Compared:
         """Numbers beside the table; see `Transient.compared`."""
@@ -269,8 +289,7 @@ class SweptPeaks(Test):
     def fitted(self, part: Misfit, before: Compared, found: Compared) -> SweepFit:
         """See `Transient.fitted`."""
         prediction: SweepPrediction = found.values
-        low, high = (2 * np.pi * f for f in (self.test.from_, self.test.to))
-        points = prediction.curve.traced(low, high)
+        points = prediction.curve.points
         return SweepFit(
             **self.described(part, found),
             level=prediction.curve.orbits.level,
@@ -284,27 +303,39 @@ class SweptPeaks(Test):
             branch_peak=np.array([prediction.curve.heights(point)[0] for point in points]),
         )
 
+    def _unstable(self, prediction: SweepPrediction) -> float | None:
+        """Hz, the first motion that is followed and not stable, up to the last one that is compared."""
+        curve, jump = prediction.curve, prediction.jump
+        ends = [*(prediction.tops if self.test.peaks else ()), *([jump] if jump and self.test.jump else [])]
+        last = max(curve.way * end.point.parameter for end in ends)
+        inner = [f for part in curve.followed[0] for f in part if f.kind == "start"]
+        inner += [top for top in prediction.tops if top.kind == "top"]  # at folds and landings round-off decides
+        lost = [curve.way * f.point.parameter for f in inner if not curve.orbits.orbit(f.point).stable]
+        first = min(lost, default=np.inf)
+        return curve.way * first / (2 * np.pi) if first <= last else None
+
     def doubts(self, prediction: Any) -> list[str]:
-        """Warnings where a sweep does not show the motion of its largest peak: that is not stable, or comes right after
-        a jump, or the sweep passes it too fast (0.1 times the square of the bandwidth, in Hz, by integrated sweeps)."""
-        if self.test.peaks and any(top.kind == "landing" for top in prediction.tops):
-            return [
-                f"{self.name}: its peak is the one right after the jump, which overshoots however slow the sweep is; "
-                "give the amplitude to which it settles there, or leave peaks out"
-            ]
-        if prediction.bandwidth < 0.0 and prediction.tops[0].kind != "jump":  # where it is zero but for round-off
-            return [
-                f"{self.name}: the motion of the largest peak is not stable: the sweep leaves it before, otherwise "
-                "than at a fold; narrow from and to, or fit the time history of the sweep as a transient"
-            ]
+        """Warnings where a sweep does not show what is predicted: a peak comes right after a jump, a motion is not
+        stable, or the sweep is too fast (0.1 times the square of the bandwidth, in Hz, by integrated ones)."""
+        said, most = [], 0.1 * prediction.bandwidth**2
         hertz = 0.0 if self.test.rate is None else self.test.rate.value
         if self.test.rate is not None and self.test.rate.unit == "oct/s":
             hertz *= np.log(2.0) * prediction.tops[0].point.parameter / (2 * np.pi)
-        most = 0.1 * prediction.bandwidth**2
-        if hertz <= most:
-            return []
-        return [
-            f"{self.name}: {hertz:.3g} Hz/s is fast for a bandwidth of {prediction.bandwidth:.3g} Hz: above "
-            f"{most:.3g} Hz/s peaks and jumps are late and not those of steady vibrations; fit the time history of "
-            "the sweep as a transient"
-        ]
+        if self.test.peaks and any(top.kind == "landing" for top in prediction.tops):
+            said.append(
+                "its peak is the one right after the jump, which overshoots however slow the sweep is; give the "
+                "amplitude to which it settles there, or leave peaks out"
+            )
+        if (lost := self._unstable(prediction)) is not None:
+            said.append(
+                f"the motion at {lost:.4g} Hz is not stable: the sweep leaves it otherwise than at a fold, and what "
+                "follows is not the peak or jump of motions with its period; narrow from and to, or fit the time "
+                "history of the sweep as a transient"
+            )
+        elif hertz > most:
+            said.append(
+                f"{hertz:.3g} Hz/s is fast for a bandwidth of {prediction.bandwidth:.3g} Hz: above {most:.3g} Hz/s "
+                "peaks and jumps are late and not those of steady vibrations; fit the time history of the sweep as a "
+                "transient"
+            )
+        return [f"{self.name}: {each}" for each in said]

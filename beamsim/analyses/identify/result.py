@@ -245,7 +245,9 @@ class RecordFit:
     )
     misfit: float = attribute("1", "its part of chi squared with the estimated values", default=math.nan)
     misfit_without: float = attribute(
-        "1", "chi squared of a fit to the other tests alone, to first order", default=math.nan
+        "1",
+        "chi squared of a fit to the other tests alone, to first order; NaN: too few",
+        default=math.nan,
     )
 
 

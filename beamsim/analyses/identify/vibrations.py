@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from math import nan
 from statistics import NormalDist
 from typing import Any
 
@@ -200,7 +201,7 @@ def _judged(vibrations: _Vibrations, search: _Search, coverage: float) -> _Judge
     vibrations.take_out_phases(jacobian)
     residuals = fit.residuals(best.x)
     freedom = residuals.size - sum(test.lost for test in tests) - (len(fit.numbers) - len(unknown))
-    parts = _parts(tests, residuals, jacobian)
+    parts = _parts(tests, residuals, jacobian, freedom)
     scale, warnings = _scatter(tests, parts, best.misfit, freedom)
     parameters, covariance, remarks = fit.estimates(best, jacobian, scale, coverage, unknown)
     parts = vibrations.with_delays(parts, by_delay, covariance, scale, coverage)
@@ -549,7 +550,7 @@ def _sharpened(tests: Sequence[AnyTest], residuals: Floats, parameters: int) -> 
     ]
 
 
-def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats) -> list[Misfit]:
+def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats, freedom: int) -> list[Misfit]:
     """What each test has of the misfit.
 
     Without the rows i of a linear problem the sum of squares is less by ``r_i (1 - H_ii)^-1 r_i``, with the projection
@@ -560,17 +561,19 @@ def _parts(tests: Sequence[AnyTest], residuals: Floats, jacobian: Floats) -> lis
     tests : of which the residuals are, in this order.
     residuals : (r,) at the estimate, with those of the priors at the end.
     jacobian : (r, p) their derivatives.
+    freedom : degrees of freedom of the fit; a test without which none remain cannot be judged by the others.
     """
     left, size, _ = np.linalg.svd(np.nan_to_num(jacobian), full_matrices=False)
     left = left[:, size > 1e-9 * size.max()]
     parts, whole = [], float(residuals @ residuals)
-    for rows in _rows(tests):
+    for test, rows in zip(tests, _rows(tests), strict=True):
         own = residuals[rows]
         directions, share, _ = np.linalg.svd(left[rows], full_matrices=False)  # H_ii has the squared shares
         along, rest = (directions.T @ own) ** 2, 1.0 - share**2
         inside = np.divide(along, rest, out=np.zeros_like(along), where=rest > 1e-9)
         removed = float(own @ own - along.sum() + inside.sum())
-        parts.append(Misfit(float(own @ own), max(whole - removed, 0.0)))
+        judged = freedom - test.size + test.lost > 0
+        parts.append(Misfit(float(own @ own), max(whole - removed, 0.0) if judged else nan))
     return parts
 
 
@@ -586,9 +589,9 @@ def _scatter(tests: Sequence[AnyTest], parts: Sequence[Misfit], misfit: float, f
             f"the measurements differ from the model by more than their noise (misfit {misfit:.3g} with {freedom} "
             "degrees of freedom); the intervals are widened accordingly"
         )
-    worst = min(range(len(tests)), key=lambda k: parts[k].without)
+    worst = min(range(len(tests)), key=lambda k: np.nan_to_num(parts[k].without, nan=np.inf))
     rest = freedom - tests[worst].size + tests[worst].lost
-    if rest > 0 and parts[worst].without / rest < 0.5 * misfit / freedom:
+    if parts[worst].without < 0.5 * misfit / freedom * rest:
         warnings.append(
             f"{tests[worst].name} has {parts[worst].misfit / misfit:.0%} of the misfit of {misfit:.3g}, and without it "
             f"{parts[worst].without:.3g} would be left with {rest} degrees of freedom: check its level, frequency, "
