@@ -20,8 +20,7 @@ The solutions are the same and :math:`Z_S` is regular wherever the springs feel 
 Stability is that of the same motion by shooting: the balance gives the start, Newton's method corrects it, and the
 transition matrix over a period has the multipliers. Where Newton comes to no motion beside it, those are of the passage
 that begins as the motion does, as good as its harmonics are. At a fold, where the two branches end at slightly
-different values, shooting is corrected across its branch instead of at the same value. The structure is reduced for
-that, so that the cost does not grow with the model.
+different values, shooting is corrected across its branch instead of at the same value.
 """
 
 from __future__ import annotations
@@ -46,9 +45,7 @@ from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, correct_across, newton_step, solve_at
 from beamsim.orbits.shooting import STABLE, ForcedOrbits, find_orbit
 from beamsim.system.equations import PiecewiseLinearSystem
-from beamsim.typing import Bools, Complexes, Floats, Ints
-
-SMALL = 8  # coordinates that are kept as they are
+from beamsim.typing import Complexes, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,6 @@ class Condensation:
 
     def __init__(self, stiffness: Floats, damping: Floats, rows: Floats, typical: float) -> None:
         self.stiffness, self.damping, self.rows = stiffness, damping, rows
-        self.diagonal = bool(np.all(damping == np.diag(np.diag(damping))))
         compliance = (rows**2 / (stiffness + typical**2)).sum(axis=1)
         self.spring = 1.0 / np.where(compliance > 0, compliance, 1.0)  # (r,) size of S
 
@@ -91,15 +87,6 @@ class Condensation:
         out[:, n, n] += self.stiffness - (w**2)[:, None]
         return np.asarray(out)
 
-    def _modal(self, w: Floats) -> tuple[Complexes, Bools]:
-        """(F, n) K - w² I + i w C of modes that damping does not couple, and at which frequencies (F,) one is near a
-        pole: everywhere where it couples them."""
-        z = self.stiffness - (w**2)[:, None] + 1j * np.multiply.outer(w, np.diag(self.damping))
-        # 1e-4: |Z| of a mode against its stiffness or inertia, below which the regular form is solved for directly
-        near = np.any(np.abs(z) <= 1e-4 * (self.stiffness + (w**2)[:, None]), axis=1) | (not self.diagonal)
-        z[near] = 1.0
-        return z, near
-
     def at(self, fundamental: float, load: Complexes, load_slope: Complexes) -> Receptances:
         """Receptances and responses of harmonics 0 … H.
 
@@ -113,37 +100,14 @@ class Condensation:
         -------
         Receptances with springs S, and the deflections under the loads.
         """
-        B, r, n = self.rows, self.rows.shape[0], self.stiffness.size
-        h = np.arange(load.shape[0])
+        B, h, S = self.rows, np.arange(load.shape[0]), self.shifts(load.shape[0] - 1)
         w: Floats = np.asarray(h * fundamental, dtype=float)
-        S = self.shifts(load.shape[0] - 1)
-        z, near = self._modal(w)
-        inverse = 1.0 / z
-        turned = inverse[:, None, :] * B  # (H + 1, r, n) B Z^-1
-        by_frequency = 1j * np.multiply.outer(h, np.diag(self.damping)) - 2.0 * (h * w)[:, None]
-        slope = -(turned * (by_frequency * inverse)[:, None, :])
-        G, dG = turned @ B.T, slope @ B.T
-        W = (turned @ load[:, :, None])[:, :, 0]
-        dW = (slope @ load[:, :, None] + turned @ load_slope[:, :, None])[:, :, 0]
-        # springs S by the identity of Woodbury
-        stiffened = np.linalg.inv(np.eye(r) + G * S[:, None, :])
-        receptance = stiffened @ G
-        receptance_slope = stiffened @ dG @ (np.eye(r) - S[:, :, None] * receptance)
-        response = (stiffened @ W[:, :, None])[:, :, 0]
-        response_slope = (stiffened @ (dW - (dG @ (S * response)[:, :, None])[:, :, 0])[:, :, None])[:, :, 0]
-        k = np.flatnonzero(near)
-        if k.size:
-            Z = self._impedance(w[k], S[k])
-            dZ = np.multiply.outer(1j * h[k], self.damping) - np.multiply.outer(2.0 * h[k] * w[k], np.eye(n))
-            right = np.concatenate(
-                [np.broadcast_to(B.T, (k.size, n, r)), load[k, :, None], load_slope[k, :, None]], axis=2
-            )
-            solved = np.linalg.solve(Z, right)
-            moved = np.linalg.solve(Z, dZ @ solved[:, :, : r + 1])
-            receptance[k], receptance_slope[k] = B @ solved[:, :, :r], -B @ moved[:, :, :r]
-            response[k] = solved[:, :, r] @ B.T
-            response_slope[k] = (solved[:, :, r + 1] - moved[:, :, r]) @ B.T
-        return Receptances(response, response_slope, receptance, receptance_slope)
+        inverse = np.asarray(np.linalg.inv(self._impedance(w, S)), dtype=complex)
+        dZ = np.multiply.outer(1j * h, self.damping) - np.multiply.outer(2.0 * h * w, np.eye(self.stiffness.size))
+        turned: Complexes = B @ inverse  # (H + 1, r, n) B Z_S^-1
+        slope: Complexes = -turned @ dZ @ inverse
+        response_slope = _times(slope, load) + _times(turned, load_slope)
+        return Receptances(_times(turned, load), response_slope, turned @ B.T, slope @ B.T)
 
     def coordinates(self, fundamental: float, load: Complexes, force: Complexes, W: Complexes) -> Complexes:
         """(H + 1, n) the whole structure's harmonics.
@@ -161,40 +125,8 @@ class Condensation:
         """
         w: Floats = np.asarray(np.arange(load.shape[0]) * fundamental, dtype=float)
         S = self.shifts(load.shape[0] - 1)
-        z, near = self._modal(w)
-        out = (load + force @ self.rows) / z
-        k = np.flatnonzero(near)
-        right = load[k] + (force[k] + S[k] * W[k]) @ self.rows
-        out[k] = np.linalg.solve(self._impedance(w[k], S[k]), right[:, :, None])[:, :, 0]
-        return np.asarray(out)
-
-
-def reduced_for_stability(system: PiecewiseLinearSystem, highest: float) -> tuple[PiecewiseLinearSystem, Floats]:
-    """The structure in the modes below `highest` (rad/s) and residual vectors of the contacts for those above.
-
-    Modes far above the motion's highest harmonic follow the springs statically, so that the modes below and the
-    residual vector of every spring are enough; the compliance that the springs see stays as it is.
-
-    Returns the reduced system, and its coordinates (n, k) in the given ones.
-    """
-    n, shape = system.size, system.contacts.shape
-    # 1.5: modes up to this multiple of the motion's highest harmonic are kept
-    high = np.flatnonzero(system.stiffness > (1.5 * highest) ** 2)
-    if n <= SMALL or high.size <= shape.shape[0]:
-        return system, np.eye(n)
-    basis = np.delete(np.eye(n), high, axis=1)
-    residual = np.zeros((n, shape.shape[0]))
-    residual[high] = (shape[:, high] / system.stiffness[high]).T
-    if np.any(residual):
-        u, size, _ = np.linalg.svd(residual, full_matrices=False)
-        basis = np.hstack([basis, u[:, size > 1e-12 * size[0]]])
-    values, turn = np.linalg.eigh(basis.T @ (system.stiffness[:, None] * basis))
-    basis = basis @ turn
-    values[values < 1e-12 * values[-1]] = 0.0
-    contacts = replace(system.contacts, shape=shape @ basis)
-    return PiecewiseLinearSystem(
-        values, basis.T @ system.damping @ basis, contacts, system.constant_load @ basis
-    ), basis
+        right = load + (force + S * W) @ self.rows
+        return np.asarray(np.linalg.solve(self._impedance(w, S), right[:, :, None])[:, :, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,7 +235,7 @@ class ForcedBalance:
     rows: Floats = field(init=False, repr=False)  # (r, n) where the springs act, one-sided ones first
     _structure: Condensation = field(init=False, repr=False)
     _stops: Contacts = field(init=False, repr=False)  # the one-sided springs
-    _reduced: tuple[float, ForcedOrbits, Floats] | None = field(default=None, init=False, repr=False)
+    _flow: PeriodicFlow = field(init=False, repr=False)  # of the whole structure
     _spectra: MutableMapping[HarmonicMotion, Complexes] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False
     )
@@ -324,6 +256,10 @@ class ForcedBalance:
         if self.rows.shape[0] == 0:
             raise MethodError("", "harmonic balance needs a contact or a nonlinear spring", "it is linear without one")
         self._structure = Condensation(self.system.stiffness, self.system.damping, self.rows, self.omega)
+        if self.cubic is None or not self.cubic.count:
+            self._flow = VariationalFlow(self.system, self.forcing, self.omega, self.level)
+        else:
+            self._flow = self.flow_at(self.omega if self.parameter == "frequency" else self.level)
 
     def at(self, value: float) -> tuple[float, float]:
         """Excitation frequency, rad/s, and level at a value of the parameter."""
@@ -449,35 +385,19 @@ class ForcedBalance:
         return values
 
     def _multipliers(self, point: BranchPoint, motion: HarmonicMotion) -> Complexes:
-        highest = motion.highest * motion.fundamental
-        if self._reduced is None or highest > self._reduced[0]:
-            # further than needed, so that the structure stays the same along a branch
-            self._reduced = (1.5 * highest, *self._reduce(1.5 * highest))
-        orbits = self._reduced[1]
-        omega, level = self.at(point.parameter)
-        orbits.omega, orbits.level = omega, level
-        n, basis, state = self.system.size, self._reduced[2], motion.states(np.zeros(1))[0]
-        guess = np.concatenate([state[:n] @ basis, state[n:] @ basis, [omega]])
+        orbits, state = self.shooting(point.parameter), motion.states(np.zeros(1))[0]
+        guess = np.append(state, orbits.omega)
         for correct in (solve_at, correct_across):
             beside = correct(orbits, guess, Settings())
             # 0.2: how far the motion of shooting may be from that of the balance, relative to its size
             if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < 0.2:
                 return orbits.multipliers(beside)
-        return orbits.flow.under(omega, level).carry(guess[:-1], motion.period).multipliers
+        return orbits.flow.under(orbits.omega, orbits.level).carry(state, motion.period).multipliers
 
-    def _reduce(self, highest: float) -> tuple[ForcedOrbits, Floats]:
-        """The shooting problem of the structure reduced for motions up to a frequency, rad/s, and its coordinates."""
-        flow: PeriodicFlow
-        if self.cubic is not None and self.cubic.count:
-            flow, basis = (
-                self.flow_at(self.omega if self.parameter == "frequency" else self.level),
-                np.eye(self.system.size),
-            )
-        else:
-            system, basis = reduced_for_stability(self.system, highest)
-            loads: PeriodicForcing = replace(self.forcing, force=self.forcing.force @ basis)
-            flow = VariationalFlow(system, loads, self.omega, self.level)
-        return ForcedOrbits(flow, multiple=self.multiple), basis
+    def shooting(self, value: float) -> ForcedOrbits:
+        """The shooting problem in frequency at a value of the parameter."""
+        omega, level = self.at(value)
+        return ForcedOrbits(self._flow.under(omega, level), multiple=self.multiple)
 
     def first_motion(self, value: float, forward: float) -> BranchPoint | None:
         """A motion at a value of the parameter: from the linear response, else from one that shooting finds.
@@ -492,28 +412,21 @@ class ForcedBalance:
         """
         if self.cubic is None or not self.cubic.count:
             with suppress(ArithmeticError):
-                local, basis = self.by_shooting(value)
-                orbit = find_orbit(local, stable=True)
-                point = None if orbit is None else self.from_passage(local, basis, orbit.data, value, forward)
+                orbits = self.shooting(value)
+                orbit = find_orbit(orbits, stable=True)
+                point = None if orbit is None else self.from_passage(orbits.flow, orbit.data, value, forward)
                 if point is not None:
                     return point
         return solve_at(self, self.linear_guess(value), Settings(iterations=20), value, forward)
 
-    def by_shooting(self, value: float) -> tuple[ForcedOrbits, Floats]:
-        """The shooting problem of the reduced structure at a value, and its coordinates in the given ones."""
-        omega, level = self.at(value)
-        orbits, basis = self._reduce(self.harmonics * omega / self.multiple)
-        return ForcedOrbits(orbits.flow.under(omega, level), multiple=self.multiple), basis
-
     def from_passage(
-        self, local: ForcedOrbits, basis: Floats, passage: Passage, value: float, forward: float = 1.0
+        self, flow: PeriodicFlow, passage: Passage, value: float, forward: float = 1.0
     ) -> BranchPoint | None:
-        """The balanced motion beside one of the reduced structure over a period.
+        """The balanced motion beside one over a period.
 
         Parameters
         ----------
-        local, basis : as `by_shooting` gives them.
-        passage : of the motion.
+        flow, passage : of the motion.
         value, forward : of the parameter, and where the tangent points.
 
         Returns
@@ -521,8 +434,8 @@ class ForcedBalance:
         The motion; None where Newton's method does not converge.
         """
         times = np.linspace(0.0, passage.duration, 8 * self.harmonics, endpoint=False)
-        q = local.flow.states_at(passage, times)[:, : local.flow.system.size]
-        W = np.fft.rfft(q @ (self.rows @ basis).T, axis=0)[: self.harmonics + 1] * (2.0 / times.size)
+        q = flow.states_at(passage, times)[:, : self.system.size]
+        W = np.fft.rfft(q @ self.rows.T, axis=0)[: self.harmonics + 1] * (2.0 / times.size)
         W[0] *= 0.5
         return solve_at(self, np.append(_rows_real(W), value), Settings(iterations=20), value, forward)
 

@@ -89,11 +89,10 @@ class Tracer:
             for state in periodic_states(self.problem.flow_at(value)[0]):
                 yield self._found(solve_at, self.problem, np.append(state, value), SETTINGS, value)
         elif self.problem.cubic is None:
-            local, basis = self.problem.by_shooting(value)
-            flow, period = local.flow, 2 * np.pi * self.problem.multiple / local.omega
+            flow = self.problem.shooting(value).flow
+            period = 2 * np.pi * self.problem.multiple / flow.omega
             for state in periodic_states(flow, self.problem.multiple):
-                local.flow = flow
-                yield self._found(self.problem.from_passage, local, basis, flow.carry(state, period), value)
+                yield self._found(self.problem.from_passage, flow, flow.carry(state, period), value)
 
     @staticmethod
     def _found(find: Callable[..., BranchPoint | None], *of: Any) -> BranchPoint | None:
