@@ -524,11 +524,6 @@ class BeamBody(Body):
         return math.pi / 2.0 * math.sqrt(self.bending.bending_stiffness / self.bending.mass_per_length) / self.length**2
 
     @property
-    def depth(self) -> float:
-        """Twice the largest distance of the outermost fibre, m; 0 where none is known."""
-        return max((stretch.bending.depth or 0.0 for stretch in self.stretches), default=0.0)
-
-    @property
     def elastic_supports(self) -> tuple[tuple[float, ElasticSupport], ...]:
         """Ends on springs, with their positions, m."""
         ends = zip((0.0, self.length), self.supports.springs, strict=True)

@@ -521,7 +521,7 @@ class Body(Schema):
     @property
     def depth(self) -> float:
         """Largest thickness in the direction of the motion, m; 0 where none is known."""
-        return 0.0
+        return max((depth for _, _, depth in self.depths), default=0.0)
 
     @property
     def largest_deflection(self) -> float:

@@ -855,12 +855,12 @@ def _range_problems(scenario: ScenarioParts, sweep: Continuation) -> Problems:
         if second is not None:
             at, second = ("sweep", "follow_folds_in"), in_metres(scenario, second)
             second.check()
+        present = None if second is None else _value_in_scenario(scenario, sweep, second)
     except Unfit as error:
         yield error.problem(at)
         return
     if second is None:
         return
-    present = _value_in_scenario(scenario, sweep, second)
     low, high = sorted((float(second.from_), float(second.to)))
     if present is not None and not low <= present <= high:
         yield Problem(
@@ -873,25 +873,25 @@ def _range_problems(scenario: ScenarioParts, sweep: Continuation) -> Problems:
 
 def in_metres(scenario: ScenarioParts, path: Any) -> Any:
     """What a continuation goes along, positions of a snubber on its body in m."""
-    return path.on_the_body(_moved_body(scenario, path)) if isinstance(path, PositionPath) else path
+    return path.on_the_body(_moved(scenario, path)[1]) if isinstance(path, PositionPath) else path
 
 
-def _moved_body(scenario: ScenarioParts, path: PositionPath) -> Body:
-    """The body along which a snubber moves."""
+def _moved(scenario: ScenarioParts, path: SnubberPath) -> tuple[Any, Body]:
+    """The snubber that changes, and the body that it is on."""
     index = snubber_index(scenario, path)
     assert index is not None
-    return scenario.all_bodies[scenario.located_snubbers[index].bodies[0]]
+    located = scenario.located_snubbers[index]
+    if (name := located.bodies[0]) not in scenario.all_bodies:
+        raise Unfit(f"is on {name}, an unknown body", "name another body there", ("snubber",))
+    return located.item, scenario.all_bodies[name]
 
 
 def _value_in_scenario(scenario: ScenarioParts, sweep: Continuation, path: Any) -> float | None:
     if isinstance(path, LevelPath):
         return float(sweep.levels[0]) if sweep.levels else getattr(scenario.excitation, "level", None)
-    index = snubber_index(scenario, path)
-    assert index is not None
-    snubber: Any = scenario.all_snubbers[index]
-    if isinstance(path, PositionPath):
-        return float(_moved_body(scenario, path).metres(snubber.places[0].position))
-    return getattr(snubber, path.kind)  # type: ignore[no-any-return]
+    snubber, body = _moved(scenario, path)
+    place = snubber.places[0].position
+    return body.metres(place) if isinstance(path, PositionPath) else getattr(snubber, path.kind)
 
 
 def snubber_index(scenario: ScenarioParts, path: SnubberPath) -> int | None:
@@ -913,15 +913,14 @@ def _no_stop_of_hinge(at: str, name: str) -> Problem:
 
 def _snubber_problems(scenario: ScenarioParts, at: str, path: Any) -> Problems:
     names = [snubber.name for snubber in scenario.all_snubbers]
-    if not names:
-        yield Problem(f"{at}.kind", f"= {path.kind} needs a snubber, and there is none", "add one to snubbers")
-        return
     index = snubber_index(scenario, path)
     if index is None:
+        where = (*path_parts(at), "snubber")
         if path.snubber is None:
-            yield Problem(f"{at}.snubber", "is missing", f"there are several: choose one of {', '.join(names)}")
-            return
-        yield from unknown((*path_parts(at), "snubber"), path.snubber, "snubber", names)
+            remedy = f"there are several: choose one of {', '.join(names)}" if names else "add one to snubbers"
+            yield problem(where, "is missing", remedy)
+        else:
+            yield from unknown(where, path.snubber, "snubber", names, "add one to snubbers")
         return
     if names[index] in _hinged(scenario):
         yield _no_stop_of_hinge(f"{at}.snubber", names[index])

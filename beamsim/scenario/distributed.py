@@ -213,25 +213,15 @@ class AreaLoad(DistributedLoad):
 class DeadLineLoad(LineLoad):
     """A dead load along a beam."""
 
-    force_per_length: q.ForcePerLength
+    force: q.ForcePerLength = Field(alias="force_per_length")
     """Force per length, positive upwards; with a shape its factor."""
-
-    @property
-    def force(self) -> float:
-        """The level, N/m."""
-        return self.force_per_length
 
 
 class DeadPressure(AreaLoad):
     """A dead load on a plate."""
 
-    pressure: q.Pressure
+    force: q.Pressure = Field(alias="pressure")
     """Pressure, positive upwards; with a shape its factor."""
-
-    @property
-    def force(self) -> float:
-        """The level, Pa."""
-        return self.pressure
 
 
 AnyDeadLoad = Annotated[

@@ -244,6 +244,11 @@ class Span(Schema, Generic[Number]):
 class FrequencyRange(Span[q.Frequency]):
     """A frequency that is swept."""
 
+    from_: q.Frequency = Field(alias="from")
+    """First frequency; the lowest where a direction may be given."""
+    to: q.Frequency
+    """Last frequency; the highest where a direction may be given."""
+
     changing: ClassVar[str] = "sweep"
     suitable: ClassVar[str] = "give a range, from 20 Hz to 400 Hz"
 

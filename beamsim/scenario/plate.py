@@ -190,11 +190,6 @@ class PlateBody(Body):
         stiffness = max(self.bending.rigidity.dx, self.bending.rigidity.dy)
         return math.pi / 2.0 * math.sqrt(stiffness / self.bending.mass_per_area) / max(self.length, self.width) ** 2
 
-    @property
-    def depth(self) -> float:
-        """Its thickness, m; 0 where it is not known."""
-        return self.bending.depth or 0.0
-
     def refined(self) -> Self:
         """The plate with twice the elements in both directions."""
         return self.model_copy(update={"elements": (2 * self.elements[0], 2 * self.elements[1])})

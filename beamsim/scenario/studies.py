@@ -12,7 +12,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, PAIR, Schema, ShortFor, Unfit, Variants, counted, demand_rising, kind_of
 from beamsim.scenario.body import Ratios
-from beamsim.scenario.excitation import Excitation
+from beamsim.scenario.excitation import Excitation, FrequencyRange
 from beamsim.scenario.quantities import FileName, NotNegativeWhole, NumberOrText, Quantile, SteppedCount, Text
 from beamsim.scenario.run import Start
 
@@ -570,7 +570,7 @@ class MeasuredPeak(Schema):
         return value
 
 
-class SweepTest(_AnyTest):
+class SweepTest(_AnyTest, FrequencyRange):
     """A row of a table of slow sine sweeps: where it jumps, and its peaks."""
 
     kind: Literal["sweep"]
@@ -581,10 +581,8 @@ class SweepTest(_AnyTest):
     """Excitation level of this test, in the quantity of the scenario's excitation."""
     direction: Literal["up", "down"] = "up"
     """Whether the frequency rises or falls."""
-    from_: q.Frequency = Field(alias="from")
-    """Lowest frequency."""
-    to: q.Frequency
-    """Highest frequency."""
+    where_it_falls: ClassVar[str] = "give the lowest frequency first, and direction: down"
+
     rate: q.SweepRate | None = None
     """How fast it was; a warning says where that was too fast for peaks of a steady vibration."""
     jump: q.Frequency | None = None
@@ -595,9 +593,8 @@ class SweepTest(_AnyTest):
     """The largest magnitudes."""
 
     def check(self) -> None:
-        """Demand a range and a measured number."""
-        if self.from_ >= self.to:
-            raise Unfit("is not above from", "give the lowest frequency first, and direction: down", ("to",))
+        """Demand a measured number."""
+        super().check()
         if self.jump is None and not self.peaks:
             raise Unfit("has neither jump nor peaks", "give one of them", ("peaks",))
 

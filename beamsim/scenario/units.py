@@ -72,6 +72,8 @@ FORCE = Dimension("force", "N", "1.5 N")
 IMPULSE = Dimension("impulse", "N s", "50 mN s")
 MOMENT = Dimension("moment", "N m", "12 N m")
 WEAR_RATE = Dimension("wear rate", "m^2/N", "1e-6 mm^3/(N m)")
+OCTAVES_PER_TIME = Dimension("sweep rate", "oct/s", "2 oct/min")
+FREQUENCY_PER_TIME = Dimension("sweep rate in Hz", "Hz/s", "5 Hz/s")
 ENERGY = Dimension("energy", "J", "1 uJ")
 MEMORY = Dimension("memory", "byte", "2 GB")
 VELOCITY = Dimension("velocity", "m/s", "0.2 m/s")
@@ -101,8 +103,6 @@ _SPELLINGS = {
     for unit in ("m", "mm", "cm", "um", "kg", "g", "s", "ms", "N", "kN", "Hz", "kHz", "Pa", "kPa", "MPa", "GPa", "J")
 }
 """What is probably meant, whatever its capitals."""
-_RATE = re.compile(r"(oct|octave|octaves|dec|decade|decades)\s*/\s*(s|sec|second|min|minute|h|hour)")
-_SECONDS = {"s": 1, "sec": 1, "second": 1, "min": 60, "minute": 60, "h": 3600, "hour": 3600}
 
 
 class UnitError(Unfit):
@@ -182,6 +182,7 @@ _ALONE = {
     "kip": "4448.2216152605 kg m s-2", "psi": "{4.4482216152605/0.0254/0.0254} kg m-1 s-2",
     "ksi": "{4448.2216152605/0.0254/0.0254} kg m-1 s-2", "atm": "101325 kg m-1 s-2", "Wh": "3600 kg m2 s-2",
     "g_0": "9.80665 m s-2", "gravity": "9.80665 m s-2", "degC": "degC", "degF": "degF", "dB": "dB",
+    "oct": "oct", "dec": "3.3219280948873623479 oct",
 }  # fmt: skip
 _OF_TURN = {
     "turn": "2", "rev": "2", "revolution": "2", "cycle": "2", "deg": "1/180", "degree": "1/180", "arcmin": "1/10800",
@@ -192,6 +193,7 @@ _SPELT_OUT = {
     "meter": "m", "metre": "m", "gram": "g", "second": "s", "sec": "s", "newton": "N", "pascal": "Pa", "joule": "J",
     "watt": "W", "hertz": "Hz", "radian": "rad", "minute": "min", "inch": "in", "inches": "in", "foot": "ft",
     "feet": "ft", "pound": "lb", "liter": "l", "litre": "l", "volt": "V", "ampere": "A", "cps": "Hz", "bytes": "byte",
+    "octave": "oct", "decade": "dec",
 }  # fmt: skip
 
 
@@ -245,8 +247,6 @@ def _unit(text: str, gravity: bool) -> Unit:
     UnitError
         If it is no product and quotient of known units.
     """
-    if _RATE.fullmatch(text):
-        raise UnitError("is a sweep rate", "")
     if not _UNIT.fullmatch(text) or _TOWER.search(text) or len(text) > 60:
         raise UnitError("is not a number, or a number with a unit", "")
     plain = re.sub("[²³⁴¹⁻]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), text)
@@ -344,16 +344,13 @@ def read_sweep_rate(value: object) -> tuple[float, str]:
     >>> read_sweep_rate("120 oct/min")
     (2.0, 'oct/s')
     """
-    remedy = "write for example 2 oct/min or 5 Hz/s"
-    number, unit = _split(value, remedy)
-    if not unit:
-        raise UnitError("needs a unit, which decides whether the sweep is logarithmic or linear", remedy)
-    if match := _RATE.fullmatch(unit):
-        octaves = math.log2(10) if match[1].startswith("dec") else 1.0
-        per_second = _scaled(number, Unit(Fraction(1, _SECONDS[match[2]])), remedy)
-        return _physical(octaves * per_second, FREQUENCY, remedy), "oct/s"
-    size, _ = _size(unit, Dimension("sweep rate", "Hz/s", "2 oct/min or 5 Hz/s"))
-    return _physical(_scaled(number, size, remedy), FREQUENCY, remedy), "Hz/s"
+    rate, dimension = read_level(value, (OCTAVES_PER_TIME, FREQUENCY_PER_TIME))
+    if dimension is None:
+        raise UnitError(
+            "needs a unit, which decides whether the sweep is logarithmic or linear",
+            _example_of((OCTAVES_PER_TIME, FREQUENCY_PER_TIME)),
+        )
+    return rate, dimension.unit
 
 
 def _split(value: object, remedy: str) -> tuple[str | float, str]:
@@ -472,5 +469,5 @@ def _given(unit: Unit, text: str) -> str:
 
 _NAMED = (
     LENGTH, AREA, SECOND_MOMENT, MASS, DENSITY, PRESSURE, STIFFNESS, CUBIC_STIFFNESS, DASHPOT, ROTATIONAL_DASHPOT,
-    VISCOUS_PER_LENGTH, TIME, FREQUENCY, FORCE, ENERGY, VELOCITY, ACCELERATION,
+    VISCOUS_PER_LENGTH, TIME, FREQUENCY, FORCE, ENERGY, VELOCITY, ACCELERATION, OCTAVES_PER_TIME,
 )  # fmt: skip

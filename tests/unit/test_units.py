@@ -123,7 +123,7 @@ def test_asks_whether_another_spelling_was_meant(value, dimension, meant):
         ("5 %", units.ANGLE, "must be an angle, not a ratio"),
         ("5 deg", units.RATIO, "must be a ratio, not an angle"),
         ("5 mm rad", units.LENGTH, "must be a length"),
-        ("2 oct/min", units.FREQUENCY, "is a sweep rate"),
+        ("2 oct/min", units.FREQUENCY, "must be a frequency, not a sweep rate"),
         ("3 dB", units.RATIO, "must be a ratio"),
         ("20 degC", units.LENGTH, "must be a length"),
         ("5 furlogs", units.LENGTH, "'furlogs', which is not known"),
