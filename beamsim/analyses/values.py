@@ -310,9 +310,7 @@ def limit_unit(scenario: Scenario, name: str) -> str:
     """SI unit of a limit."""
     value, place = limited(name)
     if value is OUTPUT:
-        from beamsim.system.outputs import output_units
-
-        return output_units(scenario)[place]
+        return scenario.output_units[place]
     return value.unit
 
 

@@ -26,7 +26,7 @@ from beamsim.scenario.excitation import Excitation, NoExcitation
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
-from beamsim.scenario.reporting import AnyOutput, DisplayUnits, Limits, ReactionOutput
+from beamsim.scenario.reporting import AnyOutput, DisplayUnits, Limits, ReactionOutput, output_dimension
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.studies import IdentifyStiffness, Optimise, Vary
 from beamsim.scenario.sweep import NonlinearMode, Sweep
@@ -284,6 +284,16 @@ class ScenarioParts(Schema):
             *((("outputs", k), output) for k, output in enumerate(self.outputs)),
             *((("run", "outputs", k), output) for k, output in enumerate(of_run)),
         )
+
+    def output_unit(self, output: Any) -> str:
+        """SI unit of an output; that which it states for a row of a recovery matrix."""
+        dimension = output_dimension(output, self.all_bodies, self.default_body)
+        return str(output.unit) if dimension is None else dimension.unit or "1"
+
+    @property
+    def output_units(self) -> dict[str, str]:
+        """SI unit of each output by its name."""
+        return {output.name: self.output_unit(output) for _, output in self.requested_outputs}
 
     @property
     def base_force(self) -> str | None:

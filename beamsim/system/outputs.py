@@ -11,7 +11,6 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.errors import ScenarioError
-from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, problem
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import DEFLECTION, SLOPE, UPWARDS, LoadSite, Place, Site
@@ -30,13 +29,6 @@ from beamsim.system.parts import (
     supports_named,
 )
 from beamsim.typing import Floats
-
-UNITS = {
-    "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "rotation": "rad", "bending_moment": "N m",
-    "stress": "Pa", "strain": "1", "reaction_force": "N", "reaction_moment": "N m", "joint_force": "N",
-    "joint_moment": "N m", "kinetic_energy": "J", "strain_energy": "J",
-}  # fmt: skip
-"""By kind of output."""
 
 
 def output_channels(
@@ -66,19 +58,6 @@ def output_channels(
     """
     asked = _Asked(parts, recoveries, contact_sites, contacts, forcing)
     return tuple(asked.channel(path, output) for path, output in parts.scenario.requested_outputs)
-
-
-def output_units(scenario: Scenario) -> dict[str, str]:
-    """Unit of each output by its name."""
-    return {output.name: _unit(scenario, output) for _, output in scenario.requested_outputs}
-
-
-def _unit(scenario: Scenario, output: Any) -> str:
-    if output.kind == "recovered":
-        return str(output.unit)
-    if output.kind == "bending_moment":
-        return UNITS[output.kind] if site_in(scenario, output).across is None else "N m/m"  # per width of a plate
-    return UNITS[output.kind]
 
 
 def output_sites(parts: Parts) -> list[Site]:
@@ -157,7 +136,7 @@ class _Asked:
         return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
     def _channel(self, output: Any, at: str, count: int = 1, *, squared: bool = False, **given: Any) -> Channel:
-        rows, unit = Rows.of(count, self.sizes, **given), _unit(self.parts.scenario, output)
+        rows, unit = Rows.of(count, self.sizes, **given), self.parts.scenario.output_unit(output)
         return Channel("outputs", output.name, output.kind, unit, rows, at, squared)
 
     def _recovered(self, output: Any) -> Channel:

@@ -34,7 +34,6 @@ from beamsim.analyses.doubts import forces_beyond_tables
 from beamsim.analyses.values import margin_of, margins_of
 from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, on_limit, together
 from beamsim.scenario.parameters import Value
-from beamsim.system.outputs import output_units
 from beamsim.typing import Bools, Floats
 
 SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have statistics
@@ -71,7 +70,7 @@ class _Cases:
                 if name not in columns:
                     columns[name] = np.full((len(self.plan.cases), *np.shape(value)), np.nan)
                 columns[name][index] = value
-        units = output_units(self.plan.scenario)
+        units = self.plan.scenario.output_units
         return {
             name: Response(name, column.reshape(self.shape + column.shape[1:]), *describe(name, units))
             for name, column in columns.items()

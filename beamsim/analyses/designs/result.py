@@ -35,7 +35,6 @@ from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import Value
 from beamsim.scenario.units import Dimension, UnitError, read_quantity
-from beamsim.system.outputs import output_units
 from beamsim.typing import Bools, Floats, Ints
 
 _GROUP = "designs"
@@ -471,7 +470,7 @@ def objectives(scenario: Scenario) -> tuple[Objective, ...]:
     ScenarioError
         If a value that counts as one is none of its response.
     """
-    units, found = output_units(scenario), list[Objective]()
+    units, found = scenario.output_units, list[Objective]()
     for goal in ("minimise", "maximise"):
         aim = getattr(scenario.study, goal, "")
         each = [{aim: None}] if isinstance(aim, str) else [aim] if isinstance(aim, dict) else [{a: None} for a in aim]
