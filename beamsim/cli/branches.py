@@ -191,7 +191,9 @@ def coexisting_screen(result: CoexistingResult) -> Screen:
     """Each motion with its share of the starts and its peaks; what leaves it."""
     s, numbers = result.summary, Numbers(result.summary)
     rows = [_motion(result, numbers, motion) for motion in s["motions"][:MOST_ROWS]]
-    unsettled = ((f"{count} starts at {hz} Hz have not settled", count) for hz, count in s["not_settled"].items())
+    unsettled = (
+        (f"{counted(count, 'start')} at {hz} Hz did not settle", count) for hz, count in s["not_settled"].items()
+    )
     rows += _more(len(s["motions"]))
     lines = [text for text, count in unsettled if count]
     lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_ROWS]]

@@ -94,13 +94,13 @@ def _probability_screen(result: DesignsResult, of: Mapping[str, Any]) -> Screen:
     lines = []
     if is_known(variation) and math.isfinite(variation):
         lines.append(f"95 % interval {of['low']:.2g} to {of['high']:.2g}, coefficient of variation {_share(variation)}")
-    if "distance" in of:
+    if "distance" in of and math.isfinite(of["reliability_index"]):
         index, method = of["reliability_index"], of["method"].replace("_", " ")
         lines.append(f"reliability index {index:.3g}, design point at a distance of {of['distance']:.3g} ({method})")
     what = "every limit" if of["event"] == "all_limits" and len(result.limits) > 1 else "a limit"
     often = f" (one in {float(f'{1.0 / p:.2g}'):,.0f})".replace(",", " ") if is_known(p) and 0.0 < p < 0.1 else ""
     failed = f", {result.summary['failed']} FAILED" if result.summary["failed"] else ""
-    said = f"{p:.2g}{often}" if is_known(p) else "unknown"
+    said = f"{p:.2g}{often}" if is_known(p) and p else f"below {of['high']:.1g}" if is_known(of["high"]) else "unknown"
     verdict = f"probability of exceeding {what} {said}, {of['histories']} histories{failed}"
     return Screen(verdict, list(_random_rows(result)), lines)
 
@@ -197,7 +197,7 @@ def _range_row(result: DesignsResult, name: str, of: Mapping[str, Any]) -> dict[
     row, unit = {"": _response_label(result, name)}, result.responses[name].unit
     if "mean" in of:  # of a sample
         return row | {label: rounded(of[key], unit) for key, label in _STATISTICS.items()}
-    varied = ", ".join(coordinate.label.split()[-1] for coordinate in result.coordinates)
+    varied = ", ".join(parameter_label(coordinate.path.rpartition(".")[2]) for coordinate in result.coordinates)
     for end in ("smallest", "largest"):
         at = ", ".join(_parameters(result, of[f"{end}_at"]).values()) if of["smallest"] != of["largest"] else ""
         row[f"{end} (at {varied})"] = f"{rounded(of[end], unit)}{f' ({at})' if at else ''}"

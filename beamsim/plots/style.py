@@ -58,10 +58,10 @@ def plain_scale(unit: str) -> Scale:
 def scale_for(unit: str, *values: ArrayLike) -> Scale:
     """The chosen unit, else the SI prefix that brings the largest finite value to 1 to 1000.
 
-    Accelerations are in g. Lengths are brought to 0.1 to 100, and have no prefix above metres; in ``m^2`` the prefix is
-    squared. Times below a minute are not shown in minutes, and those above ten minutes in minutes, hours, days or
-    years. Frequencies, which are compared, numbers without a unit (``1``), and units that have a prefix already or are
-    none of SI, which outputs may be given in, are shown as they are.
+    Accelerations are in g, their densities in g^2/Hz. Lengths are brought to 0.1 to 100, and have no prefix above
+    metres; in ``m^2`` the prefix is squared. Times below a minute are not shown in minutes, and those above ten
+    minutes in minutes, hours, days or years. Frequencies, which are compared, numbers without a unit (``1``), and
+    units that have a prefix already or are none of SI, which outputs may be given in, are shown as they are.
 
     >>> scale_for("N/m", [151e3, 2e4]), scale_for("m^2", 2.5e-4), scale_for("1")
     (Scale(factor=0.001, unit='kN/m'), Scale(factor=1000000.0, unit='mm^2'), Scale(factor=1.0, unit=''))
@@ -70,6 +70,9 @@ def scale_for(unit: str, *values: ArrayLike) -> Scale:
     """
     if unit == "m/s^2":
         return acceleration_scale()
+    if unit == "m^2/s^3":
+        factor, name = acceleration_scale()
+        return Scale(factor**2, f"({name})^2/Hz" if "/" in name else f"{name}^2/Hz")
     if unit in ("", "1"):
         return Scale(1.0, "")
     sizes = (np.abs(np.asarray(v)) for v in values)

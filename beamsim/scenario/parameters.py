@@ -50,7 +50,7 @@ from beamsim.scenario.studies import (
 )
 from beamsim.scenario.sweep import PositionPath
 from beamsim.scenario.tree import apply_overrides, from_python, in_a_body, indices
-from beamsim.scenario.units import RATIO, UnitError, read_level, read_quantity
+from beamsim.scenario.units import NUMBER, RATIO, Dimension, UnitError, read_level, read_quantity
 
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
 Part = TypeVar("Part", bound=Schema)
@@ -557,13 +557,11 @@ def _read(scenario: ScenarioParts, place: Path, value: Value, at: Path) -> Value
     """Read a value as the field at a place does; a level must be of the quantity there."""
     read: Any = read_as(scenario, place, value, at)
     if isinstance(read, q.LevelValue):
-        quantity = _quantity(scenario, place)
-        if read.quantity not in (None, quantity):
-            raise Unfit(
-                f"= {value} is given in a unit of {read.quantity}, and the level there is of {quantity}",
-                f"give it in a unit of {quantity}" if quantity != q.FACTOR else "give a plain number: 0.5",
-                at,
-            )
+        field: Any = field_type_at(scenario, place)
+        there, said = _dimension(scenario, place, field), dict(field.quantities).get(read.quantity)
+        if said not in (None, there):
+            remedy = f"write for example {there.example}"
+            raise Unfit(f"= {value} is {said.with_article}, and {path_text(place)} is {there.with_article}", remedy, at)
         return float(read)
     return str(read) if isinstance(read, q.Rate | Share) else read  # a share follows the length in each case
 
@@ -578,9 +576,7 @@ def _deviation(scenario: ScenarioParts, place: Path, tolerance: Value, nominal: 
         elif isinstance(field, q.Quantity) and field.dimension.unit:
             deviation = read_quantity(tolerance, field.dimension)
         elif isinstance(field, q.LevelType):
-            quantity = _quantity(scenario, place)
-            dimension = RATIO if quantity == q.FACTOR else q.LEVEL_DIMENSIONS[quantity]
-            deviation = read_level(tolerance, (dimension,))[0]
+            deviation = read_level(tolerance, (_dimension(scenario, place, field),))[0]
         else:
             deviation = read_quantity(tolerance, RATIO)
     except UnitError as error:
@@ -591,12 +587,20 @@ def _deviation(scenario: ScenarioParts, place: Path, tolerance: Value, nominal: 
     return deviation
 
 
-def _quantity(scenario: ScenarioParts, place: Path) -> str:
-    """Quantity of the level at a place: its own force's, or that of the whole excitation."""
+def _dimension(scenario: ScenarioParts, place: Path, field: q.LevelType) -> Dimension:
+    """What a level at a place is: as its unit says there, else of what stands around it."""
+    known = dict(field.quantities)
     excitation: Any = scenario.excitation
+    if "0" in known:  # numbers of a shape, by the power of x
+        body = scenario.all_bodies[str(place[-3]) if "bodies" in place else scenario.default_body]
+        return known.get(str(body.power_of_start(int(place[-1]))), NUMBER)
     if place[:2] == ("excitation", "forces"):
         excitation = excitation.forces[place[2]]
-    return getattr(excitation, "quantity", None) or "acceleration"
+    quantity = q.meant(value_at(scenario, place)) or getattr(excitation, "quantity", None) or "acceleration"
+    if quantity == q.FACTOR:
+        return NUMBER
+    spoken = quantity.replace("_", " ")
+    return known.get(quantity) or next((of for name, of in known.items() if spoken in name), NUMBER)
 
 
 def unit_of(scenario: ScenarioParts, path: str) -> str:
@@ -609,7 +613,7 @@ def _unit(scenario: ScenarioParts, place: Path, field: q.FieldType | None) -> st
     if isinstance(field, q.Quantity):
         return field.dimension.unit or "1"
     if isinstance(field, q.LevelType):
-        return q.level_unit(_quantity(scenario, place))
+        return _dimension(scenario, place, field).unit or "1"
     return "1"
 
 

@@ -166,12 +166,24 @@ def test_what_has_not_settled_is_counted_and_said(result):
     short = beamsim.coexisting(case(most_cycles=96, unstable=False), workers=1)
     left = int(short.not_settled[0])
     assert 0 < left < 40
-    assert f"{left} starts have not settled at 14 Hz" in short.status
+    assert f"{left} starts did not settle at 14 Hz" in short.status
     assert short.summary["not_settled"] == {"14": left}
     settled = short.destination[0] > 0
     assert short.cycles[0][settled].max() <= 96
     with pytest.raises(NotTrustedError, match="most_cycles"):
         beamsim.coexisting(case(most_cycles=3, unstable=False), workers=1)
+
+
+def test_without_damping_nothing_settles_and_that_is_said_with_the_remedy():
+    """The free mode of 10.07 Hz never decays: what does not repeat is no motion that starts come to."""
+    few = {"kind": "states", "number": 4, "seed": 3, "box": [BOX]}
+    damped = case(starts=few, unstable=False).model_dump(by_alias=True, exclude_unset=True)
+    endless = {"chain.dashpots": [0.0], "sweep.most_cycles": 96}
+    result = beamsim.coexisting(beamsim.load_scenario(damped, endless), workers=1)
+    assert not result.outcome.trusted
+    assert "the mode at 10.07 Hz has no damping" in result.status
+    assert "give each body damping" in result.status
+    assert "most_cycles" not in result.status
 
 
 def test_a_chaotic_motion_is_named_with_its_exponent_and_peaks(tmp_path):

@@ -96,6 +96,29 @@ def test_one_in_a_million_of_ten_numbers_takes_fewer_than_ten_thousand_histories
     assert of["distance"] == pytest.approx(4.75, abs=0.01)
 
 
+@pytest.mark.parametrize(("limit", "exact"), [(-9.0, 1.0), (-1.0, norm.sf(-1.0)), (0.8, norm.sf(0.8))])
+def test_what_is_exceeded_often_or_always_needs_no_importance_sampling(solved_by, limit, exact):
+    """P = 1 was not reliable: "the subset simulation finds 1, far from it"."""
+    solved_by(lambda *springs: sum(springs))
+    result, of = found(of_springs(limit))
+    assert result.complete
+    assert of["method"] == "monte_carlo"
+    assert of["low"] <= exact <= of["high"]
+    assert of["high"] - of["low"] < 0.4 * exact
+    assert f"probability of exceeding a limit {of['probability']:.2g}" in str(result)
+
+
+def test_of_what_is_never_exceeded_the_probability_is_bounded(solved_by):
+    """The limit is 30 standard deviations away; it was of "no known size", and samples were to be added."""
+    solved_by(lambda *springs: sum(springs))
+    result, of = found(of_springs(30.0, samples=200, most_cases=3000))
+    assert (result.outcome.code, int(exit_code(result.outcome))) == ("not_exceeded", 3)
+    assert of["low"] == 0.0
+    assert norm.sf(30.0) < of["high"] < 1e-9
+    assert f"probability of exceeding a limit below {of['high']:.1g}" in str(result)
+    assert "sensitivity" not in result.summary  # ranges of histories that a method drew say nothing of a number
+
+
 @pytest.mark.slow
 def test_intervals_hold_the_probability_as_often_as_they_say(solved_by):
     """19 of 20."""
@@ -173,10 +196,10 @@ def test_what_is_less_sure_than_asked_is_not_reliable(solved_by):
     result, of = found(of_springs(4.0, method="monte_carlo", most_cases=3000))
     assert (of["probability"], of["low"]) == (0.0, 0.0)
     assert of["high"] == pytest.approx(3.7 / 3000, rel=0.01)  # Clopper and Pearson of none: 1 - 0.025^(1/n)
-    assert (result.outcome.code, int(exit_code(result.outcome))) == ("scatter", 3)
+    assert (result.outcome.code, int(exit_code(result.outcome))) == ("not_exceeded", 3)
     result, of = found(of_springs(4.0, method="subset", samples=1000, most_cases=2000))
     assert math.isnan(of["probability"])
-    assert result.outcome.code == "scatter"
+    assert result.outcome.code == "not_exceeded"
 
 
 def test_the_same_seed_gives_the_same_bits(solved_by):

@@ -51,6 +51,45 @@ def test_values_are_read_by_the_field_they_are_meant_for():
     assert mass.places == (("beam", "point_masses", 0, "mass"), ("beam", "point_masses", 1, "mass"))
 
 
+PSD = "{kind: random, applied_to: %s, psd: [{frequency: 20 Hz, density: %s}, {frequency: 200 Hz, density: 1}]}"
+BASE_PSD, FORCE_PSD = PSD % ("base", "0.02 g^2/Hz"), PSD % ("{position: 50 %}", "5")
+PROFILE = (
+    "{kind: swept_sine, applied_to: base, from: 5 Hz, to: 90 Hz, rate: 2 oct/min, "
+    "profile: [{frequency: 5 Hz, level: 3 mm}, {frequency: 20 Hz, level: 2 g}]}"
+)
+FALLS = "{duration: 0.05 s, start: {displacement: [0 mm, 0, 3 1/m], velocity: [0, 0, 2 1/m/s]}}"
+LEVELS = [
+    ("excitation", BASE_PSD, "psd[0].density", "0.01 g^2/Hz", "m^2/s^3", "0.1 N^2/Hz"),
+    ("excitation", BASE_PSD, "psd[1].density", "0.01 g^2/Hz", "m^2/s^3", "0.1 N^2/Hz"),  # written without a unit
+    ("excitation", FORCE_PSD, "psd[0].density", "2 N^2/Hz", "N^2/Hz", "0.1 g^2/Hz"),
+    ("excitation", PROFILE, "profile[0].level", "2 mm", "m", "4 g"),
+    ("run", FALLS, "start.displacement[2]", "4 1/m", "1/m", "4 mm"),
+    ("run", FALLS, "start.velocity[2]", "3 1/m/s", "1/m/s", "3 m/s"),
+]
+
+
+@pytest.mark.parametrize(("section", "text", "key", "value", "unit", "wrong"), LEVELS)
+def test_a_level_is_varied_in_the_unit_of_what_it_is(section, text, key, value, unit, wrong):
+    """Densities, points of a profile and starts were taken for accelerations, and their units refused."""
+    path, others = f"{section}.{key}", [line for line in BASE.splitlines() if not line.startswith(section)]
+    base = "\n".join([*others, f"{section}: {text}\n"])
+    (number,) = resolved(f"{{path: '{path}', values: [{value}, 7]}}", base=base)
+    assert number.unit == unit
+    said = refused(study(f"{{path: '{path}', values: [{wrong}, 7]}}", base=base))
+    assert f"and {path} is a" in said
+    assert "write for example" in said
+    sample = {"kind": "latin_hypercube", "extra": "  samples: 4\n"}
+    (about,) = resolved(f"{{path: '{path}', tolerance: {value}}}", base=base, **sample)
+    assert about.high - about.low == pytest.approx(2.0 * number.values[0])
+
+
+def test_each_mass_of_a_chain_starts_with_a_displacement():
+    base = "chain: {masses: [1, 1], springs: [1000, 1000]}\nexcitation: {kind: none}\n"
+    base += "run: {duration: 1 s, start: {displacement: [1 mm, 0]}}\n"
+    (number,) = resolved("{path: 'run.start.displacement[1]', values: [1 mm, 2 mm]}", base=base)
+    assert (number.unit, number.values) == ("m", (1e-3, 2e-3))
+
+
 def test_one_parameter_may_drive_several_numbers():
     (axis,) = resolved("{path: 'beam.point_masses[0].mass', also: ['beam.point_masses[1].mass'], values: [1 g, 2 g]}")
     assert len(axis.places) == 2

@@ -33,6 +33,7 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.steady import velocity_weights
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, together
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import counted
 from beamsim.typing import Floats
 
 SAME = 1e-6  # distance, relative to the size, of two motions found to round-off that are one
@@ -266,9 +267,17 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget) -> Outc
     left, exceeded = result.not_settled, budget.exceeded(incomplete=False)
     fewer = "ask for fewer frequencies at once, or leave unstable motions out (sweep.unstable: false)"
     remarks = [] if exceeded is None else [exceeded.but(remedy=fewer)]
-    if left.any():
+    endless = result.modes.open_frequencies_hz[result.modes.damping_ratios == 0.0]
+    if endless.size and (left.any() or not all(motion.period_cycles for motion in result.motions)):
+        sentence = (
+            f"the mode at {endless[0]:.4g} Hz has no damping with every stop open, so starts need not settle: motions "
+            "that do not repeat, and their shares, depend on how long they were followed"
+        )
+        remedy = "give each body damping, for example {kind: modal, ratio: 1 %}"
+        remarks.append(Outcome.of(OutcomeKind.UNTRUSTED, "undamped", sentence, remedy=remedy))
+    elif left.any():
         remedy, at = "raise sweep.most_cycles or sweep.longest_period", Where(result.frequency_hz[left > 0], "Hz")
-        sentence = f"{left.sum()} starts have not settled"
+        sentence = f"{counted(int(left.sum()), 'start')} did not settle"
         remarks.append(Outcome.of(OutcomeKind.NOTED, "not_settled", sentence, at=at, remedy=remedy))
     outcome = together(remarks)
     if marches.stop():

@@ -473,7 +473,7 @@ def _sensitivity(
     """By response and parameter: Sobol' indices, the range over its values alone, or the rank correlation."""
     if plan.kind == "sobol":
         return {item.name: _by_parameter(plan, item) for item in indices}
-    if plan.kind not in (*SAMPLES, "one_at_a_time", "reliability"):
+    if plan.kind not in (*SAMPLES, "one_at_a_time"):
         return {}
     numbers = {c.path: c.values for c in plan.coordinates if c.numeric or plan.kind not in SAMPLES}
     measure = rank_correlations if plan.kind in SAMPLES else swings

@@ -169,9 +169,9 @@ class Exceedance:
         return level
 
 
-def monte_carlo(histories: Exceedance) -> None:
-    """Independent histories."""
-    terms: list[Floats] = []
+def monte_carlo(histories: Exceedance, *known: Floats) -> None:
+    """Independent histories, after those of which is known whether they exceed the limits."""
+    terms = list(known)
     while not terms or not histories.noted(sampling.average(terms)):
         points = sampling.drawn(histories.generator, histories.vary.samples, histories.origin)
         terms.append(histories.kept(points, histories(points), np.ones(len(points.u))).astype(float))
@@ -210,6 +210,10 @@ def importance_sampling(histories: Exceedance) -> None:
     level = histories.level()
     if level.edge > 0.0:
         return
+    if not histories.rounds:  # nothing is rare
+        histories.method = "monte_carlo"
+        exceeds = histories.kept(level.inside, level.values, np.ones(level.values.size)).astype(float)
+        return monte_carlo(histories, np.append(exceeds, np.zeros(histories.vary.samples - exceeds.size)))
     histories.noted(level.estimate)
     centres: list[Floats] = []
     for start in sampling.directions(level.inside.u):
@@ -282,6 +286,9 @@ def _ended(histories: Exceedance) -> Outcome:
     lost = float(histories.weights[histories.values == FAILED].sum()) / weight if weight else 0.0
     if histories.outcome is not COMPLETE:
         return histories.outcome
+    if histories.rounds and not histories.estimate.probability > 0.0:
+        sentence, remedy = f"none of {histories.asked} histories exceeds the limits", "raise most_cases to go further"
+        return Outcome.of(OutcomeKind.UNTRUSTED, "not_exceeded", sentence, remedy=remedy)
     if variation > histories.target:
         sentence = f"coefficient of variation of {_percent(variation)} after {histories.asked} histories"
         remedy = f"give more samples or most_cases, or ask for more than {_percent(histories.target)}"
@@ -302,8 +309,11 @@ def _interval(histories: Exceedance) -> tuple[float, float]:
     if histories.method == "monte_carlo" and histories.rounds:
         of = probability(np.arange(histories.rounds[-1].histories) < histories.weights.size)
         return of["low"], of["high"]
+    unreached = math.isnan(estimate.probability) and bool(histories.rounds)  # rarer than the last level
+    if unreached:
+        estimate = sampling.Estimate(histories.rounds[-1].probability, histories.rounds[-1].variation)
     factor = math.exp(1.96 * math.sqrt(math.log1p(estimate.variation**2)))
-    return estimate.probability / factor, min(1.0, estimate.probability * factor)
+    return 0.0 if unreached else estimate.probability / factor, min(1.0, estimate.probability * factor)
 
 
 def _numbers(

@@ -131,7 +131,7 @@ def sensitivities_of(
     } | _shares(system, trajectory, log, found)
     rows, warnings = list[Derivative](), along.still(told)
     missed = [k for k, peak in enumerate(peaks) if peak.high == MISSED]
-    near = [(peaks[k].time, along.output(peaks[k].row, peaks[k].segment, peaks[k].time)[0], slopes[k]) for k in missed]
+    near = [(peaks[k].time, along.distance(peaks[k]), slopes[k]) for k in missed]
     for p, number in enumerate(numbers):
         holds, time = min(_reaches(found, log, near, p))
         tolerance, ahead = 0.5 * (number.high - number.low), p + len(numbers)
@@ -151,14 +151,14 @@ def _reaches(
     Parameters
     ----------
     found, log : derivatives along segments.
-    missed : times at which an open contact is near, its penetration, and the derivatives of that.
+    missed : times at which an open contact is near, its distance, and the derivatives of that.
     p : which number.
     """
     yield np.inf, 0.0
     for time, (pace, turn), dt in zip(log.time, found.kept.pace.T, found.kept.dt[:, p], strict=False):
         if pace and turn * dt:
             yield abs(float(pace / (2.0 * turn * dt))), float(time)
-    yield from ((abs(distance / slope[p]), time) for time, distance, slope in missed if slope[p])
+    yield from ((distance / abs(float(slope[p])), time) for time, distance, slope in missed if slope[p])
 
 
 def _doubts(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: float, time: float) -> Iterator[str]:
@@ -327,6 +327,11 @@ class _Along:
             values[order], y = factors @ v, rates @ v
         return values
 
+    def distance(self, miss: Peak) -> float:
+        """That of an open contact where it is near, m; as far as round-off tells where it just touches."""
+        penetration = self.output(miss.row, miss.segment, miss.time)[0]
+        return float(max(abs(penetration), ROUND_OFF * np.abs(self.extremes[::2, miss.row]).max()))
+
     def peak(self, row: int, high: int) -> Peak:
         """An extreme of a channel; between the ends of a segment its rate is zero there to round-off."""
         motion, time, sign = self.motion, float(self.when[high][row]), 2 * high - 1
@@ -358,7 +363,8 @@ class _Along:
                 return self.output_of(phases).some(slice(row, row + 1))
 
             segment, time, value = motion.turning_points(penetration, np.flatnonzero(~touching[:, j]))
-            inner = 1 + np.flatnonzero((value[1:-1] > value[:-2]) & (value[1:-1] > value[2:]) & (value[1:-1] < 0.0))
+            least = ROUND_OFF * float(np.abs(value).max(initial=0.0))  # what just touches may be beyond by that
+            inner = 1 + np.flatnonzero((value[1:-1] > value[:-2]) & (value[1:-1] > value[2:]) & (value[1:-1] < least))
             inner = inner[(segment[inner - 1] == segment[inner]) & (segment[inner + 1] == segment[inner])]
             nearest = inner[np.argsort(-value[inner])[:MISSES]]
             found += [Peak(int(row), MISSED, int(segment[k]), float(time[k]), 1) for k in nearest]
