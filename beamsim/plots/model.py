@@ -15,6 +15,7 @@ from beamsim.plots.sketch import BODY, Sketch, scale_bar
 from beamsim.plots.style import amount, extent, level_text, round_length
 from beamsim.scenario import Scenario
 from beamsim.scenario.body import MovedStop, MovedSupport
+from beamsim.scenario.checks import in_metres
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.sweep import LevelPath
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
@@ -91,10 +92,10 @@ _SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine"}
 def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
     """Levels, range and rate of a sweep."""
     sweep: Any = scenario.sweep
-    path = sweep.parameter if sweep.kind == "continuation" else sweep
+    path = in_metres(scenario, sweep.parameter) if sweep.kind == "continuation" else sweep
     if sweep.levels:
         yield " and ".join(_level_text(part, level) for level in sweep.levels)
-    unit = {"level": scenario.level_unit, "gap": "m", "stiffness": "N/m", "position": ""}.get(path.kind, "Hz")
+    unit = scenario.level_unit if path.kind == "level" else getattr(path, "unit", "Hz")
     ends = extent(float(min(path.ends)), float(max(path.ends)), unit)
     yield ends if unit == "Hz" else f"{path.kind} {ends}, {' and '.join(f'{f:.6g} Hz' for f in part.frequencies_hz)}"
     if rate := getattr(sweep, "rate", None):

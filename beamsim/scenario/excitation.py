@@ -217,6 +217,12 @@ class Span(Schema, Generic[Number]):
         """First and last value."""
         return self.from_, self.to
 
+    @property
+    def unit(self) -> str:
+        """SI unit of both; empty for plain numbers, and for levels, which have that of the excitation."""
+        types = type(self).model_fields["to"].metadata
+        return next((item.dimension.unit for item in types if isinstance(item, q.Quantity)), "")
+
     def demand_inside(self, values: Sequence[float], at: Path) -> None:
         """Refuse values of a list at a path that lie outside the range."""
         low, high = sorted(map(float, self.ends))
@@ -232,9 +238,7 @@ class Span(Schema, Generic[Number]):
     def check(self) -> None:
         """Reject an empty range, and one that falls where it must not."""
         super().check()
-        types = type(self).model_fields["to"].metadata
-        unit = next((item.dimension.unit for item in types if isinstance(item, q.Quantity)), "")
-        first, last = (str(end) if isinstance(end, q.Share) else f"{end:g} {unit}".rstrip() for end in self.ends)
+        first, last = (str(end) if isinstance(end, q.Share) else f"{end:g} {self.unit}".rstrip() for end in self.ends)
         if self.from_ == self.to:
             raise Unfit(f"= {last} equals the start of the {self.changing}", self.suitable, ("to",))
         if self.where_it_falls and self.ends[1] < self.ends[0]:

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from beamsim.plots.model import model_figure, stop_text
+from beamsim.plots.model import excitation_text, model_figure, stop_text
 from beamsim.plots.sketch import Sketch
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -90,6 +90,13 @@ def test_validate_draws_the_model(tmp_path):
 
 def labels(figure):
     return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+
+
+def test_a_continuation_in_shares_of_the_length_is_said_in_metres():
+    """The picture ended in a traceback: shares have no order."""
+    path = "sweep={kind: continuation, continue_in: {kind: position, from: 50 %, to: 80 %}}"
+    scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", [path])
+    assert "position 0.135 to 0.216 m" in excitation_text(scenario)
 
 
 def test_rotational_springs_are_drawn_with_their_stiffness():

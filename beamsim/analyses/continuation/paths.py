@@ -211,11 +211,10 @@ def response_model(scenario: Scenario) -> ResponseModel:
 
 
 def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, shape_at: Any) -> FollowedParameter:
-    first, last = float(path.from_), float(path.to)
+    first, last, unit = float(path.from_), float(path.to), path.unit
     points_at = tuple(map(float, path.points_at))
     if not isinstance(path, SnubberPath):
-        unit = "Hz" if path.kind == "frequency" else scenario.level_unit or "1"
-        return FollowedParameter(path.kind, first, last, unit, points_at)
+        return FollowedParameter(path.kind, first, last, unit or scenario.level_unit or "1", points_at)
     index = snubber_index(scenario, path)
     assert index is not None
     snubber: Any = scenario.all_snubbers[index]
@@ -241,7 +240,6 @@ def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, 
         )
     rigid = int(np.sum(system.dynamics.stiffness == 0))
     moved = MovedContact(system.dynamics.contacts, system.dynamics.stiffness, index, kind, ratio, rigid, shape_at)
-    unit = "N/m" if kind == "stiffness" else "m"
     return FollowedParameter(kind, first, last, unit, points_at, snubber.name, moved)
 
 
