@@ -741,32 +741,20 @@ def _notch_problems(scenario: ScenarioParts, limits: Mapping[str, float]) -> Pro
         path: Path = ("sweep", "notch_to", name)
         of = limited_quantity(name, scenario.base_force or BASE_FORCE.name)
         if of is None:
-            yield problem(
-                path,
-                "names nothing that can be limited",
-                "write for example probes.tip.acceleration, snubbers.tip.force, base.force or outputs.gauge",
-            )
-            continue
-        dimension: units.Dimension | None = units.FORCE
-        if name != "base.force":
-            yield from unknown(path, of.item, of.section.removesuffix("s"), names[of.section])
-            if of.item not in names[of.section]:
-                continue
-            if of.section == "outputs":
-                if outputs[of.item].kind in ("kinetic_energy", "strain_energy"):
-                    yield problem(path, "is an energy, which sweeps do not follow", "limit another quantity")
-                    continue
-                dimension = output_dimension(outputs[of.item], scenario.all_bodies, scenario.default_body)
-            elif of.item in hinged:
-                dimension = units.MOMENT
-            else:
-                dimension = QUANTITIES_OF[of.section][of.quantity]
-        elif BASE_FORCE.name in outputs and scenario.base_force is None:
+            example = "write for example probes.tip.acceleration, snubbers.tip.force, base.force or outputs.gauge"
+            yield problem(path, "names nothing that can be limited", example)
+        elif name == "base.force" and scenario.base_force is None and BASE_FORCE.name in outputs:
             yield problem(path, f"needs the name {BASE_FORCE.name}, which another output has", "rename that output")
-            continue
-        yield from _unit_problems(
-            path, limit, dimension, "" if dimension is None else f"which is none of {dimension.name}"
-        )
+        elif name != "base.force" and of.item not in names[of.section]:
+            yield from unknown(path, of.item, of.section.removesuffix("s"), names[of.section])
+        else:
+            output = outputs.get(of.item, BASE_FORCE)
+            of_output = output_dimension(output, scenario.all_bodies, scenario.default_body)
+            dimension = of_output if of.section == "outputs" else QUANTITIES_OF[of.section][of.quantity]
+            dimension = units.MOMENT if of.section == "snubbers" and of.item in hinged else dimension
+            if of.section == "outputs" and output.kind in ("kinetic_energy", "strain_energy"):
+                yield problem(path, "is an energy, which sweeps do not follow", "limit another quantity")
+            yield from _unit_problems(path, limit, dimension, f"which is none of {getattr(dimension, 'name', '')}")
 
 
 def _unit_problems(path: Path, limit: float, dimension: units.Dimension | None, but: str) -> Problems:

@@ -58,26 +58,27 @@ def _with_article(quantity: str) -> str:
 
 
 _TAKEN = {
-    "acceleration": "but the base moves",
-    "force": "but a point takes a force",
-    "force_per_length": "but a line takes a force per length",
-    "pressure": "but an area takes a pressure",
-    "angular_acceleration": "but the base turns",
-}
-_REMEDY = {
-    "acceleration": "give an acceleration (2 g), velocity (0.2 m/s) or displacement (0.1 mm), "
-    "or apply the force to {position: ...} or {mass: ...}",
-    "force": "give a force (1.5 N), or apply it to base",
-    "force_per_length": "give a force per length (50 N/m), or apply it to base or a point",
-    "pressure": "give a pressure (200 Pa), or apply it to base or a point",
-    "angular_acceleration": "give an angular acceleration (50 rad/s^2), velocity (2 rad/s) or rotation (0.1 deg)",
-}
+    "acceleration": (
+        "but the base moves", "give an acceleration (2 g), velocity (0.2 m/s) or displacement (0.1 mm), or apply the "
+        "force to {position: ...} or {mass: ...}",
+    ),
+    "force": ("but a point takes a force", "give a force (1.5 N), or apply it to base"),
+    "force_per_length": (
+        "but a line takes a force per length", "give a force per length (50 N/m), or apply it to base or a point"
+    ),
+    "pressure": ("but an area takes a pressure", "give a pressure (200 Pa), or apply it to base or a point"),
+    "angular_acceleration": (
+        "but the base turns", "give an angular acceleration (50 rad/s^2), velocity (2 rad/s) or rotation (0.1 deg)"
+    ),
+}  # fmt: skip
+"""By the first quantity that can act somewhere why no other can, and a remedy."""
 
 
 def not_taken(quantity: str, takes: Sequence[str]) -> tuple[str, str]:
     """Why something of this quantity cannot act there, and a remedy; ``takes`` is what can."""
     no_force = " and takes no force" if takes[0] == "acceleration" and quantity == "force" else ""
-    return f"{_with_article(quantity)}, {_TAKEN[takes[0]]}{no_force}", _REMEDY[takes[0]]
+    why, remedy = _TAKEN[takes[0]]
+    return f"{_with_article(quantity)}, {why}{no_force}", remedy
 
 
 class Input(Schema):

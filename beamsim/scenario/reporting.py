@@ -6,30 +6,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
+from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants, within
 from beamsim.scenario.body import Body, Sited
 from beamsim.scenario.excitation import About, AtLeastTwo, PositiveAcceleration, ShockCurve, check_curve, point_of
-from beamsim.scenario.quantities import (
-    FileName,
-    Frequency,
-    Length,
-    LevelType,
-    Name,
-    PositiveForce,
-    PositiveMoment,
-    Quantity,
-    Text,
-    UnitType,
-    meant,
-)  # fmt: skip
 from beamsim.scenario.units import Dimension
 
 
 class Output(Schema):
     """Common part of all outputs."""
 
-    name: Name
+    name: q.Name
     """Name, unique also among the probes; it names the output in the result file."""
 
 
@@ -63,10 +51,10 @@ class ReactionOutput(Output):
 
     kind: Literal["reaction_force", "reaction_moment"]
     """Force, positive upwards, or moment, positive as the slope dw/dx, at the bottom and top of a plate dw/dy."""
-    support: Name
+    support: q.Name
     """The support: left or right end of a beam; left, right, bottom, top or point 1 of a plate; left or right wall of a
     chain, or its spring to the ground; node 15 of imported matrices; base, for all that the base exerts together."""
-    body: Name | None = None
+    body: q.Name | None = None
     """The body that the support holds; may be left out where there is only one."""
     direction: Literal["x", "y", "z", "rx", "ry", "rz"] | None = None
     """At a node of imported matrices, or of the base; z of a force and ry of a moment by default."""
@@ -86,7 +74,7 @@ class JointOutput(Output):
     kind: Literal["joint_force", "joint_moment"]
     """Force, positive upwards, or moment, positive as the slope, on the second of the two points; of the base and a
     point on that point."""
-    joint: Name
+    joint: q.Name
     """Name of the joint or spring."""
 
 
@@ -95,13 +83,13 @@ class RecoveredOutput(Output):
 
     kind: Literal["recovered"]
     """The product of a row with the motion of the degrees of freedom."""
-    row: Name
+    row: q.Name
     """Name of the row."""
-    body: Name | None = None
+    body: q.Name | None = None
     """The body; may be left out where there is only one."""
     motion: Literal["displacement", "velocity", "acceleration"] = "displacement"
     """What the row multiplies: displacement or velocity relative to the base, for stress, or absolute acceleration."""
-    unit: Text = "1"
+    unit: q.Text = "1"
     """Unit of the product, for tables and files: Pa where the matrix gives stress in Pa."""
 
 
@@ -110,7 +98,7 @@ class EnergyOutput(Output):
 
     kind: Literal["kinetic_energy", "strain_energy"]
     """Kinetic energy of the motion relative to the base, or strain energy."""
-    body: Name | None = None
+    body: q.Name | None = None
     """The body; may be left out where there is only one."""
 
 
@@ -127,8 +115,8 @@ AnyOutput = Annotated[
 _STRESS = replace(units.PRESSURE, name="stress", example="80 MPa")
 _ACCELERATION = replace(units.ACCELERATION, example="20 g")
 
-Stress = Annotated[float, Quantity(_STRESS, above=0.0)]
-PositiveRatio = Annotated[float, Quantity(replace(units.RATIO, example="80 %"), above=0.0)]
+Stress = Annotated[float, q.Quantity(_STRESS, above=0.0)]
+PositiveRatio = Annotated[float, q.Quantity(replace(units.RATIO, example="80 %"), above=0.0)]
 
 _MOMENT_PER_WIDTH = replace(units.FORCE, name="moment per width", unit="N m/m", example="12 N m/m")
 _OUTPUT_DIMENSIONS = {
@@ -148,7 +136,7 @@ def unit_of_dimension(dimension: units.Dimension) -> str:
 
 OutputLimit = Annotated[
     float,
-    LevelType(
+    q.LevelType(
         tuple((unit_of_dimension(each), each) for each in dict.fromkeys(_OUTPUT_DIMENSIONS.values())), "200 N",
         ("200 N", "80 MPa"), above=0.0,
     ),
@@ -156,21 +144,21 @@ OutputLimit = Annotated[
 """A limit on an output, in the unit of any kind of output, which it remembers as its SI unit."""
 
 
-ForceLimit = Annotated[PositiveForce | dict[Name, PositiveForce], BY_FORM]
-MomentLimit = Annotated[PositiveMoment | dict[Name, PositiveMoment], BY_FORM]
-LengthLimit = Annotated[Length | dict[Name, Length], BY_FORM]
-AccelerationLimit = Annotated[PositiveAcceleration | dict[Name, PositiveAcceleration], BY_FORM]
-RatioLimit = Annotated[PositiveRatio | dict[Name, PositiveRatio], BY_FORM]
+ForceLimit = Annotated[q.PositiveForce | dict[q.Name, q.PositiveForce], BY_FORM]
+MomentLimit = Annotated[q.PositiveMoment | dict[q.Name, q.PositiveMoment], BY_FORM]
+LengthLimit = Annotated[q.Length | dict[q.Name, q.Length], BY_FORM]
+AccelerationLimit = Annotated[PositiveAcceleration | dict[q.Name, PositiveAcceleration], BY_FORM]
+RatioLimit = Annotated[PositiveRatio | dict[q.Name, PositiveRatio], BY_FORM]
 LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.FORCE_PSD, units.MOMENT_PSD)}
 PositiveDensity = Annotated[
-    float, LevelType(tuple(LIMITED_DENSITIES.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0)
+    float, q.LevelType(tuple(LIMITED_DENSITIES.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0)
 ]
-DensityCurve = Annotated[Annotated[tuple[tuple[Frequency, PositiveDensity], ...], AtLeastTwo] | FileName, BY_FORM]
+DensityCurve = Annotated[Annotated[tuple[tuple[q.Frequency, PositiveDensity], ...], AtLeastTwo] | q.FileName, BY_FORM]
 LIMITED_RESPONSES = {each.name: each for each in (units.ACCELERATION, units.LENGTH, units.FORCE, units.MOMENT)}
 PositiveResponse = Annotated[
-    float, LevelType(tuple(LIMITED_RESPONSES.items()), "20 g", ("20 g", "0.5 mm", "50 N"), above=0.0)
+    float, q.LevelType(tuple(LIMITED_RESPONSES.items()), "20 g", ("20 g", "0.5 mm", "50 N"), above=0.0)
 ]
-ResponseCurve = Annotated[Annotated[tuple[tuple[Frequency, PositiveResponse], ...], AtLeastTwo] | FileName, BY_FORM]
+ResponseCurve = Annotated[Annotated[tuple[tuple[q.Frequency, PositiveResponse], ...], AtLeastTwo] | q.FileName, BY_FORM]
 
 
 class Limits(Schema):
@@ -199,18 +187,18 @@ class Limits(Schema):
     """The same of the absolute acceleration."""
     rms_force: ForceLimit | None = None
     """Root mean square of any snubber's force, or by snubber, of a run with a stationary input."""
-    outputs: dict[Name, OutputLimit] | None = None
+    outputs: dict[q.Name, OutputLimit] | None = None
     """By name the largest magnitude of outputs: {clamp: 200 N, gauge: 0.1 %}; a plain number is in their SI unit."""
 
-    srs: dict[Name, ShockCurve] | None = None
+    srs: dict[q.Name, ShockCurve] | None = None
     """By probe, input or support that moves (support left) a curve that the maximax shock response spectrum (run.srs)
     must not exceed: pairs of frequency and acceleration, [[100 Hz, 20 g], [1 kHz, 90 g]], or a CSV file; log-log
     interpolation between them."""
-    psd: dict[Name, DensityCurve] | None = None
+    psd: dict[q.Name, DensityCurve] | None = None
     """By probe, input or snubber a curve that the spectral density of a stationary input's response must not exceed:
     pairs of frequency and density, [[20 Hz, 0.01 g^2/Hz], [200 Hz, 0.1 g^2/Hz]], or a CSV file; that of a snubber's
     force is in N^2/Hz, of the moment of a stop of a hinge in N^2 m^2/Hz."""
-    response: dict[Name, ResponseCurve] | None = None
+    response: dict[q.Name, ResponseCurve] | None = None
     """By probe or snubber a curve over the excitation frequency that the largest magnitude of no cycle of a sweep must
     exceed: pairs of frequency and acceleration, displacement, force or moment, [[20 Hz, 5 g], [400 Hz, 20 g]], or a CSV
     file."""
@@ -232,7 +220,7 @@ class Limits(Schema):
         written: dict[str, Any] = {}
         for name, place, points in self.given_curves():
             if len(known := self.curves[name]) > 1:
-                units_of = [] if isinstance(points, str) else [(f, x, known.get(meant(x) or "")) for f, x in points]
+                units_of = [] if isinstance(points, str) else [(f, x, known.get(q.meant(x) or "")) for f, x in points]
                 said = [[f, float(x) if of is None else f"{float(x)!r} {of.unit}"] for f, x, of in units_of]
                 written.setdefault(name, {})[place] = said or points
         return written
@@ -320,27 +308,27 @@ class DisplayUnits(Schema):
     written.
     """
 
-    acceleration: Annotated[str, UnitType(of=units.ACCELERATION, example="g")] | None = None
+    acceleration: Annotated[str, q.UnitType(of=units.ACCELERATION, example="g")] | None = None
     """Unit of accelerations, such as m/s^2; by default as they are written, g for bare numbers."""
-    length: Annotated[str, UnitType(of=units.LENGTH, example="mm")] | None = None
+    length: Annotated[str, q.UnitType(of=units.LENGTH, example="mm")] | None = None
     """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
     the size where all are in metres."""
-    angle: Annotated[str, UnitType(of=units.ANGLE, example="deg")] | None = None
+    angle: Annotated[str, q.UnitType(of=units.ANGLE, example="deg")] | None = None
     """Unit of angles, such as deg; by default as most of them are written, radians with a prefix for bare numbers."""
-    velocity: Annotated[str, UnitType(of=units.VELOCITY, example="m/s")] | None = None
+    velocity: Annotated[str, q.UnitType(of=units.VELOCITY, example="m/s")] | None = None
     """Unit of velocities, such as mm/s."""
-    force: Annotated[str, UnitType(of=units.FORCE, example="N")] | None = None
+    force: Annotated[str, q.UnitType(of=units.FORCE, example="N")] | None = None
     """Unit of forces, such as kN."""
-    stress: Annotated[str, UnitType(of=units.PRESSURE, example="MPa")] | None = None
+    stress: Annotated[str, q.UnitType(of=units.PRESSURE, example="MPa")] | None = None
     """Unit of stresses and moduli, such as MPa."""
-    time: Annotated[str, UnitType(of=units.TIME, example="min")] | None = None
+    time: Annotated[str, q.UnitType(of=units.TIME, example="min")] | None = None
     """Unit of times, such as ms or min; by default minutes or hours where times are written so. Times that are shorter
     than the unit chosen are in seconds if that is longer."""
-    mass: Annotated[str, UnitType(of=units.MASS, example="kg")] | None = None
+    mass: Annotated[str, q.UnitType(of=units.MASS, example="kg")] | None = None
     """Unit of masses, such as g."""
-    stiffness: Annotated[str, UnitType(of=units.STIFFNESS, example="N/mm")] | None = None
+    stiffness: Annotated[str, q.UnitType(of=units.STIFFNESS, example="N/mm")] | None = None
     """Unit of stiffnesses, such as N/mm."""
-    energy: Annotated[str, UnitType(of=units.ENERGY, example="J")] | None = None
+    energy: Annotated[str, q.UnitType(of=units.ENERGY, example="J")] | None = None
     """Unit of energies, such as mJ."""
 
     def filled(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
@@ -377,7 +365,7 @@ class DisplayUnits(Schema):
 
 
 DIMENSIONS: dict[str, Dimension] = {
-    name: next(each.of for each in within(field.annotation) if isinstance(each, UnitType))
+    name: next(each.of for each in within(field.annotation) if isinstance(each, q.UnitType))
     for name, field in DisplayUnits.model_fields.items()
 }
 """By name of a chosen unit."""

@@ -13,11 +13,10 @@ from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, PAIR, Schema, ShortFor, Unfit, Variants, counted, demand_rising, kind_of
 from beamsim.scenario.body import Ratios
 from beamsim.scenario.excitation import Excitation, FrequencyRange
-from beamsim.scenario.quantities import FileName, NotNegativeWhole, NumberOrText, Quantile, SteppedCount, Text
 from beamsim.scenario.run import Start
 
-AnyValue = Annotated[float | str, NumberOrText(words=True)]
-Aim = Annotated[Text | tuple[Text, ...] | dict[Text, AnyValue], BY_FORM]
+AnyValue = Annotated[float | str, q.NumberOrText(words=True)]
+Aim = Annotated[q.Text | tuple[q.Text, ...] | dict[q.Text, AnyValue], BY_FORM]
 Spacing = Literal["linear", "logarithmic"]
 LEAST_DATA = 10  # measured values of a number of which a distribution is made
 
@@ -25,9 +24,9 @@ LEAST_DATA = 10  # measured values of a number of which a distribution is made
 class _Parameter(Schema):
     """What all varied parameters share."""
 
-    path: Text
+    path: q.Text
     """Path of the number or choice, for example beam.thickness, snubbers.tip.gap or beam.point_masses[*].mass."""
-    also: tuple[Text, ...] = ()
+    also: tuple[q.Text, ...] = ()
     """Other paths that take the same value, such as a probe that moves with a snubber."""
 
 
@@ -45,9 +44,9 @@ class Catalogue(Schema):
 
     known_by: ClassVar[tuple[str, ...]] = ("choices",)
 
-    name: Text = "choice"
+    name: q.Text = "choice"
     """What is chosen, for tables."""
-    choices: Annotated[dict[Text, dict[Text, Any]], Field(min_length=1)]
+    choices: Annotated[dict[q.Text, dict[q.Text, Any]], Field(min_length=1)]
     """By name what each choice sets, as --set does: {hard: {snubbers.tip.stiffness: 200 kN/m, snubbers.tip.gap: 0 mm},
     soft: {snubbers.tip.stiffness: null, snubbers.tip.force_deflection: [[0 mm, 0 N], [1 mm, 90 N]]}}."""
 
@@ -82,14 +81,14 @@ class _Toleranced(_Parameter):
 class RangedParameter(_Ranged):
     """Evenly spaced values of a range."""
 
-    points: SteppedCount
+    points: q.SteppedCount
     """Number of values."""
 
 
 class TolerancedParameter(_Toleranced):
     """The value in the scenario and its tolerance."""
 
-    points: SteppedCount = 3
+    points: q.SteppedCount = 3
     """Number of values from the lowest to the highest."""
 
 
@@ -120,10 +119,10 @@ class Measured(_Parameter):
 
     known_by: ClassVar[tuple[str, ...]] = ("data",)
 
-    data: Annotated[Annotated[tuple[AnyValue, ...], Field(min_length=LEAST_DATA)] | FileName, BY_FORM]
+    data: Annotated[Annotated[tuple[AnyValue, ...], Field(min_length=LEAST_DATA)] | q.FileName, BY_FORM]
     """The values, with or without unit; or a file with columns, relative to the scenario's folder, whose headings may
     have units."""
-    column: Text = "1"
+    column: q.Text = "1"
     """Heading of the column of the file, or its number."""
 
 
@@ -154,13 +153,13 @@ class _Study(Schema):
 
     section: ClassVar[str] = "vary"
 
-    responses: tuple[Text, ...] = ()
+    responses: tuple[q.Text, ...] = ()
     """Responses that are computed, such as peak_force; all by default, of which the bending stress takes longest."""
-    minimise: Text = ""
+    minimise: q.Text = ""
     """Response that is smallest in the best case that meets every limit: a quantity such as peak_force, which counts
     where it is largest, or a response by name, such as snubbers/tip/peak_force. Without it the best case is the one
     with the largest margin."""
-    maximise: Text = ""
+    maximise: q.Text = ""
     """Response that is largest in the best case; see minimise."""
 
     def check(self) -> None:
@@ -171,7 +170,7 @@ class _Study(Schema):
 class Correlation(Schema):
     """Two numbers that are drawn together."""
 
-    between: Annotated[tuple[Text, ...], PAIR]
+    between: Annotated[tuple[q.Text, ...], PAIR]
     """Paths of both, as the parameters have them."""
     coefficient: Annotated[float, q.Quantity(units.NUMBER, above=-1.0, below=1.0)]
     """Rank correlation (Spearman's): 1 were in the same order, -1 in the opposite one."""
@@ -180,11 +179,11 @@ class Correlation(Schema):
 class Tolerances(Schema):
     """What manufacture leaves open: every case is solved as it is, and again for each of a sample of deviations."""
 
-    samples: SteppedCount = 20
+    samples: q.SteppedCount = 20
     """Number of deviations, a Latin-hypercube sample; it is the same for all cases."""
-    seed: NotNegativeWhole = 0
+    seed: q.NotNegativeWhole = 0
     """Seed of the random generator."""
-    quantile: Quantile = 1.0
+    quantile: q.Quantile = 1.0
     """Limits and the objective judge a case by this quantile of its values, counted from the good side; by default by
     the worst of them."""
     parameters: Annotated[tuple[SampledTolerance, ...], Field(min_length=1)]
@@ -241,9 +240,9 @@ class LatinHypercube(_ToleratedStudy):
 
     kind: Literal["latin_hypercube"] = "latin_hypercube"
     """A Latin-hypercube sample."""
-    samples: SteppedCount
+    samples: q.SteppedCount
     """Number of cases."""
-    seed: NotNegativeWhole = 0
+    seed: q.NotNegativeWhole = 0
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters."""
@@ -256,9 +255,9 @@ class Sobol(_Study):
 
     kind: Literal["sobol"] = "sobol"
     """A sample for Sobol' indices."""
-    samples: SteppedCount
+    samples: q.SteppedCount
     """Size n of the sample, a power of two; there are n times the number of parameters plus two cases."""
-    seed: NotNegativeWhole = 0
+    seed: q.NotNegativeWhole = 0
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters, which are independent of each other."""
@@ -282,17 +281,17 @@ class Reliability(Schema):
     coefficient_of_variation: Variation | None = None
     """Largest standard deviation of the probability over itself; what is less sure is not reliable. By default 10 %, of
     a subset simulation 30 %."""
-    samples: SteppedCount = 1000
+    samples: q.SteppedCount = 1000
     """Histories of each level of a subset simulation, with which importance sampling begins, and of further batches."""
-    most_cases: SteppedCount = 20_000
+    most_cases: q.SteppedCount = 20_000
     """Number of histories at most."""
-    seed: NotNegativeWhole = 0
+    seed: q.NotNegativeWhole = 0
     """Seed of the random generator."""
     parameters: tuple[RandomParameter, ...] = ()
     """The numbers that scatter; none is needed with a random excitation."""
     correlations: tuple[Correlation, ...] = ()
     """Which of them go together; all others are independent."""
-    responses: tuple[Text, ...] = ()
+    responses: tuple[q.Text, ...] = ()
     """Responses that are computed beside those of limits."""
 
 
@@ -312,11 +311,11 @@ class Optimise(Schema):
     """What is to be large; beside minimise it makes two objectives."""
     tolerances: Tolerances | None = None
     """Deviations of each design, by which it is judged: the best one is that for what is built."""
-    responses: tuple[Text, ...] = ()
+    responses: tuple[q.Text, ...] = ()
     """Responses that are computed beside the objectives and those of limits; only these by default."""
-    most_cases: SteppedCount = 400
+    most_cases: q.SteppedCount = 400
     """Number of designs that are tried at most, each with its deviations."""
-    seed: NotNegativeWhole = 0
+    seed: q.NotNegativeWhole = 0
     """Seed of the random generator."""
 
     def check(self) -> None:

@@ -15,7 +15,6 @@ from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, kind_of
 from beamsim.scenario.body import Body
 from beamsim.scenario.excitation import Between, FrequencyRange, Notch, Number, ProfilePoint, Span, check_profile
-from beamsim.scenario.quantities import meant
 from beamsim.scenario.reporting import OutputLimit
 
 Harmonics = Annotated[int, q.Whole(1, 500)]
@@ -288,7 +287,7 @@ class SweptSine(_UpAndDown):
         if self.notch_to is not None:
             self._check_notches(self.notch_to)
         for index, level in enumerate(self.levels if self.profile or self.profile_file is not None else ()):
-            if (said := meant(level)) is not None:
+            if (said := q.meant(level)) is not None:
                 raise Unfit(
                     f"is given in a unit of {said}, but multiplies the levels of the profile",
                     "give plain numbers: levels: [0.5, 1, 2]",
