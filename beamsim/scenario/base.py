@@ -163,8 +163,8 @@ class Schema(BaseModel):
     def exclude(self, key: str, *others: str, remedy: str = "keep one of the two") -> None:
         """Refuse a key beside one of others."""
         names, fields = self.keys(), type(self).model_fields
-        values = {each: (getattr(self, names[each]), fields[names[each]].default) for each in (*others, key)}
-        given = [each for each, (value, default) in values.items() if value not in (None, default)]
+        defaults = {each: fields[names[each]].get_default(call_default_factory=True) for each in (*others, key)}
+        given = [each for each, default in defaults.items() if getattr(self, names[each]) not in (None, default)]
         if key in given and given[0] != key:
             raise Unfit(f"and {given[0]} exclude each other", remedy, (key,))
 

@@ -64,8 +64,9 @@ Problems = Iterator[Problem]
 
 def problems(scenario: ScenarioParts) -> list[Problem]:
     """Return all inconsistencies between the parts of a scenario."""
-    if missing := list(_structure(scenario)):
-        return missing
+    if not scenario.all_bodies:
+        remedy = "give beam:, chain: or bodies: (beamsim new writes a template)"
+        return [problem((), "the scenario has no structure", remedy)]
     if unfit := list(_bodies(scenario)):  # from which rates and frequencies follow
         return [*unfit, *_places(scenario)]
     checks = (
@@ -73,18 +74,6 @@ def problems(scenario: ScenarioParts) -> list[Problem]:
         _modes, _cases, _tolerances, _sensitivities, _limits, _pressed_friction,
     )  # fmt: skip
     return [found for check in checks for found in check(scenario)]
-
-
-def _structure(scenario: ScenarioParts) -> Problems:
-    given = [name for name in ("beam", "chain") if getattr(scenario, name) is not None]
-    if not given and not scenario.bodies:
-        yield problem(
-            (), "the scenario has no structure", "give beam:, chain: or bodies: (beamsim new writes a template)"
-        )
-    elif len(given) == 2:
-        yield problem(("chain",), "and beam exclude each other", "keep one of the two (null removes an inherited one)")
-    elif given and scenario.bodies:
-        yield problem(("bodies",), f"and {given[0]} exclude each other", f"list the {given[0]} among the bodies")
 
 
 def _bodies(scenario: ScenarioParts) -> Problems:
@@ -500,33 +489,27 @@ def _impacts(scenario: ScenarioParts, run: Run) -> Problems:
 
 def _start(scenario: ScenarioParts) -> Problems:
     start = None if scenario.run is None else scenario.run.start
-    if isinstance(start, ModeStart):
-        yield from _mode_number(scenario, ("run", "start", "mode"), start.mode)
     at: Path = ("run", "start")
-    if isinstance(start, PolynomialStart):
-        if len(scenario.all_bodies) > 1:
-            yield problem(
-                at,
-                f"gives one shape, and there are {len(scenario.all_bodies)} bodies",
-                f"name the body: start: {{bodies: {{{next(iter(scenario.all_bodies))}: {{displacement: [...]}}}}}}",
-            )
-            return
-        given = dict.fromkeys(scenario.all_bodies, start)
+    if isinstance(start, ModeStart):
+        yield from _mode_number(scenario, (*at, "mode"), start.mode)
+    elif isinstance(start, PolynomialStart) and len(scenario.all_bodies) > 1:
+        named = f"{{bodies: {{{next(iter(scenario.all_bodies))}: {{displacement: [...]}}}}}}"
+        message = f"gives one shape, and there are {len(scenario.all_bodies)} bodies"
+        yield problem(at, message, f"name the body: start: {named}")
+    elif isinstance(start, PolynomialStart):
+        yield from _shape_of_start(scenario.all_bodies[scenario.default_body], at, start)
     elif isinstance(start, BodiesStart):
-        at = (*at, "bodies")
-        given = start.bodies
-    else:
-        return
-    for name, shape in given.items():
-        path = (*at, name) if isinstance(start, BodiesStart) else at
-        yield from unknown(path, name, "body", scenario.all_bodies)
-        if name not in scenario.all_bodies:
-            continue
-        body = scenario.all_bodies[name]
-        for quantity in ("displacement", "velocity"):
-            numbers = getattr(shape, quantity)
-            yield from _units_of_shape(body, (*path, quantity), numbers)
-            yield from body.start_problems((*path, quantity), numbers)
+        for name, shape in start.bodies.items():
+            yield from unknown((*at, "bodies", name), name, "body", scenario.all_bodies)
+            if name in scenario.all_bodies:
+                yield from _shape_of_start(scenario.all_bodies[name], (*at, "bodies", name), shape)
+
+
+def _shape_of_start(body: Body, at: Path, start: PolynomialStart) -> Problems:
+    """What is wrong with the displacements and velocities of a body."""
+    for path, numbers in (((*at, key), getattr(start, key)) for key in ("displacement", "velocity")):
+        yield from _units_of_shape(body, path, numbers)
+        yield from body.start_problems(path, numbers)
 
 
 def _units_of_shape(body: Body, path: Path, numbers: Sequence[float]) -> Problems:
@@ -1136,8 +1119,6 @@ def _cases(scenario: ScenarioParts) -> Problems:
     vary = scenario.study
     if vary is None:
         return
-    if scenario.vary is not None and scenario.optimise is not None:
-        yield Problem("optimise", "and vary exclude each other", "keep one of the two")
     yield from _parameter_problems(scenario, vary.parameters, (vary.section, "parameters"))
     if isinstance(vary, Zipped):
         counts = [value_count(parameter) for parameter in vary.parameters]

@@ -126,11 +126,7 @@ class Quantity(Bounded):
 
     def read(self, value: Any) -> float:
         """Return the SI number."""
-        if not self.dimension.unit and self.dimension.name != "ratio":
-            number = units.read_number(value)
-        else:
-            number = units.read_quantity(value, self.dimension)
-        return self.bounded(number)
+        return self.bounded(units.read_quantity(value, self.dimension))
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string, with the SI unit under ``x-unit``."""
@@ -347,7 +343,7 @@ class Whole(FieldType):
         if self.maximum is not None:
             remedy = f"write a whole number from {self.minimum} to {self.maximum}"
         try:
-            number = units.read_number(value)
+            number = units.read_quantity(value, units.NUMBER)
         except UnitError:
             raise UnitError("must be a whole number", remedy) from None
         if number != int(number):

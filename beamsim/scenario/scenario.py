@@ -255,6 +255,9 @@ class Scenario(ScenarioParts):
 
     def check(self) -> None:
         """Check the parts against each other."""
+        self.exclude("chain", "beam", remedy="keep one of the two (null removes an inherited one)")
+        self.exclude("bodies", "beam", "chain", remedy="list it among the bodies")
+        self.exclude("optimise", "vary")
         if found := problems(self):
             raise ScenarioError(found)
 

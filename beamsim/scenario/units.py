@@ -31,6 +31,7 @@ class Dimension:
     unit: str
     example: str
     gravity: bool = False  # `g` means standard gravity here
+    plain: bool = False  # a number without any unit, not even % or mm/m
     power: int = 1  # of a length, roughly: how far values may be from 1, see `LARGEST`
 
     @property
@@ -43,7 +44,7 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 LARGEST = 1e30
 """Values outside 1/LARGEST to LARGEST (to its square for areas and the like) are no physical quantities."""
 
-NUMBER = Dimension("plain number", "", "0.5")
+NUMBER = Dimension("plain number", "", "0.5", plain=True)
 RATIO = Dimension("ratio", "", "2 %")
 LENGTH = Dimension("length", "m", "270 mm")
 AREA = Dimension("area", "m^2", "250 mm^2", power=2)
@@ -284,15 +285,6 @@ def _product(text: str, gravity: bool) -> tuple[Unit | None, str]:
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
-def read_number(value: object) -> float:
-    """Return a plain number: an int, a float, or a string that reads as one (``2e5``)."""
-    remedy = f"write for example {NUMBER.example}"
-    number, unit = _split(value, remedy)
-    if unit:
-        raise UnitError("must be a plain number, without a unit", remedy)
-    return _physical(_finite(number, remedy), NUMBER, remedy)
-
-
 def read_quantity(value: object, dimension: Dimension) -> float:
     """Return the value in the SI unit of ``dimension``.
 
@@ -448,7 +440,7 @@ def _measured(unit: Unit, dimension: Dimension) -> Unit | None:
     What is per radian may be per one. A frequency given by an angle is in turns.
     """
     target = _unit(dimension.unit, False) if dimension.unit else Unit()
-    if unit.without_angle != target.without_angle or dimension is NUMBER:
+    if unit.without_angle != target.without_angle or dimension.plain:
         return None
     size = unit.times(target, -1)
     if unit.angle == target.angle or (unit.angle == 0 and target.angle == -1):

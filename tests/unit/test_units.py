@@ -5,7 +5,7 @@ import math
 import pytest
 
 from beamsim.scenario import units
-from beamsim.scenario.units import UnitError, read_level, read_number, read_quantity, read_sweep_rate
+from beamsim.scenario.units import UnitError, read_level, read_quantity, read_sweep_rate
 
 pytestmark = pytest.mark.quick
 
@@ -163,9 +163,9 @@ def test_tiny_exponents_do_not_take_forever():
 
 
 def test_plain_numbers_refuse_units():
-    assert read_number("2e5") == 2e5
-    with pytest.raises(UnitError, match="without a unit"):
-        read_number("2 mm")
+    assert read_quantity("2e5", units.NUMBER) == 2e5
+    with pytest.raises(UnitError, match="must be a plain number, not a length"):
+        read_quantity("2 mm", units.NUMBER)
 
 
 @pytest.mark.parametrize(
