@@ -468,7 +468,7 @@ def declared(cls: Any = None, *, kw_only: bool = False, along: Along = ()) -> An
     ----------
     cls : the class.
     kw_only : whether fields are given by keyword only, so that those with a default may come first.
-    along : the axes of its arrays that do not name theirs.
+    along : the axes of its arrays that do not name theirs; by default those of the class that it is made from.
 
     Returns
     -------
@@ -523,24 +523,24 @@ def members_of(cls: Any) -> tuple[Member, ...]:
 @cache
 def _members_of(cls: Any) -> tuple[Member, ...]:
     members = []
+    along = next((given for base in cls.__mro__ if (given := vars(base).get("__along__"))), ())
     for field in dataclasses.fields(cls):
         if _DECLARED in field.metadata:
             written = field.type if isinstance(field.type, str) else getattr(field.type, "__name__", str(field.type))
-            owner = next(base for base in cls.__mro__ if field.name in vars(base).get("__annotations__", ()))
-            placed = _placed(field.metadata[_DECLARED], owner)
+            placed = _placed(field.metadata[_DECLARED], along)
             members.append(Member(field.name, placed, written.removesuffix(" | None"), False, _default(field)))
     for base in reversed(cls.__mro__):
         for name, value in vars(base).items():
             declaration = getattr(getattr(value, "fget", None), "__declared__", None)
             if declaration is not None:
-                members.append(Member(name, _placed(declaration, base), "", True, None))
+                members.append(Member(name, _placed(declaration, along), "", True, None))
     return tuple(members)
 
 
-def _placed(declaration: Declaration, owner: Any) -> Declaration:
+def _placed(declaration: Declaration, along: Along) -> Declaration:
     """A declaration with its axes: of an array that names none, those of the class."""
     if isinstance(declaration, Dataset) and declaration.along is None:
-        return dataclasses.replace(declaration, along=() if declaration.scale else vars(owner)["__along__"])
+        return dataclasses.replace(declaration, along=() if declaration.scale else along)
     return declaration
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.values import AlongCurve, Value
+from beamsim.analyses.values import AlongCurve
 from beamsim.fields import (
     Counter,
     attribute,
@@ -118,16 +118,16 @@ class OrbitMotion:
 
 @declared(along=_POINT)
 class ChannelExtremes:
-    """One channel of a probe or snubber along a branch of forced motions."""
+    """One channel of a probe or snubber, motion by motion of a branch."""
 
     name: str = key("name of the probe or snubber")
     quantity: str  # "displacement", "absolute_acceleration", "force", ...
     unit: str
-    maximum: Floats = dataset("{unit}", "largest {quantity:words} of a period", name="max_{quantity}")
-    minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a period", name="min_{quantity}")
+    maximum: Floats = dataset("{unit}", "largest {quantity:words} of a cycle or period", name="max_{quantity}")
+    minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a cycle or period", name="min_{quantity}")
 
     @property
-    @stored(dataset("{unit}", "largest magnitude of the {quantity:words} in a period", name="peak_{quantity}"))
+    @stored(dataset("{unit}", "largest magnitude of the {quantity:words} in a cycle or period", name="peak_{quantity}"))
     def peak(self) -> Floats:
         """(np,) largest absolute value."""
         return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
@@ -135,14 +135,14 @@ class ChannelExtremes:
 
 @declared(along=_POINT)
 class OutputExtremes:
-    """One of the `outputs` along a branch of forced motions."""
+    """One of the `outputs`, motion by motion of a branch."""
 
     name: str = key("name of the output")
     quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
     unit: str = attribute("", "unit of the quantity")
     at: str = attribute("", "where it is: a place, a support, a joint or a body")
-    maximum: Floats = dataset("{unit}", "largest value of a period")
-    minimum: Floats = dataset("{unit}", "smallest value of a period")
+    maximum: Floats = dataset("{unit}", "largest value of a cycle or period")
+    minimum: Floats = dataset("{unit}", "smallest value of a cycle or period")
 
     @property
     def peak(self) -> Floats:
@@ -217,16 +217,15 @@ class ResponseBranch(MotionBranch, AlongCurve):
         "m", "amplitude of cos(order x phase)", along=(*_POINT, "order"), name="harmonic_displacement",
         imaginary="minus that of sin(order x phase)",
     )  # fmt: skip
-    contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact")
-    # where limits ask for it, as the stress
-    peak_gap: dict[str, Floats] = per_snubber("m", "largest opening of the contact in a period", default_factory=dict)
-    peak_bending_stress: Floats | None = dataset(
-        "Pa", "largest bending stress along the beam in a period", default=None
-    )
     outputs: dict[str, OutputExtremes] = named("outputs", OutputExtremes, default_factory=dict)
     neglected_harmonics: Floats | None = dataset(
         "1", "size of the neglected harmonics relative to the motion", default=None
     )
+
+    @property
+    def cycles_at(self) -> tuple[Floats, Bools]:
+        """(np,) the parameter, and which motions are stable."""
+        return self.parameter, self.stable
 
     @property
     @stored(axis("1", "frequency over excitation frequency"))
@@ -246,23 +245,6 @@ class ResponseBranch(MotionBranch, AlongCurve):
             return None
         amplitude = np.abs(np.stack(list(self.harmonics.values())))
         return bool(amplitude[..., ::2].max() <= LARGEST_EVEN * amplitude.max())
-
-
-def largest_of_stable(branches: Sequence[ResponseBranch]) -> Iterator[tuple[Value, str, float, float]]:
-    """The values that have limits, and outputs: by name the largest of all stable motions, and the parameter there.
-
-    Both are NaN where no motion is stable.
-    """
-    stable, parameter = (np.concatenate([getattr(b, name) for b in branches]) for name in ("stable", "parameter"))
-    peaks = [dict(branch.peaks()) for branch in branches]
-    for value in peaks[0]:
-        for name in peaks[0][value]:
-            if not stable.any():
-                yield value, name, np.nan, np.nan
-                continue
-            along = np.concatenate([each[value][name] for each in peaks])
-            best = int(np.argmax(np.where(stable, along, -np.inf)))
-            yield value, name, float(along[best]), float(parameter[best])
 
 
 @declared(kw_only=True, along=_POINT)

@@ -7,19 +7,19 @@ Of a limit the margin of safety is limit / value - 1: zero where the limit is ju
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.fields import Entry
+from beamsim.fields import Entry, dataset, declared, per_snubber
 from beamsim.outcomes import COMPLETE, OnLimit, Outcome, on_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import Channel, ChannelSet, Key
-from beamsim.typing import Floats
+from beamsim.typing import Bools, Floats
 
 ALWAYS = 1e-12  # contact shares within this distance of 0 or 1 count as never or always
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
@@ -222,14 +222,26 @@ OUTPUT, RESPONSE = BY_ENTRY["peak_output"], BY_ENTRY["response_over_limit"]
 LIMITED = {value.limit: value for value in VALUES if value.limit}
 
 
+@declared(kw_only=True)
 class AlongCurve:
     """Channels along a curve of a sweep or a branch of periodic motions, each by its extremes in every cycle."""
 
     probes: tuple[Any, ...]  # with name, quantity, unit, and the extremes (C,) minimum, maximum and peak
     snubbers: tuple[Any, ...]
     outputs: Mapping[str, Any]
-    peak_gap: Mapping[str, Floats]
-    peak_bending_stress: Floats | None
+    contact_share: dict[str, Floats] = per_snubber("1", "share of the time in contact")
+    # only computed for limits, the gap of a sweep also where a snubber is closed at rest
+    peak_gap: dict[str, Floats] = per_snubber(
+        "m", "largest opening of the contact in a cycle or period", default_factory=dict
+    )
+    peak_bending_stress: Floats | None = dataset(
+        "Pa", "largest bending stress along the beam in a cycle or period", default=None
+    )
+
+    @property
+    def cycles_at(self) -> tuple[Floats, Bools]:
+        """(C,) where each cycle is, in SI units or Hz, and whether its values count."""
+        raise NotImplementedError
 
     def envelopes(self, quantity: str) -> dict[str, Any]:
         """A quantity of the probes or snubbers in every cycle, by name; empty where it is not followed."""
@@ -266,6 +278,20 @@ class AlongCurve:
                 of = {"": self.peak_bending_stress}
             if of and (value.of is not None or value is RESPONSE):
                 yield value, of
+
+
+def largest_along(curves: Sequence[AlongCurve]) -> Iterator[tuple[Value, str, float, float]]:
+    """The values of `AlongCurve.peaks`: by name the largest of all cycles that count, and where that is, in SI or Hz.
+
+    Both are NaN where it is known of none.
+    """
+    at, counts = (np.concatenate(each) for each in zip(*(curve.cycles_at for curve in curves), strict=True))
+    peaks = [dict(curve.peaks()) for curve in curves]
+    for value in peaks[0]:
+        for name in peaks[0][value]:
+            along = np.where(counts, np.concatenate([each[value][name] for each in peaks]), np.nan)
+            best = int(np.argmax(np.where(np.isnan(along), -np.inf, along)))
+            yield value, name, float(along[best]), np.nan if np.isnan(along[best]) else float(at[best])
 
 
 def searched(channels: ChannelSet, values: Iterable[Value] = VALUES) -> ChannelSet:

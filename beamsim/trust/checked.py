@@ -12,10 +12,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from beamsim.analyses.branch import largest_of_stable
 from beamsim.analyses.gapping import finite
 from beamsim.analyses.result import CONVERGENCE
-from beamsim.analyses.values import BY_NAME, limited
+from beamsim.analyses.values import BY_NAME, largest_along, limited
 from beamsim.flow.compiled import processor_time
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Progress, Stop, never, part_of
@@ -295,7 +294,7 @@ def _of_sweep(result: SweepResult) -> Values:
     """Largest values of all curves; natural frequencies."""
     entries: dict[str, dict[str, float]] = {}
     for curve in result.curves.values():
-        for value, name, largest, _ in curve.largest_values():
+        for value, name, largest, _ in largest_along([curve]):
             entries.setdefault(value.entry, {})[f"{curve.name} {name}".strip()] = largest / value.scale
     of_model = {"contact_share": result.summary["contact_share"]}
     of_model |= {"gapping_ratio": finite(result.summary.get("gapping_ratio", {}))}
@@ -309,7 +308,7 @@ def _of_continuation(result: ContinuationResult) -> Values:
     names = [f"{p['probe']} level {p['level']:.6g} period {p['period_multiple']}" for p in peaks]
     displacement = {name: float(p["value_m"]) for name, p in zip(names, peaks, strict=True)}
     entries: dict[str, dict[str, float]] = {"peak_displacement_m": displacement}
-    for value, name, largest, _ in largest_of_stable(result.branches):
+    for value, name, largest, _ in largest_along(result.branches):
         entries.setdefault(value.entry, {})[name] = largest / value.scale
     frequency = {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)}
     return compared(entries | ({"peak_frequency_hz": frequency} if frequency else {})) | _frequencies(result)

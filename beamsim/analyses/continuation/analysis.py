@@ -15,7 +15,6 @@ from beamsim.analyses.branch import (
     FoldBranch,
     OutputExtremes,
     ResponseBranch,
-    largest_of_stable,
     of_states,
     special_result,
 )
@@ -47,6 +46,7 @@ from beamsim.analyses.values import (
     PENETRATION,
     STRESS,
     Value,
+    largest_along,
     limited,
     margins_along,
 )  # fmt: skip
@@ -471,7 +471,7 @@ def _summary(
 def largest_values(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
     """Largest values of all stable motions by name (peaks have the displacements), and margins, for the summary."""
     entries: dict[str, Any] = {}
-    found = list(largest_of_stable(branches))
+    found = list(largest_along(branches))
     for value, name, largest, parameter in found:
         if value is OUTPUT:
             entries.setdefault(value.entry, {})[name] = {"value": largest, "parameter": parameter}

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import largest_of_stable
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.analyses.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, limited
+from beamsim.analyses.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_along, limited
 from beamsim.scenario import Scenario
 
 Responses = dict[str, float | list[float]]
@@ -78,7 +77,7 @@ def _of_sweep(result: SweepResult) -> Responses:
     """For every curve (direction and level) the largest values and their frequencies."""
     values: Responses = {}
     for curve in result.curves.values():
-        for value, name, largest, frequency in curve.largest_values():
+        for value, name, largest, frequency in largest_along([curve]):
             values |= _largest(curve.name, value, name, largest, frequency)
         for name, share in result.summary["contact_share"][curve.name].items():
             values[f"{curve.name}/snubbers/{name}/contact_share"] = share
@@ -93,7 +92,7 @@ def _of_continuation(result: ContinuationResult) -> Responses:
     values: Responses = {}
     for index, level in enumerate(dict.fromkeys(repr(b.level) for b in result.branches)):
         of_level = [b for b in result.branches if repr(b.level) == level]
-        for value, name, largest, parameter in largest_of_stable(of_level):
+        for value, name, largest, parameter in largest_along(of_level):
             frequency = parameter if result.parameter == "frequency" else None
             values |= _largest(f"stable_{index}", value, name, largest, frequency)
     return values

@@ -32,7 +32,7 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level
-from beamsim.analyses.values import ALWAYS, BY_ENTRY, OUTPUT, RESPONSE, VALUES, Margins, margins_along
+from beamsim.analyses.values import ALWAYS, BY_ENTRY, OUTPUT, RESPONSE, VALUES, Margins, largest_along, margins_along
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import limit_curve, read_profile
 from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
@@ -263,7 +263,7 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve], contact: Mapping
     found = [
         (value, name, largest, f"{frequency:.4g} Hz {curve.direction}")
         for curve in curves.values()
-        for value, name, largest, frequency in curve.largest_values()
+        for value, name, largest, frequency in largest_along([curve])
     ]
     found += [
         (BY_ENTRY["gapping_ratio"], name, ratio, f"{contact['gapping'][name]['frequency_hz']:.4g} Hz")
@@ -304,7 +304,7 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
         if (value.followed and not value.rare) or (units and value is OUTPUT)
     }
     for curve in curves.values():
-        for value, name, largest, _ in curve.largest_values():
+        for value, name, largest, _ in largest_along([curve]):
             if value.followed or value is RESPONSE or value.entry in entries:
                 of = entries.setdefault(value.entry, {name: {} for name in curves})
                 of[curve.name][name] = largest / value.scale

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.branch import ChannelExtremes, OutputExtremes
 from beamsim.analyses.gapping import ContactLevels
 from beamsim.analyses.quality import QualityPeak, peaks_of
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, Value, of_angles
+from beamsim.analyses.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, of_angles
 from beamsim.fields import (
     Counter,
     Entry,
@@ -26,7 +26,6 @@ from beamsim.fields import (
     named,
     per_probe,
     per_snubber,
-    stored,
     table,
 )
 from beamsim.inputs.drift import CorrectionSize
@@ -44,14 +43,9 @@ _SECTION = ("poincare_frequency_hz", "probe")
 
 
 @declared(along=_FREQUENCY)
-class Envelope:
+class Envelope(ChannelExtremes):
     """One channel of a probe or snubber, cycle by cycle (or frequency by frequency)."""
 
-    name: str = key("name of the probe or snubber")
-    quantity: str  # "displacement", "absolute_acceleration", "force", ...
-    unit: str
-    maximum: Floats = dataset("{unit}", "largest {quantity:words} of a cycle", name="max_{quantity}")
-    minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a cycle", name="min_{quantity}")
     # mean included
     rms: Floats = dataset(
         "{unit}", "root mean square of the {quantity:words} over the time of a cycle", name="rms_{quantity}"
@@ -71,12 +65,6 @@ class Envelope:
     )
 
     @property
-    @stored(dataset("{unit}", "largest magnitude of the {quantity:words} in a cycle", name="peak_{quantity}"))
-    def peak(self) -> Floats:
-        """(C,) largest absolute value."""
-        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
-
-    @property
     def response(self) -> Floats:
         """(C,) largest distance from static equilibrium."""
         return np.maximum(np.abs(self.maximum - self.at_rest), np.abs(self.minimum - self.at_rest))
@@ -88,26 +76,15 @@ class Envelope:
 
 
 @declared(along=_FREQUENCY)
-class OutputEnvelope:
+class OutputEnvelope(OutputExtremes):
     """One of the `outputs`, cycle by cycle (or frequency by frequency)."""
 
-    name: str = key("name of the output")
-    quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
-    unit: str = attribute("", "unit of the quantity")
-    at: str = attribute("", "where it is: a place, a support, a joint or a body")
-    maximum: Floats = dataset("{unit}", "largest value of a cycle")
-    minimum: Floats = dataset("{unit}", "smallest value of a cycle")
     rms: Floats = dataset("{unit}", "root mean square over the time of a cycle, mean included")
     mean: Floats = dataset("{unit}", "mean over the time of a cycle")
     harmonics: Complexes = dataset(
         "{unit}", "amplitude of cos(order x phase)", along=("order", *_FREQUENCY),
         imaginary="minus the amplitude of sin(order x phase)",
     )  # fmt: skip
-
-    @property
-    def peak(self) -> Floats:
-        """(C,) largest absolute value."""
-        return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
 
 
 @declared(along=_FREQUENCY)
@@ -228,7 +205,7 @@ class Notching:
         return {"limits": limits, "ranges": [{**vars(part)} for part in self.ranges], "points": self.frequency_hz.size}
 
 
-@declared(along=_FREQUENCY)
+@declared(kw_only=True, along=_FREQUENCY)
 class SweepCurve(AlongCurve):
     """One way through the frequencies at one level."""
 
@@ -245,7 +222,6 @@ class SweepCurve(AlongCurve):
     orders: Floats = axis("1", "order: frequency over excitation frequency", name="order")  # (R,)
     probes: tuple[Envelope, ...] = named("probes", Envelope, by=("name", "quantity", "unit"))
     snubbers: tuple[Envelope, ...] = named("snubbers", Envelope, by=("name", "quantity", "unit"))
-    contact_share: dict[str, Floats] = per_snubber("1", "share of the cycle's time in contact")
     contacts: dict[str, Ints] = per_snubber("1", "number of closings")
     energy_error: Floats | None = dataset(
         "1",
@@ -255,11 +231,6 @@ class SweepCurve(AlongCurve):
     )
     level_unit: str = attribute("", "SI unit of the level; empty where it is the factor of a profile", default="")
     steady: SteadyStates | None = group("steady", SteadyStates, default=None)  # of a stepped sweep
-    # only computed for limits, the gap also where a snubber is closed at rest
-    peak_gap: dict[str, Floats] = per_snubber("m", "largest opening of the contact in the cycle", default_factory=dict)
-    peak_bending_stress: Floats | None = dataset(
-        "Pa", "largest bending stress along the beam in the cycle", default=None
-    )
     impacts: dict[str, CycleImpacts] = named(  # where sweep.impacts asks for them
         "snubbers", CycleImpacts, default_factory=dict
     )
@@ -274,12 +245,10 @@ class SweepCurve(AlongCurve):
         """What a limit on the level applies to, in every cycle."""
         return self.outputs[of.item] if of.section == "outputs" else getattr(self, of.quantity)[of.item]
 
-    def largest_values(self) -> Iterator[tuple[Value, str, float, float]]:
-        """The values of `peaks`: by name the largest of all cycles in which it is known, and the frequency there."""
-        for value, of in self.peaks():
-            for name, peaks in of.items():
-                k = int(np.argmax(np.where(np.isnan(peaks), -np.inf, peaks)))
-                yield value, name, float(peaks[k]), float(self.frequency_hz[k])
+    @property
+    def cycles_at(self) -> tuple[Floats, Bools]:
+        """(C,) Hz, of each cycle; all count."""
+        return self.frequency_hz, np.ones(self.frequency_hz.size, dtype=bool)
 
     def amplitude_at(self, frequency_hz: Floats) -> Floats:
         """Amplitude of the excitation at any frequencies, Hz, that of the ends beyond them."""
