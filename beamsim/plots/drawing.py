@@ -233,8 +233,10 @@ def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
 
 
 def _wrapped(text: str, length: float) -> str:
-    """The label of an axis of so many pixels; of a longer one what is in brackets is on a line of its own."""
-    return text.replace(" (", "\n(", 1) if max(map(len, text.split("\n"))) * 7.5 > length else text
+    """The label of an axis of so many pixels; in a longer one what is in brackets, then words, begin new lines."""
+    most = max(int(length / 7.5), 1)
+    longer = text.replace(" (", "\n(", 1) if max(map(len, text.split("\n"))) > most else text
+    return "\n".join(textwrap.fill(line, most, break_long_words=False) for line in longer.split("\n"))
 
 
 def _plain_logarithmic(axis: Any) -> None:

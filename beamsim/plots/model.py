@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
+from beamsim.outcomes import first_of
 from beamsim.plots.drawing import GREEN, Picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
 from beamsim.plots.style import amount, extent, level_text, round_length
@@ -93,8 +94,16 @@ def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
     """Levels, range and rate of a sweep."""
     sweep: Any = scenario.sweep
     path = in_metres(scenario, sweep.parameter) if sweep.kind == "continuation" else sweep
-    if sweep.levels:
+    points = [
+        f"{_level_text(point if point.quantity else part, point.level)} from {point.frequency:.6g} Hz"
+        for point in getattr(sweep, "profile", ())
+    ]
+    if profile := first_of(points, 4) or getattr(sweep, "profile_file", None):
+        yield f"profile of {profile}"
+    if sweep.levels and scenario.level_unit:
         yield " and ".join(_level_text(part, level) for level in sweep.levels)
+    elif sweep.levels:  # they multiply a profile, or the levels of several forces
+        yield f"times {' and '.join(f'{level:g}' for level in sweep.levels)}"
     unit = scenario.level_unit if path.kind == "level" else getattr(path, "unit", "Hz")
     ends = extent(float(min(path.ends)), float(max(path.ends)), unit)
     yield ends if unit == "Hz" else f"{path.kind} {ends}, {' and '.join(f'{f:.6g} Hz' for f in part.frequencies_hz)}"
@@ -106,7 +115,8 @@ def _excitation_text(scenario: Scenario, part: Any, swept: str) -> str:
     sweep: Any = scenario.sweep
     words = [swept or part.kind.replace("_", " ")]
     levels = [level for _, level in part.levels()]
-    if levels and not (swept and (sweep.levels or isinstance(getattr(sweep, "continue_in", None), LevelPath))):
+    given = swept and (sweep.levels or isinstance(getattr(sweep, "continue_in", None), LevelPath))
+    if levels and not (given if scenario.level_unit else swept and part is scenario.excitation):
         words.append(_level_text(part, max(levels, key=abs)))
     if swept:
         words += _swept(scenario, part)

@@ -64,7 +64,13 @@ class Sketch:
     def __init__(self, scenario: Scenario, stations: Stations, stops: Mapping[str, SnubberNumbers]) -> None:
         self.scenario, self.stations, self.stops = scenario, stations, stops
         at = placed(scenario.joints, scenario.all_bodies, scenario.default_body)
+        self.sites: dict[str, Site] = {each.item.name: snubber_site(each) for each in scenario.located_snubbers}
         rows = list(dict.fromkeys(at.group.get(part.body, part.body) for part in stations))
+        for site in self.sites.values():  # the first of two places lies below the second
+            low, high = ([at.group.get(place.body, place.body) for place in ends_of(site)] * 2)[:2]
+            if low in rows and high in rows and rows.index(low) > rows.index(high):
+                rows.remove(low)
+                rows.insert(rows.index(high), low)
         lengths = [float(np.ptp(self._across(part))) for part in stations if self._in_metres(part)]
         self.span = max(lengths, default=1.0) or 1.0
         self.count = len(rows)
@@ -75,7 +81,6 @@ class Sketch:
             )
             for part in stations
         }
-        self.sites: dict[str, Site] = {each.item.name: snubber_site(each) for each in scenario.located_snubbers}
 
     def _in_metres(self, part: StationPart) -> bool:
         points = self.stations.points

@@ -424,7 +424,9 @@ def _finer(result: Result, checked: Convergence) -> str:
 def _remedy(result: Result, checked: Convergence) -> str:
     """What makes the doubtful values converge, beside what is written."""
     places = [key.partition(".")[2] for key in checked.doubtful if key.startswith("peak_acceleration")]
-    stops = result.scenario.bare_dashpots if places else ()
+    shares = result.summary.get("contact_share", {})  # by snubber, of a sweep by curve and snubber
+    met = {name for of in (shares, *shares.values()) if isinstance(of, dict) for name, share in of.items() if share}
+    stops = tuple(name for name in result.scenario.bare_dashpots if name in met or not shares) if places else ()
     band = ["give the band of the accelerometers (run.low_pass: 2 kHz)"] * (getattr(result, "low_pass_hz", 0.0) is None)
     contact = [f"give the structure a point mass at {listed(stops)}", "leave out the dashpot there"] if stops else []
     special = [*band, *contact] if places else []

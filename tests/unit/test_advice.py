@@ -58,6 +58,18 @@ def test_an_acceleration_that_does_not_converge(low_pass, dashpot, mass, reducti
     assert ("reduction" in outcome.remedy) == (not special and reduction != "all")
 
 
+@pytest.mark.parametrize("share", [0.2, 0.0, {"up_0": {"tip": 0.1}}, {"up_0": {"tip": 0.0}}], ids=str)
+def test_a_stop_that_is_never_met_is_no_reason(share, fabricated_run):
+    """Its dashpot does nothing: a load that begins at once was advised to leave it out."""
+    result = replace(fabricated_run(), scenario=case(dashpot=True, low_pass="2 kHz"))
+    result = result.with_summary(
+        **result.summary | {"contact_share": share if isinstance(share, dict) else {"tip": share}}
+    )
+    doubt = Convergence({"peak_acceleration_g": {"tip": 0.1}}, ("peak_acceleration_g.tip",), 12, 8)
+    remedy = with_convergence(result, doubt).outcome.remedy
+    assert ("point mass at tip" in remedy) == (str(share) in ("0.2", "{'up_0': {'tip': 0.1}}"))
+
+
 @pytest.mark.parametrize("reduction", REDUCTIONS)
 def test_a_force_that_does_not_converge(reduction, fabricated_run):
     """More modes in the way in which the file says how many, and never "raise reduction.modes" where it has none."""

@@ -55,6 +55,40 @@ def test_stops_are_on_their_sides_with_gaps_in_proportion():
     assert "lower: 10 kN/m, gap 2 mm" in texts(figure)
 
 
+@pytest.mark.parametrize("between", [("one", "two"), ("two", "one")])
+def test_of_two_bodies_the_one_that_is_below_is_drawn_below(between):
+    """Whatever the order in which they are written; the stop crossed the body that it is to hold."""
+    places = [{"body": body, "position": "50 %"} for body in between]
+    stop = {"name": "stop", "between": places, "stiffness": 1e4, "gap": 1e-3}
+    bodies = {name: {"kind": "beam", **BEAM} for name in ("one", "two")}
+    scenario = load_scenario({"bodies": bodies, "snubbers": [stop], "excitation": {"kind": "none"}})
+    system = build_system(scenario)
+    sketch = Sketch(scenario, system.stations, {each.name: each for each in system.snubbers})
+    assert [sketch.lines_of(body)[0].row for body in between] == [0, 1]
+
+
+SWEPT = {"kind": "swept_sine", "from": 8.0, "to": 90.0, "rate": "2 oct/min", "levels": [0.5, 2.0]}
+POINTS = [{"frequency": 8.0, "level": "2 mm"}, {"frequency": 20.0, "level": "1 g"}]
+FORCES = [{"kind": "harmonic", "applied_to": {"position": 0.2}, "level": "3 N", "frequency": 9.0}]
+
+
+@pytest.mark.parametrize(
+    ("excitation", "sweep", "said"),
+    [
+        ({}, {"levels": ["0.5 g", "2 g"]}, "swept sine, 0.5 g and 2 g, 8 to 90 Hz"),
+        ({}, {"profile": POINTS}, "swept sine, profile of 2 mm from 8 Hz, 1 g from 20 Hz, times 0.5 and 2, 8 to 90 Hz"),
+        ({}, {"profile": POINTS, "levels": None}, "swept sine, profile of 2 mm from 8 Hz, 1 g from 20 Hz, 8 to 90 Hz"),
+        ({"kind": "forces", "forces": FORCES}, {}, "swept sine, 3 N, times 0.5 and 2, 8 to 90 Hz"),
+    ],
+    ids=["levels", "profile", "profile alone", "forces"],
+)
+def test_levels_that_are_factors_are_not_accelerations(excitation, sweep, said):
+    """A profile times 0.5 was "0.05099 g" in sketch and report, forces times 2 were "2 N"."""
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": "3 g", "frequency": 9.0}
+    text = excitation_text(load_scenario({"beam": BEAM, "excitation": excitation or shaken, "sweep": SWEPT | sweep}))
+    assert text.startswith(said)
+
+
 def test_texts_of_stops():
     prestressed = {"name": "s", "position": 0.4, "side": "below", "stiffness": 1e4, "gap": -1e-4}
     for gap, rest in ((-1e-4, "preload"), (0.0, "just touching"), (2e-3, "gap 2 mm")):
