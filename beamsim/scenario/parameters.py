@@ -50,7 +50,7 @@ from beamsim.scenario.studies import (
 )
 from beamsim.scenario.sweep import PositionPath
 from beamsim.scenario.tree import apply_overrides, from_python, in_a_body, indices
-from beamsim.scenario.units import NUMBER, RATIO, Dimension, UnitError, read_level, read_quantity
+from beamsim.scenario.units import NUMBER, RATIO, Dimension, UnitError, read_quantity
 
 AnyScenario = TypeVar("AnyScenario", bound=ScenarioParts)
 Part = TypeVar("Part", bound=Schema)
@@ -399,7 +399,7 @@ def _number(scenario: ScenarioParts, path: str, places: Sequence[Path]) -> Varie
     field, nominal = field_type_at(scenario, places[0]), value_at(scenario, places[0])
     nominal = str(nominal) if isinstance(nominal, q.Rate) else nominal  # with its unit, like a word
     return VariedParameter(
-        path=path, places=tuple(places), unit=_unit(scenario, places[0], field),
+        path=path, places=tuple(places), unit=_unit(scenario, places[0]),
         nominal=nominal if isinstance(nominal, str) else float(nominal), values=(),
         whole=isinstance(field, q.Whole) or (field is None and isinstance(nominal, int)),
     )  # fmt: skip
@@ -558,8 +558,9 @@ def _read(scenario: ScenarioParts, place: Path, value: Value, at: Path) -> Value
     read: Any = read_as(scenario, place, value, at)
     if isinstance(read, q.LevelValue):
         field: Any = field_type_at(scenario, place)
-        there, said = _dimension(scenario, place, field), dict(field.quantities).get(read.quantity)
-        if said not in (None, there):
+        known = dict(field.quantities)
+        there, said = _dimension_of_level(scenario, place, known), known.get(str(read.quantity))
+        if said is not None and said != there:
             remedy = f"write for example {there.example}"
             raise Unfit(f"= {value} is {said.with_article}, and {path_text(place)} is {there.with_article}", remedy, at)
         return float(read)
@@ -569,16 +570,12 @@ def _read(scenario: ScenarioParts, place: Path, value: Value, at: Path) -> Value
 def _deviation(scenario: ScenarioParts, place: Path, tolerance: Value, nominal: float, key: str) -> float:
     """Deviation under a key in SI units: a share of the nominal value, or an absolute one in the field's dimension."""
     at: Path = (key,)
-    field = field_type_at(scenario, place)
     try:
         if isinstance(tolerance, str) and tolerance.rstrip().endswith("%"):
             deviation = abs(nominal) * read_quantity(tolerance, RATIO)
-        elif isinstance(field, q.Quantity) and field.dimension.unit:
-            deviation = read_quantity(tolerance, field.dimension)
-        elif isinstance(field, q.LevelType):
-            deviation = read_level(tolerance, (_dimension(scenario, place, field),))[0]
         else:
-            deviation = read_quantity(tolerance, RATIO)
+            of = _dimension(scenario, place)
+            deviation = read_quantity(tolerance, of if of is not None and of.unit else RATIO)
     except UnitError as error:
         raise Unfit(f"= {tolerance} {error.message}", "write for example 2 %, or 0.05 mm for a length", at) from None
     if not deviation > 0.0:
@@ -587,9 +584,16 @@ def _deviation(scenario: ScenarioParts, place: Path, tolerance: Value, nominal: 
     return deviation
 
 
-def _dimension(scenario: ScenarioParts, place: Path, field: q.LevelType) -> Dimension:
-    """What a level at a place is: as its unit says there, else of what stands around it."""
-    known = dict(field.quantities)
+def _dimension(scenario: ScenarioParts, place: Path) -> Dimension | None:
+    """What a number at a place is; None of whole numbers and words."""
+    field = field_type_at(scenario, place)
+    if isinstance(field, q.LevelType):
+        return _dimension_of_level(scenario, place, dict(field.quantities))
+    return field.dimension if isinstance(field, q.Quantity) else None
+
+
+def _dimension_of_level(scenario: ScenarioParts, place: Path, known: Mapping[str, Dimension]) -> Dimension:
+    """What a level at a place is, of those that are known: as its unit says there, else of what stands around it."""
     excitation: Any = scenario.excitation
     if "0" in known:  # numbers of a shape, by the power of x
         body = scenario.all_bodies[str(place[-3]) if "bodies" in place else scenario.default_body]
@@ -605,16 +609,12 @@ def _dimension(scenario: ScenarioParts, place: Path, field: q.LevelType) -> Dime
 
 def unit_of(scenario: ScenarioParts, path: str) -> str:
     """SI unit of the number at a path; "1" for plain numbers."""
-    place = find_parameters(scenario, path)[0]
-    return _unit(scenario, place, field_type_at(scenario, place))
+    return _unit(scenario, find_parameters(scenario, path)[0])
 
 
-def _unit(scenario: ScenarioParts, place: Path, field: q.FieldType | None) -> str:
-    if isinstance(field, q.Quantity):
-        return field.dimension.unit or "1"
-    if isinstance(field, q.LevelType):
-        return _dimension(scenario, place, field).unit or "1"
-    return "1"
+def _unit(scenario: ScenarioParts, place: Path) -> str:
+    of = _dimension(scenario, place)
+    return "1" if of is None else of.unit or "1"
 
 
 @dataclass(frozen=True)
