@@ -475,6 +475,7 @@ MEANT = {
     "pinned": "simply_supported hinged",
     "point_masses": "added_mass added_masses lumped_mass lumped_masses concentrated_masses tip_mass",
     "poissons_ratio": "nu poisson",
+    "points": "values",
     "position": "location coordinate x",
     "preload": "prestress interference",
     "probes": "sensors accelerometers measurement_points",
@@ -490,6 +491,7 @@ MEANT = {
     "supports": "boundary_conditions boundaries bc constraints",
     "swept_sine": "sweep chirp sine_sweep",
     "to": "max maximum high upper",
+    "title": "name heading",
     "youngs_modulus": "e modulus elastic_modulus modulus_of_elasticity",
 }
 """By key the words that engineers use for it elsewhere."""

@@ -18,6 +18,7 @@ from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace
 from beamsim.scenario.distributed import AreaLoad, LineLoad
 from beamsim.scenario.units import STANDARD_GRAVITY, UnitError
 
+AtLeastTwo = Field(min_length=2)
 Quantity = Literal[
     "acceleration", "velocity", "displacement", "force", "force_per_length", "pressure",
     "angular_acceleration", "angular_velocity", "rotation",
@@ -675,7 +676,6 @@ class RandomInput(Driven):
 
 
 PositiveAcceleration = Annotated[float, q.Quantity(replace(units.ACCELERATION, example="20 g"), above=0.0)]
-AtLeastTwo = Field(min_length=2)
 ShockCurve = Annotated[
     Annotated[tuple[tuple[q.Frequency, PositiveAcceleration], ...], AtLeastTwo] | q.FileName, BY_FORM
 ]  # fmt: skip
