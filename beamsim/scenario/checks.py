@@ -956,6 +956,8 @@ def _identification(scenario: ScenarioParts) -> Problems:
         for k, peak in enumerate(test.peaks if isinstance(test, SweepTest) else ()):
             if peak.probe is not None:
                 yield from unknown((_TOP, "nonlinear", "tests", index, "peaks", k, "probe"), peak.probe, "probe", names)
+    if any(isinstance(test, SweepTest) and test.file for test in section.nonlinear.tests):
+        return  # whose rows have names too
     labels = [test.label for test in section.nonlinear.tests]
     for index, name in enumerate(section.nonlinear.leave_out):
         yield from unknown((_TOP, "nonlinear", "leave_out", index), name, "test", labels)

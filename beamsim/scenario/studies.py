@@ -570,12 +570,15 @@ class MeasuredPeak(Schema):
 
 
 class SweepTest(_AnyTest, FrequencyRange):
-    """A row of a table of slow sine sweeps: where it jumps, and its peaks."""
+    """A row of a table of slow sine sweeps: where it jumps, and its peaks; or a file with the table."""
 
     kind: Literal["sweep"]
     """Peaks and jump of a sweep, compared with those of the periodic motions that a slow sweep follows."""
     name: q.Name
-    """What it is called in tables and in leave_out."""
+    """What it is called in tables and in leave_out; rows of a file are numbered behind it, or have names there."""
+    file: q.FileName | None = None
+    """Table with headings and units (CSV), a row a sweep, of the keys below: level, direction, jump, and of peaks
+    tip frequency, tip absolute_acceleration, tip scatter; keys without a column or cell are those given here."""
     level: q.Level | None = None
     """Excitation level of this test, in the quantity of the scenario's excitation."""
     direction: Literal["up", "down"] = "up"
@@ -592,10 +595,12 @@ class SweepTest(_AnyTest, FrequencyRange):
     """The largest magnitudes."""
 
     def check(self) -> None:
-        """Demand a measured number."""
+        """Demand a measured number, or a file with them."""
         super().check()
-        if self.jump is None and not self.peaks:
-            raise Unfit("has neither jump nor peaks", "give one of them", ("peaks",))
+        if self.file is None and self.jump is None and not self.peaks:
+            raise Unfit("has neither jump nor peaks", "give one of them, or a file", ("peaks",))
+        if self.file is not None and (self.jump is not None or self.peaks):
+            raise Unfit("has a file, and jump or peaks beside it", "write all rows into the file", ("file",))
 
     @property
     def label(self) -> str:

@@ -12,9 +12,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import ValidationError
 
 from beamsim.analyses.continuation.branches import Budget, Tracer, trace_range
 from beamsim.analyses.continuation.motion import Measurement
@@ -24,11 +26,15 @@ from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.records import Compared, Misfit, Prediction, Test, fit_of
 from beamsim.analyses.identify.result import SweepFit
 from beamsim.flow.variational import VariationalFlow, motion_on
+from beamsim.measurements.read import TEXT, ending_of, read_rows
+from beamsim.measurements.signal import MeasurementError, split_heading
 from beamsim.orbits.branch import BranchPoint, share_of_step
 from beamsim.orbits.continuation import Settings, correct, correct_across, locate, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.loading import describe
 from beamsim.scenario.studies import SweepTest
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
@@ -170,6 +176,58 @@ def _determinant(point: BranchPoint) -> float:
     return point.orientation * float(point.tangent[-1])
 
 
+def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[SweepTest]:
+    """The rows of a test's file, or the test itself where it has none.
+
+    Parameters
+    ----------
+    test : of the scenario.
+    folder : where the path of the file begins.
+    probes : names that headings of peaks may begin with.
+
+    Returns
+    -------
+    list of SweepTest
+        With the names of the file, or numbered ones; what the file does not say is as in the test.
+
+    Raises
+    ------
+    MeasurementError
+        If the file cannot be read, or a row is no test: with its line.
+    """
+    if test.file is None:
+        return [test]
+    path = folder / test.file
+    if ending_of(path) not in TEXT:
+        raise MeasurementError("has an unknown format", "use .csv")
+    (heading, *rows), mark = read_rows(path)
+    columns = [(*split_heading(cell), cell) for cell in heading.cells]
+    tests = []
+    for number, row in enumerate(rows, 1):
+        if len(row.cells) != len(columns):
+            message = f"has {len(row.cells)} columns in line {row.line} instead of {len(columns)}"
+            raise MeasurementError(message, "correct the line")
+        keys: dict[str, Any] = {"kind": "sweep", "name": f"{test.name} {number}", "from": test.from_, "to": test.to}
+        peaks = dict[str, dict[str, str]]()
+        for (name, unit, written), cell in zip(columns, row.cells, strict=True):
+            probe, _, key = name.replace("absolute acc", "absolute_acc").rpartition(" ")
+            if not unit and name not in ("name", "direction"):
+                raise MeasurementError(f"states no unit in its heading {written}", "write for example jump (Hz)")
+            if probe not in ("", *probes):
+                raise MeasurementError(f"has no probe in its heading {written}", f"probes are {', '.join(probes)}")
+            value = f"{cell if mark == ',' or not unit else cell.replace(',', '.')} {unit}".rstrip()
+            of_test = not probe and key in ("name", "level", "direction", "from", "to", "rate", "jump", "scatter")
+            if cell:
+                (keys if of_test else peaks.setdefault(probe, {"probe": probe} if probe else {}))[key] = value
+        try:
+            sweep = SweepTest.model_validate({"scatter": test.scatter, **keys, "peaks": [*peaks.values()]})
+        except ValidationError as error:
+            at, message, remedy = describe(SweepTest, error.errors(include_url=False)[0])
+            raise MeasurementError(f"line {row.line}: {path_text(at)} {message}", remedy) from None
+        tests.append(test.model_copy(update={key: getattr(sweep, key) for key in sweep.model_fields_set}))
+    return tests
+
+
 @dataclass(frozen=True)
 class SweepPrediction(Prediction):
     """What a slow sweep shows: the motion is that of its largest peak."""
@@ -225,7 +283,8 @@ class SweptPeaks(Test):
         harmonic, test = scenario.excitation, fit_of(scenario).tests[self.number]
         assert isinstance(harmonic, Harmonic)
         assert isinstance(test, SweepTest)
-        return scenario.model_copy(update={"excitation": harmonic.at(test.to, test.level), "run": None})
+        level = self.test.level if test.file else test.level
+        return scenario.model_copy(update={"excitation": harmonic.at(test.to, level), "run": None})
 
     def predicted(self, case: Scenario, near: Any, shared: SharedBuilds) -> SweepPrediction:
         """Jump and peaks; see `Transient.predicted`."""

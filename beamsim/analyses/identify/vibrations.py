@@ -34,7 +34,7 @@ from beamsim.analyses.identify.fit import (
     varied,
     widening,
 )
-from beamsim.analyses.identify.peaks import SweptPeaks
+from beamsim.analyses.identify.peaks import SweptPeaks, sweeps_of
 from beamsim.analyses.identify.records import Compared, Misfit, Prediction, Test, Transient, fit_of
 from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, SweepFit, TestFit, TransientFit
 from beamsim.errors import Problem, ScenarioError
@@ -46,7 +46,8 @@ from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, together
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import counted
+from beamsim.scenario.base import Path as Keys
+from beamsim.scenario.base import counted, path_text
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.run import Reduction
@@ -345,10 +346,21 @@ def _tests(scenario: Scenario, settings: NonlinearFit, signals: Sequence[Measure
         except MeasurementError as fault:
             at = f"identify_stiffness.nonlinear.tests[{index}].file"
             problems.append(Problem(at, f"= {test.file} {fault.message}", fault.remedy))
+    probes = [probe.name for probe in scenario.effective_probes]
+    for index, table in settings.used.items():
+        file: Keys = ("identify_stiffness", "nonlinear", "tests", index, "file")
+        try:
+            rows = sweeps_of(table, scenario.folder_of(*file), probes) if isinstance(table, SweepTest) else []
+            tests += [SweptPeaks.of(index, row, row.probe or first) for row in rows]
+        except MeasurementError as fault:
+            problems.append(Problem(path_text(file), f"= {table.file} {fault.message}", fault.remedy))
+    known = {*(test.name for test in tests), *(test.label for test in settings.tests)}
+    if unknown := sorted({*settings.leave_out} - known):
+        remedy = f"the tests are {', '.join(sorted(known))}"
+        problems.append(Problem("identify_stiffness.nonlinear.leave_out", f"names {unknown[0]}, no test", remedy))
     if problems:
         raise ScenarioError(problems)
-    tables = [SweptPeaks.of(k, t, t.probe or first) for k, t in settings.used.items() if isinstance(t, SweepTest)]
-    return [*tests, *tables]
+    return [test for test in tests if test.name not in settings.leave_out]
 
 
 def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredSignal) -> _Steady:
