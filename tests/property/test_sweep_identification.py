@@ -16,6 +16,7 @@ from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.peaks import SweptPeaks
 from beamsim.cli.measured import identification_screen
 from beamsim.errors import ScenarioError
+from beamsim.flow.channels import Observed
 from beamsim.scenario import load_scenario
 from beamsim.system.parts import SharedBuilds
 
@@ -79,20 +80,22 @@ def cubic(x):
 def numbers_of():
     """Numbers of the table with one level as cubics of the logarithms of stiffness, gap and dashpot over the truth, for
     3.5 deviations about it; where they were fitted they are right to a thousandth of a deviation."""
-    wide, near, rows = np.array([0.056, 0.077, 0.067]), {}, []
-    x = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 3))
-    for each in np.vstack([np.zeros(3), x]):
-        found = []
-        for direction in ("up", "down"):
-            values = np.exp(each * wide) * np.array(list(TRUTH.values()))
-            scenario = case([row(1.0, direction)], dict(zip(TRUTH, values.tolist(), strict=True)))
-            test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
-            prediction = test.predicted(test.case(scenario), near.get(direction), SharedBuilds())
-            near.setdefault(direction, prediction)
-            found.append(prediction.numbers)
-        rows.append(np.log(np.concatenate(found)))
-    factors, *_ = np.linalg.lstsq(cubic(x[:45]), np.array(rows[1:46]), rcond=None)
-    assert np.abs(cubic(x[45:]) @ factors - rows[46:]).max() < 1e-4
+    wide, truth, x, rows = np.array([0.056, 0.077, 0.067]), list(TRUTH.values()), [], []
+    first = dict.fromkeys(("up", "down"))
+    for corner in (np.zeros(3), *np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3))):
+        near = dict(first)
+        for share in (0.25, 0.5, 0.75, 1.0):
+            values = (truth * np.exp(share * corner * wide)).tolist()
+            for direction in near:
+                scenario = case([row(1.0, direction)], dict(zip(TRUTH, values, strict=True)))
+                test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
+                near[direction] = test.predicted(test.case(scenario), near[direction], SharedBuilds())
+            first = first if first["up"] else dict(near)
+            x.append(share * corner)
+            rows.append(np.log(np.concatenate([each.numbers for each in near.values()])))
+    x, rows = np.array(x), np.array(rows)
+    factors, *_ = np.linalg.lstsq(cubic(x[:70]), rows[:70], rcond=None)
+    assert np.abs(cubic(x[70:]) @ factors - rows[70:]).max() < 1e-4
     return lambda x: np.exp(cubic(x / wide) @ factors)
 
 
@@ -160,16 +163,81 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     z = NormalDist().inv_cdf(0.975)
     for p, truth, at, wide in zip(found.parameters, TRUTH.values(), x, deviation, strict=True):
         assert np.log(p.value / truth) == pytest.approx(at, abs=0.01 * wide)
-        assert np.log(np.array(p.interval) / p.value) == pytest.approx([-z * wide, z * wide], rel=0.01)
+        assert np.diff(p.interval) / p.value == pytest.approx(2 * z * wide, rel=0.01)
     assert found.misfit == pytest.approx(misfit, abs=0.02)
     exact = numbers(np.zeros(3))
     noise = np.where(height, SCATTER * exact, SCATTER_HZ)
     measured = exact + noise * np.random.default_rng(1).standard_normal((20_000, 5))
     sigma = np.where(height, SCATTER * measured, SCATTER_HZ)
     x, deviation, misfit = least_squares(numbers, measured, sigma)
+    x[:, 1] = -np.expm1(-x[:, 1])  # the interval of a gap is even in the gap, others in the logarithm
     held = np.mean(np.abs(x) <= z * deviation, axis=0)
     assert misfit.mean() == pytest.approx(2.0, abs=0.1)  # degrees of freedom
     assert np.all(np.abs(held - 0.95) < 0.006)  # four deviations of such a count
+
+
+def two_masses(tests, dashpots, gap, stiffness):
+    """A chain of two masses, 6.2 and 16.3 Hz, with a stop at the free one; each test is a level and where it goes."""
+    stop = {"name": "stop", "mass": 2, "side": "above", "gap": gap, "stiffness": stiffness}
+    rows = [
+        {"kind": "sweep", "name": f"{k}", "level": level, "direction": direction, "from": low, "to": high,
+         "scatter": SCATTER_HZ, "jump": jump, "peaks": peaks}
+        for k, (level, direction, low, high, jump, peaks) in enumerate(tests)
+    ]  # fmt: skip
+    estimate = [STOP, GAP, DASHPOT, "chain.dashpots[1]"]
+    return load_scenario({
+        "chain": {"masses": [1, 1], "springs": [4e3, 4e3], "dashpots": dashpots, "snubbers": [stop]},
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 6.0},
+        "probes": [{"name": "held", "mass": 1}, {"name": "free", "mass": 2}],
+        "identify_stiffness": {
+            "snubber": "stop",
+            "nonlinear": {"starts": 1, "profiles": False, "estimate": estimate, "tests": rows},
+        },
+    })  # fmt: skip
+
+
+def integrated(frequency, level, numbers, start):
+    """State (displacements, velocities) of two masses after a period, and the largest deflection of the free one."""
+    stiffness, gap, *dashpots = numbers
+
+    def rate(t, y):
+        (x1, x2), v = y[:2], y[2:]
+        between = 4e3 * (x2 - x1) + dashpots[1] * (v[1] - v[0])
+        stop = stiffness * max(x2 - gap, 0.0)
+        base = level * np.sin(2 * np.pi * frequency * t)
+        return [*v, between - 4e3 * x1 - dashpots[0] * v[0] - base, -between - stop - base]
+
+    times = np.linspace(0.0, 1 / frequency, 20_001)
+    found = solve_ivp(rate, times[[0, -1]], start, "DOP853", times, rtol=1e-11, atol=1e-13, max_step=1e-3)
+    return found.y[:, -1], np.abs(found.y[1]).max()
+
+
+@pytest.mark.slow
+def test_two_masses_with_two_probes_at_three_levels_tell_the_truth():
+    """Up and down beside the stop in the first mode, without contact in the second one; motions integrated apart."""
+    truth = [3e3, 3e-3, 2.0, 1.0]
+    ranges = [(0.5, "up", 5, 10), (1.0, "up", 5, 10), (0.5, "down", 5, 10), (5, "up", 14, 20)]
+
+    def peaks(f_free=10.0, free=1e-2, f_held=10.0, held=10.0):
+        at_free = {"probe": "free", "frequency": f_free, "displacement": free}
+        return [at_free, {"probe": "held", "frequency": f_held, "absolute_acceleration": held}]
+
+    asked = [(*each, 8.0 if each[3] == 10 else None, peaks()) for each in ranges]
+    scenario, measured = two_masses(asked, truth[2:], truth[1], truth[0]), []
+    for k, test in enumerate(scenario.identify_stiffness.nonlinear.tests):
+        row = SweptPeaks.of(k, test, "free")
+        shown = row.predicted(row.case(scenario), None, SharedBuilds())
+        *jump, f_free, free, f_held, held = shown.numbers.tolist()
+        up = test.direction == "up"  # after the jump down into contact the amplitude overshoots
+        measured.append((*ranges[k], jump[0] if jump else None, peaks(f_free, free, f_held, held) if up else []))
+        channels = shown.system.channels.of_keys(("probes", "displacement"), ("probes", "velocity"))
+        start = Observed(shown.motion.flow, channels).values(shown.motion, np.zeros(1))[0]
+        end, peak_found = integrated(f_free, test.level, truth, start)
+        assert end == pytest.approx(start, rel=1e-5, abs=1e-6)
+        assert peak_found == pytest.approx(free, rel=1e-5)
+    found = identify_stiffness(two_masses(measured, [2.1, 0.95], 3.1e-3, 2.9e3), []).nonlinear
+    assert [p.value for p in found.parameters] == pytest.approx(truth, rel=1e-5)
+    assert found.degrees_of_freedom == 11
 
 
 @pytest.mark.slow
