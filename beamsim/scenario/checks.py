@@ -480,11 +480,14 @@ def _impacts(scenario: ScenarioParts, run: Run) -> Problems:
         )
     if run.impacts is not None and not scenario.all_snubbers:
         yield Problem("run.impacts", "needs a snubber, and there is none", "leave it out, or add a snubber")
-    if run.fatigue is not None and not any(body.gives_stress for body in scenario.all_bodies.values()):
-        yield Problem(
-            "run.fatigue", "needs a body whose stress is known",
-            "leave it out, or give a beam's extreme_fibre and youngs_modulus",
-        )  # fmt: skip
+    if run.fatigue is not None:
+        yield from _stress_known(scenario, "run.fatigue")
+
+
+def _stress_known(scenario: ScenarioParts, at: str) -> Problems:
+    if not any(body.gives_stress for body in scenario.all_bodies.values()):
+        remedy = "leave it out, or give a beam's extreme_fibre and youngs_modulus"
+        yield Problem(at, "needs a body whose stress is known", remedy)
 
 
 def _start(scenario: ScenarioParts) -> Problems:
@@ -562,18 +565,11 @@ SWEPT = ("swept_sine", "stepped")  # sweeps that give a response over frequency
 
 def _limits(scenario: ScenarioParts) -> Problems:
     """Limits on quantities that this structure does not have."""
-    limits, bodies = scenario.limits, scenario.all_bodies.values()
+    limits = scenario.limits
     if limits is None:
         return
-    if limits.bending_stress is not None and not any(body.gives_stress for body in bodies):
-        if all(body.body_kind == "chain" for body in bodies):
-            yield Problem("limits.bending_stress", "applies to a beam, but the structure is a chain", "leave it out")
-        else:
-            yield Problem(
-                "limits.bending_stress",
-                "needs a beam whose section is known",
-                "give its extreme_fibre and youngs_modulus",
-            )
+    if limits.bending_stress is not None:
+        yield from _stress_known(scenario, "limits.bending_stress")
     for name in ("rms_displacement", "rms_acceleration"):
         if getattr(limits, name) is None or scenario.excitation.stationary:
             continue

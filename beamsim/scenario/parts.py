@@ -317,13 +317,10 @@ class ScenarioParts(Schema):
             return self.probes
         several = len(self.all_bodies) > 1
         probes: dict[str, AtPlace] = {}
-        for _, body, snubber, _ in self.written_snubbers:
-            if len(snubber.probed_places) == 1:
-                probes[snubber.name] = _on(body if several else None, snubber.places[0])
-        for _, body, snubber, _ in self.written_snubbers:
-            for place in snubber.probed_places if len(snubber.probed_places) > 1 else ():
-                probed = _on(body if several else None, place)
-                probes.setdefault(self._probe_name(probed), probed)
+        for _, body, snubber, _ in sorted(self.written_snubbers, key=lambda each: len(each.item.probed_places)):
+            for place in snubber.probed_places:
+                probed, alone = _on(body if several else None, place), len(snubber.probed_places) == 1
+                probes.setdefault(snubber.name if alone else self._probe_name(probed), probed)
         if not probes:
             usual = {name: body.default_probe() for name, body in self.all_bodies.items() if body.has_default_probe}
             for name, (called, place) in usual.items():
