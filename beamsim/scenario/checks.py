@@ -111,9 +111,10 @@ def _base_moves(scenario: ScenarioParts, at: Path, direction: str, what: str) ->
 def _places(scenario: ScenarioParts) -> Problems:
     """Everything that sits somewhere must sit on a body, where it can act."""
     for path, part in walk(scenario):
-        if isinstance(part, MovedSupport):
-            yield from _moved_support(scenario, path, part)
-        elif isinstance(part, OnSupport):
+        if isinstance(part, MovedSupport) and part.joint is not None:
+            linear = (each.name for each in scenario.joined_by if each.kind not in ("cubic", "piecewise_linear"))
+            yield from unknown((*path, "joint"), part.joint, "joint", linear)
+        elif isinstance(part, MovedSupport | OnSupport):  # which supports a body has is known to its model
             yield from _body_named(scenario, path, part.body, f"name one: {{body: BODY, support: {part.support}}}")
         elif isinstance(part, MovedStop):
             movable = [each.item.name for each in scenario.written_snubbers if hasattr(each.item, "mounted_on")]
@@ -189,14 +190,6 @@ _SITED = {
     "friction": "a friction contact",
 }
 """What sits at places of a section; nothing for what may sit on a support."""
-
-
-def _moved_support(scenario: ScenarioParts, path: Path, moved: MovedSupport) -> Problems:
-    """A body or joint that there is not; which supports a body has is known to its model."""
-    if moved.joint is not None:
-        yield from unknown((*path, "joint"), moved.joint, "joint", (joint.name for joint in scenario.joints))
-    else:
-        yield from _body_named(scenario, path, moved.body, f"name one: {{body: BODY, support: {moved.support}}}")
 
 
 def _distributed(scenario: ScenarioParts, path: Path, load: DistributedLoad) -> Problems:

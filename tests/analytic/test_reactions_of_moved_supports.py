@@ -172,3 +172,19 @@ def test_a_hinge_and_a_spring_to_the_base_that_both_move():
     }))  # fmt: skip
     for name in other:
         agree(one[name], other[name], 1e-8)
+
+
+def test_a_spring_between_masses_that_moves_acts_as_two_opposite_forces():
+    """Its second point by d against the first: k d and -k d. It was refused, though springs could be named."""
+    link = {"name": "link", "kind": "linear", "between": [1, 2], "stiffness": 300.0}
+    model = {"chain": {"masses": [1.0, 2.0], "springs": [900.0, 0.0, 700.0]}, "springs_between": [link]}
+    step = {"kind": "step", "rise": "50 ms"}  # begins at rest
+    moved = {**step, "applied_to": {"joint": "link"}, "level": "2 mm"}
+    forces = [{**step, "applied_to": {"mass": n}, "level": level} for n, level in ((1, -0.6), (2, 0.6))]
+    probes = [{"name": f"m{n}", "mass": n} for n in (1, 2)]
+    one, other = (
+        beamsim.run(load_scenario({**model, "excitation": given, "probes": probes, "run": RUN})).probes
+        for given in (moved, {"kind": "forces", "forces": forces})
+    )
+    for name in ("m1", "m2"):
+        agree(one[name].displacement, other[name].displacement, 1e-12)
