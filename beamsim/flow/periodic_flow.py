@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -222,15 +222,7 @@ class ContactDirection:
         )
 
 
-@dataclass(frozen=True)
-class DampingDirection:
-    """A parameter p along which the structure's damping changes: its derivative by p."""
-
-    damping: Floats  # (n, n) symmetric, 1/s
-
-
-Direction = ContactDirection | DampingDirection
-Parameter = Frequency | Level | Direction
+Parameter = Frequency | Level | ContactDirection
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +255,7 @@ class Passage:
         return np.asarray(values[np.lexsort((-values.imag, -np.abs(values)))])
 
 
-def moved_system(system: PiecewiseLinearSystem, direction: Direction, amount: float) -> PiecewiseLinearSystem:
+def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amount: float) -> PiecewiseLinearSystem:
     """The system with its numbers moved along a direction.
 
     Parameters
@@ -276,8 +268,6 @@ def moved_system(system: PiecewiseLinearSystem, direction: Direction, amount: fl
     -------
     The other system.
     """
-    if isinstance(direction, DampingDirection):
-        return replace(system, damping=system.damping + amount * direction.damping)
     c = system.contacts
     moved = replace(c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape)
     if direction.along is not None:
@@ -300,8 +290,6 @@ class PeriodicFlow(ABC):
     forcing : its periodic loads (default: none).
     omega, level : frequency, rad/s, and factor of the loads; `under` gives the flow at others.
     """
-
-    differentiates: ClassVar[tuple[type[Parameter], ...]]  # kinds of parameters that `carry` takes derivatives by
 
     system: PiecewiseLinearSystem
     forcing: PeriodicForcing | None = None
@@ -349,10 +337,6 @@ class PeriodicFlow(ABC):
         """The flow of the same structure with other contacts of as many phases."""
         return self.with_system(replace(self.system, contacts=contacts))
 
-    def with_damping(self, damping: Floats) -> Self:
-        """The flow of the same structure with another damping matrix (n, n)."""
-        return self.with_system(replace(self.system, damping=damping))
-
     @abstractmethod
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
         """The state after ``duration``, with its derivatives.
@@ -361,7 +345,7 @@ class PeriodicFlow(ABC):
         ----------
         start : (N,) state (q, q') and the contacts' internal states.
         duration : s, positive.
-        parameters : what to take derivatives by, besides the start; of the kinds in ``differentiates``.
+        parameters : what to take derivatives by, besides the start.
         t : time at the start, s (the periodic loads' phase).
 
         Returns
@@ -436,7 +420,7 @@ class PeriodicFlow(ABC):
         for i, p in enumerate(parameters):
             if isinstance(p, ContactDirection):
                 by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ passage.end[:n])
-            elif sign and self.base_moves and not isinstance(p, DampingDirection):
+            elif sign and self.base_moves:
                 _, base, _, dbase = self.loads.at(self.omega, self.level)
                 moving = dbase + 1j * self.loads.multiple * t * base
                 if isinstance(p, Level):

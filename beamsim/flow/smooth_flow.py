@@ -55,8 +55,6 @@ class SmoothFlow(PeriodicFlow):
     springs : the cubic springs.
     """
 
-    differentiates = (Frequency, Level, ContactDirection)
-
     springs: CubicSprings = field(kw_only=True)
 
     def _prepare(self) -> None:

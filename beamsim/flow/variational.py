@@ -34,8 +34,6 @@ from beamsim.flow.contact_state import LinearOutput, OutputOf, held_contacts
 from beamsim.flow.exact import LONGEST_WINDOW_RADIANS, ExactFlow
 from beamsim.flow.periodic_flow import (
     ContactDirection,
-    DampingDirection,
-    Direction,
     Frequency,
     Level,
     Parameter,
@@ -240,17 +238,14 @@ class Differences:
         return np.asarray(np.sum(parts, axis=0))
 
 
-def direction_rates(flow: ExactFlow, direction: Direction) -> Differences:
+def direction_rates(flow: ExactFlow, direction: ContactDirection) -> Differences:
     """What changes with the numbers of a system along a direction."""
     contacts = flow.system.contacts
-    if isinstance(direction, DampingDirection):
-        pairs: tuple[tuple[Floats, Floats], ...] = ((direction.damping, flow.system.damping),)
-    else:
-        pairs = (
-            (direction.stiffness, contacts.arrays.force[:, :, 0]), (direction.dashpot, contacts.arrays.force[:, :, 1]),
-            (direction.gap, contacts.gap), (direction.shape, contacts.shape),
-            (np.array([direction.along is not None], dtype=float), np.ones(1)),
-        )  # fmt: skip
+    pairs = (
+        (direction.stiffness, contacts.arrays.force[:, :, 0]), (direction.dashpot, contacts.arrays.force[:, :, 1]),
+        (direction.gap, contacts.gap), (direction.shape, contacts.shape),
+        (np.array([direction.along is not None], dtype=float), np.ones(1)),
+    )  # fmt: skip
     sizes = ((float(np.abs(rate).max(initial=0.0)), float(np.abs(value).max(initial=0.0))) for rate, value in pairs)
     relative = max((rate / value if value else 1.0 for rate, value in sizes if rate), default=1.0)
     # 1e-5: relative step of the differences
@@ -332,8 +327,6 @@ def sensitivity(
 class VariationalFlow(PeriodicFlow):
     """The flow in closed form; flows that come from it share the contact states' modes."""
 
-    differentiates = (Frequency, Level, ContactDirection, DampingDirection)
-
     exact: ExactFlow = field(init=False, repr=False)
 
     def _prepare(self) -> None:
@@ -399,7 +392,7 @@ class VariationalFlow(PeriodicFlow):
 
     def _change(self, parameter: Parameter) -> SourceRates | Differences:
         """What a parameter changes."""
-        if isinstance(parameter, ContactDirection | DampingDirection):
+        if isinstance(parameter, ContactDirection):
             return direction_rates(self.exact, parameter)
         if not isinstance(parameter, Frequency | Level):
             raise TypeError(f"no derivative by {type(parameter).__name__}")

@@ -413,7 +413,7 @@ class ForcedBalance:
         if self.cubic is None or not self.cubic.count:
             with suppress(ArithmeticError):
                 orbits = self.shooting(value)
-                orbit = find_orbit(orbits, stable=True)
+                orbit = find_orbit(orbits)
                 point = None if orbit is None else self.from_passage(orbits.flow, orbit.data, value, forward)
                 if point is not None:
                     return point

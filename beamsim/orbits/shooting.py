@@ -13,14 +13,13 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from beamsim.flow.periodic_flow import DampingDirection, Direction, Frequency, Level, Parameter, Passage, PeriodicFlow
+from beamsim.flow.periodic_flow import ContactDirection, Frequency, Level, Parameter, Passage, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
-from beamsim.orbits.continuation import Branch, Settings, solve_at
+from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.period import cyclic
 from beamsim.typing import Complexes, Floats
 
 STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
-EARLY = 30  # periods of a transient before the path of falling damping is tried
 RESTS = 1e-7  # change of a slider by a unit of the state, over a period, that is round-off
 
 
@@ -38,9 +37,9 @@ class ForcedOrbits:
 
     bifurcates: ClassVar[bool] = True
     flow: PeriodicFlow
-    parameter: Literal["frequency", "level"] | Callable[[float], tuple[PeriodicFlow, Direction]] = "frequency"
+    parameter: Literal["frequency", "level"] | Callable[[float], tuple[PeriodicFlow, ContactDirection]] = "frequency"
     multiple: int = 1
-    _moved: tuple[float, PeriodicFlow, Direction] | None = field(default=None, repr=False)
+    _moved: tuple[float, PeriodicFlow, ContactDirection] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         contacts = self.flow.system.contacts
@@ -171,49 +170,30 @@ def linear_guess(flow: PeriodicFlow) -> Floats:
     return z
 
 
-def find_orbit(
-    problem: ForcedOrbits,
-    guess: Floats | None = None,
-    *,
-    settings: Settings | None = None,
-    settle: int = 300,
-    forward: float = 1.0,
-    stable: bool = False,
-) -> BranchPoint | None:
+def find_orbit(problem: ForcedOrbits, guess: Floats | None = None, *, forward: float = 1.0) -> BranchPoint | None:
     """A periodic motion at the present parameter: Newton from a guess, else one that is well determined.
 
     Without a guess a stable motion is looked for: Newton from the linear response and from the ends of ever longer
-    transients. Where they find none early, the motion that continues the linear response is followed from heavy
-    damping down to the structure's own, whatever its stability; longer transients come last. An unstable motion that
-    Newton happens to find on the way is taken only if nothing else is: at low frequencies there are many, on branches
-    that need not lead anywhere.
+    transients. An unstable motion that Newton finds on the way is taken only if nothing else is: at low frequencies
+    there are many, on branches that need not lead anywhere.
 
     Parameters
     ----------
     problem : at the parameter where the motion is looked for.
     guess : (N,) state to begin with.
-    settings : tolerances.
-    settle : periods of the longest transient.
     forward : whether the tangent points to larger parameters (> 0) or smaller ones.
-    stable : whether a stable motion that the longest transients come to is better than an unstable one from heavy
-        damping.
 
     Returns
     -------
-    The motion; None where nothing converges (no motion of this period is reached within ``settle`` periods).
+    The motion; None where nothing converges (no motion of this period is reached within the longest transient).
     """
-    settings = Settings(iterations=25) if settings is None else settings
+    settings = Settings(iterations=25)
     value = problem.value if isinstance(problem.parameter, str) else 0.0
     flow, _ = problem.flow_at(value)
     z = linear_guess(flow) if guess is None else guess.copy()
     period = 2 * np.pi * problem.multiple / flow.omega
     done, chance = 0, None
-    for target in (0, 3, 10, 30, 100, settle):
-        if target > EARLY and guess is None and done <= EARLY:
-            point = _from_heavy_damping(problem, flow, value, settings, forward)
-            if point is not None and (not stable or problem.orbit(point).stable):
-                return point
-            chance = chance if point is None else point
+    for target in (0, 3, 10, 30, 100, 300):
         while done < target:
             z = flow.carry(z, period).end
             done += 1
@@ -222,48 +202,3 @@ def find_orbit(
             return point
         chance = point if chance is None else chance
     return chance
-
-
-def _from_heavy_damping(
-    problem: ForcedOrbits, flow: PeriodicFlow, value: float, settings: Settings, forward: float
-) -> BranchPoint | None:
-    """The motion at the end of a path of falling damping.
-
-    A heavily damped structure has one motion of the excitation's period, and it attracts. Followed while the added
-    damping goes away it leads to the motion that continues the linear response, where transients end in chaos or in a
-    motion of another period and Newton's method from a guess may end on any of many unstable ones.
-
-    The parameter x goes from ``heavy`` to 1 (the structure itself); the ratio ``unit (e^(x - 1) - 1)`` is added to
-    every mode.
-    """
-    if DampingDirection not in flow.differentiates:
-        return None
-    omega, own = np.sqrt(flow.system.stiffness), flow.system.damping
-    elastic = omega > 0
-    # a rigid-body mode is damped like the lowest elastic one
-    critical = 2.0 * np.where(elastic, omega, omega[elastic].min() if elastic.any() else flow.omega)
-    ratio = float(np.median(np.diag(own)[elastic] / critical[elastic])) if elastic.any() else 0.0
-    # 1e-3: unit in which the added damping is counted where the structure has less
-    unit = max(ratio, 1e-3)
-    # 0.5: added damping ratio at the beginning
-    beginning = 1.0 + float(np.log1p(0.5 / unit))
-
-    def with_added(x: float) -> tuple[PeriodicFlow, DampingDirection]:
-        grown = float(np.exp(x - 1.0))
-        direction = DampingDirection(np.diag(unit * grown * critical))
-        return flow.with_damping(own + np.diag(unit * (grown - 1.0) * critical)), direction
-
-    damped = ForcedOrbits(flow, with_added, problem.multiple)
-    heavy, _ = damped.flow_at(beginning)
-    period = 2 * np.pi * problem.multiple / flow.omega
-    z = linear_guess(heavy)
-    for _ in range(EARLY):
-        z = heavy.carry(z, period).end
-    start = solve_at(damped, np.append(z, beginning), settings, beginning, -1.0)
-    if start is None:
-        return None
-    branch = Branch(damped, start, 1.0, 2.0 * beginning, Settings(largest_step=0.2, most_points=400))
-    last = list(branch)[-1]
-    if last.parameter != 1.0:
-        return None
-    return solve_at(problem, np.append(last.u[:-1], value), settings, value, forward)

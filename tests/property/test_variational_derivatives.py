@@ -7,7 +7,6 @@ from sampling import slow_after
 from beamsim.flow.contact_state import state_matrices
 from beamsim.flow.periodic_flow import (
     ContactDirection,
-    DampingDirection,
     Frequency,
     Level,
     PeriodicForcing,
@@ -89,23 +88,6 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
     for column, expected in zip(passage.parameters.T, checks, strict=True):
         np.testing.assert_allclose(column, expected, atol=3e-6 * max(1.0, scale))
     np.testing.assert_allclose(passage.slope, central(lambda h: at(more=h)), atol=1e-5 * np.abs(passage.slope).max())
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_derivatives_by_the_damping(make_system, case):
-    """Any symmetric change of C; those by all other numbers of a structure are in `test_sensitivities`."""
-    rng = np.random.default_rng(1)
-    system = build(make_system, case)
-    flow = VariationalFlow(system, forcing(1.0 if "ground" in case else 0.0), omega=1.3, level=2.0)
-    z = np.concatenate([rng.normal(size=3) * [0.5, 0.1, 0.02], rng.normal(size=3) * 0.4, np.zeros(flow.size - 6)])
-    a = rng.normal(size=(3, 3))
-    direction = DampingDirection(a + a.T)
-    passage = flow.carry(z, 5.3, [Frequency(), direction])
-    assert passage.event_time.size >= 4
-    expected = central(lambda h: flow.with_damping(system.damping + h * direction.damping).carry(z, 5.3).end, 1e-6)
-    assert np.abs(expected).max() > 1e-3
-    scale = np.abs(expected).max() + np.abs(passage.transition).max()
-    np.testing.assert_allclose(passage.parameters[:, 1], expected, atol=1e-6 * scale)
 
 
 def test_derivative_by_contacts_where_the_motion_has_powers_of_time(make_system):

@@ -48,7 +48,7 @@ def downwards(orbits_at):
 
 @pytest.mark.slow
 def test_unstable_beginning_lies_on_the_curve(orbits_at, downwards):
-    """At 35 Hz transients end in chaos; the path of falling damping ends on the curve that came down from 45 Hz."""
+    """At 35 Hz transients end in chaos; Newton's method ends on the curve that came down from 45 Hz."""
     problem, points = downwards
     omega = 2 * np.pi * 35.0
     on_curve = [

@@ -75,7 +75,7 @@ class Tracer:
         with suppress(ArithmeticError, np.linalg.LinAlgError):
             if isinstance(self.problem, ForcedBalance):
                 return self.problem.first_motion(value, forward)
-            orbit = find_orbit(ForcedOrbits(self.problem.flow_at(value)[0]), stable=True)
+            orbit = find_orbit(ForcedOrbits(self.problem.flow_at(value)[0]))
             if orbit is not None:
                 return solve_at(self.problem, np.append(orbit.u[:-1], value), SETTINGS, value, forward)
         return None

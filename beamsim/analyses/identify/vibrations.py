@@ -625,7 +625,6 @@ def _yielding(scenario: Scenario, numbers: Sequence[Sought]) -> list[str]:
 
 
 FIRST_PARTS = (0.1, 0.3)  # of transients, to which parameters are fitted first
-_SETTLE = 300  # most periods of transient
 
 
 @dataclass(frozen=True)
@@ -688,9 +687,9 @@ def steady_vibration(
     problem = ForcedOrbits(flow, "level", multiple=multiple)
     try:
         fits = guess is not None and guess.size == flow.size
-        point = find_orbit(problem, guess, settle=_SETTLE) if fits else None
+        point = find_orbit(problem, guess) if fits else None
         if point is None:
-            point = find_orbit(problem, None, settle=_SETTLE, stable=multiple > 1)
+            point = find_orbit(problem)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise UnpredictableError(str(error)) from error
     if point is None:
