@@ -325,6 +325,12 @@ class Contacts:
             phases[j] = start[j] if touches[i] or released is None else released
         return phases
 
+    def guard(self, contact: int, before: int, after: int) -> Floats:
+        """(C,) the function, by `LawRow.array`, that is positive until a contact changes from one phase to another."""
+        a = self.arrays
+        following = a.next[contact, before, : a.guards[contact, before]]
+        return np.asarray(a.guard[contact, before, int(np.flatnonzero(following == after)[0])])
+
     def border(self, contact: int, before: int, after: int) -> tuple[float, bool]:
         """Where a contact changes from one phase to another.
 
@@ -338,9 +344,7 @@ class Contacts:
         Penetration there, m, and whether it is larger afterwards. If the border does not depend on the penetration
         alone: zero, and whether the contact touches afterwards.
         """
-        a = self.arrays
-        guards = a.next[contact, before, : a.guards[contact, before]]
-        row = a.guard[contact, before, int(np.flatnonzero(guards == after)[0])]
+        row, a = self.guard(contact, before, after), self.arrays
         if row[1] != 0.0 or row[3:].any() or row[0] == 0.0:
             return 0.0, bool(a.touching[contact, after])
         return float(-row[2] / row[0]) + 0.0, bool(row[0] < 0.0)
@@ -348,9 +352,9 @@ class Contacts:
     def force_rows(self, phases: Ints) -> tuple[Floats, Floats]:
         """Forces in given phases (m,): (m, 3) factors of penetration, rate and 1; (m, r) of all internal states."""
         rows = self.arrays.force[np.arange(self.count), phases]
-        return rows[:, :OWN], self._of_all_states(rows, np.arange(self.count))
+        return rows[:, :OWN], self.of_all_states(rows, np.arange(self.count))
 
-    def _of_all_states(self, rows: Floats, contact: Ints) -> Floats:
+    def of_all_states(self, rows: Floats, contact: Ints) -> Floats:
         """(k, r) factors of all internal states from rows (k, C) of laws of contacts (k,)."""
         return np.where(contact[:, None] == self._owner, rows[:, self._column], 0.0)
 
@@ -510,7 +514,7 @@ class Contacts:
         rates = self.arrays.rates[self._owner, phases[self._owner], self._column - INTERNAL]
         drive = np.zeros((self.internal_states, self.count, OWN))
         drive[np.arange(self.internal_states), self._owner] = rates[:, :OWN]
-        return self._of_all_states(rates, self._owner), drive
+        return self.of_all_states(rates, self._owner), drive
 
     def coupled(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
@@ -542,7 +546,7 @@ class Contacts:
             first[g] = contact.size
             table = np.vstack([table, a.reset[j, phases[j], place[2][g], : self.states[j]]])
             contact = np.append(contact, np.full(self.states[j], j))
-        internal = self._of_all_states(table, contact)
+        internal = self.of_all_states(table, contact)
         return Watched(contact, table[:, :OWN], internal, table[:, OWN:INTERNAL], place[2].size, a.next[place], first)
 
     @cached_property

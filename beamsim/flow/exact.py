@@ -359,7 +359,7 @@ class ExactFlow:
     def contact_forces(self, phases: Ints) -> LinearOutput:
         """Force of every contact in given phases."""
         contacts = self.system.contacts
-        forces = self._combined(np.arange(contacts.count), *contacts.force_rows(phases))
+        forces = self.combined(np.arange(contacts.count), *contacts.force_rows(phases))
         if contacts.presses(phases):
             forces += self.pressed_forces(phases)
         return forces + self.reactions(phases) if contacts.ever_hold else forces
@@ -368,7 +368,7 @@ class ExactFlow:
         """Of each contact that another one presses the force of that one."""
         contacts = self.system.contacts
         row, internal = contacts.force_rows(phases)
-        return self._combined(contacts.pressing, row[contacts.pressing], internal[contacts.pressing])
+        return self.combined(contacts.pressing, row[contacts.pressing], internal[contacts.pressing])
 
     def pressing_force_rates(self, phases: Ints) -> LinearOutput:
         """Their time derivatives, N/s, of contacts without a dashpot."""
@@ -398,7 +398,7 @@ class ExactFlow:
 
     def watched(self, watched: Watched, phases: Ints) -> LinearOutput:
         """The functions watched in a contact state (see `beamsim.contacts.contacts.Watched`)."""
-        functions = self._combined(watched.contact, watched.row, watched.internal)
+        functions = self.combined(watched.contact, watched.row, watched.internal)
         pressing, rate, reaction = watched.joint.T[:, :, None]
         if pressing.any() or rate.any():
             of = np.zeros((watched.contact.size, self.system.contacts.pressed.size))
@@ -428,7 +428,7 @@ class ExactFlow:
         functions.direct_slope[g] = joined.direct_slope[contact]
         functions.direct[g, 0] -= FIRST * limit.row.constant
 
-    def _combined(self, contact: Ints, row: Floats, internal: Floats) -> LinearOutput:
+    def combined(self, contact: Ints, row: Floats, internal: Floats) -> LinearOutput:
         """Combinations of penetrations, their rates, 1 (k, 3) and internal states (k, r), for each of ``contact``."""
         delta, rate = self.penetrations
         output = delta.some(contact).scaled(row[:, :1]) + rate.some(contact).scaled(row[:, 1:2])

@@ -238,8 +238,9 @@ def series_at(s, closed, t, y, series):
                     v[k + 1, i, p] += (s.force[p, h, i] * phase[h] + timed).real
             if s.damped:
                 for j in range(n):
-                    for p in range(C):
-                        v[k + 1, i, p] -= s.damping[i, j] * v[k, j, p]
+                    if s.damping[i, j] != 0.0:
+                        for p in range(C):
+                            v[k + 1, i, p] -= s.damping[i, j] * v[k, j, p]
         _add_cubic(s, series, k)
         for j in range(s.sign.size):
             if closed[j]:

@@ -1,8 +1,8 @@
 """Special points of branches of periodic motions, from any method, and the branches that leave there.
 
-Where a contact appears or vanishes the penetration's extreme is zero. The extreme during the phase that appears is a
-smooth function of the branch's arclength on either side, so that its root is found to round-off, whatever corner the
-branch itself has.
+Where a contact appears or vanishes, the least value of the guard of the phase before is zero: of a stop that is open,
+its gap, to the face of a pad that has not recovered too. It is a smooth function of the branch's arclength on either
+side, so that its root is found to round-off, whatever corner the branch itself has.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import OWN
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
@@ -31,7 +32,7 @@ from beamsim.orbits.period import cyclic, extrema_of
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Complexes, Floats, Ints
 
-MOST_HALVINGS = 40
+MOST_HALVINGS = 12
 BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
 WINDOWS = 64  # of a period, in each of which the largest penetration is looked for
 
@@ -48,9 +49,9 @@ class OrbitProblem(ContinuationProblem, Protocol):
         """Floquet multipliers."""
 
 
-_Stay = tuple[int, float, bool, float]
-"""A contact beyond one of its borders over a part of a period: its number, the penetration at the border, m, whether
-there is more of it beyond, and the middle of that time, s."""
+_Stay = tuple[int, int, int, float]
+"""A contact beyond one of its borders over a part of a period: its number, its phases before and then, and the middle
+of that time, s."""
 
 
 def without_borders(contacts: Contacts) -> set[int]:
@@ -85,40 +86,38 @@ def _stays(contacts: Contacts, passage: Passage, few: Passage) -> list[_Stay]:
         if of_border:
             length, begin, before, after = min(of_border)
             middle = (begin + 0.5 * length) % passage.duration
-            found.append((length, (border[0], *contacts.border(border[0], before, after), middle)))
+            found.append((length, (border[0], before, after, middle)))
     return [stay for _, stay in sorted(found, key=lambda item: item[0])]
 
 
-def extremum(
-    flow: PeriodicFlow, passage: Passage, j: int, top: bool, near: float, level: float = 0.0
-) -> tuple[float, float]:
-    """A contact's penetration beyond a level, at its local maximum (or minimum) nearest to a time of a period.
+def lowest(flow: PeriodicFlow, passage: Passage, contact: int, guard: Floats, near: float) -> tuple[float, float]:
+    """A contact's guard at its local minimum nearest to a time of a period.
 
     Parameters
     ----------
     flow, passage : the motion over a period.
-    j : number of the contact.
-    top : whether a maximum is looked for, or a minimum.
+    contact : its number.
+    guard : (C,) factors of its penetration, rate, 1 and internal states, as of `Contacts.guard`.
     near : s, time of the period.
-    level : m, penetration at the border of two phases.
 
     Returns
     -------
-    Value, m, and time, s; both are nan where there is none.
+    Value and time, s; both are nan where there is none.
     """
-    T, sign = passage.duration, 1.0 if top else -1.0
+    T, contacts = passage.duration, flow.system.contacts
+    own, internal = guard[None, :OWN], contacts.of_all_states(guard[None], np.array([contact]))
     centred = np.mod(near + (np.arange(WINDOWS) + 0.5) * (T / WINDOWS), T)
     edges = np.unique(np.concatenate([[0.0], centred, [T]]))
-    border = np.array([level])
 
     def rows(exact: ExactFlow) -> LinearOutput:
-        return (exact.penetrations[0].some(slice(j, j + 1)) + exact.constant_output(-border)).scaled(sign)
+        return exact.combined(np.array([contact]), own, internal)
 
     def values(times: Floats, y: Floats) -> Floats:
-        return np.asarray(sign * (flow.penetration_of(y, times)[0][:, j : j + 1] - border))
+        motion = *(each[:, contact] for each in flow.penetration_of(y, times)), np.ones(times.size)
+        return np.asarray(np.column_stack(motion) @ own.T + y[:, 2 * flow.system.size :] @ internal.T)
 
     found = extrema_of(flow, passage, rows, values, edges)
-    high, when = found.high[:, 0], found.when_high[:, 0]
+    low, when = found.low[:, 0], found.when_low[:, 0]
     # 1e-13: of a period, within which a time is that of a window's edge
     apart = 1e-13 * T
     first, last = when <= edges[:-1] + apart, when >= edges[1:] - apart
@@ -127,7 +126,7 @@ def extremum(
         return np.nan, np.nan
     distance = np.abs(np.mod(when[turns] - near + 0.5 * T, T) - 0.5 * T)
     nearest = turns[np.argmin(distance)]
-    return sign * float(high[nearest]), float(when[nearest] % T)
+    return float(low[nearest]), float(when[nearest] % T)
 
 
 def grazings(
@@ -150,8 +149,8 @@ def grazings(
         return
     flow, cycle_a = problem.cycle(a)
     contacts, cycle_b = flow.system.contacts, problem.cycle(b)[1]
-    # 2: halvings where every contact keeps its number of events: contacts met in another order graze nothing
-    if depth >= 2 and sorted(cycle_a.signature) == sorted(cycle_b.signature):
+    # 2: halvings where every contact keeps its number of events: borders met in another order graze nothing
+    if depth >= 2 and np.array_equal(np.sort(cycle_a.event_contact), np.sort(cycle_b.event_contact)):
         return
     without = without_borders(contacts) if contacts.jointly_acting else set()
     events_a, events_b = cyclic(cycle_a, without), cyclic(cycle_b, without)
@@ -187,27 +186,28 @@ def _at_one_point(
     Several contacts graze at once where the structure is symmetric. Unless it is ``late``, the point must explain the
     whole difference.
     """
-    stays = _stays(problem.cycle(a)[0].system.contacts, more, few)
-    if not stays:
-        return []
+    contacts = problem.cycle(a)[0].system.contacts
 
     def nearest(point: BranchPoint, stay: _Stay) -> tuple[float, float]:
-        (flow, cycle), (contact, level, top, middle) = problem.cycle(point), stay
-        return extremum(flow, cycle, contact, top, middle / more.duration * cycle.duration, level)
+        (flow, cycle), (contact, before, after, middle) = problem.cycle(point), stay
+        guard = contacts.guard(contact, before, after)
+        return lowest(flow, cycle, contact, guard, middle / more.duration * cycle.duration)
 
-    values = [(nearest(a, stay)[0], nearest(b, stay)[0]) for stay in stays]
-    graze = locate(problem, a, b, lambda p: nearest(p, stays[0])[0], settings, values[0])
+    # where a motion turns in another phase than the neighbour, borders are crossed more often that nothing grazes
+    ends = [(stay, (nearest(a, stay)[0], nearest(b, stay)[0])) for stay in _stays(contacts, more, few)]
+    stays = [stay for stay, values in ends if values[0] * values[1] <= 0.0]
+    values = [values for _, values in ends if values[0] * values[1] <= 0.0]
+    graze = locate(problem, a, b, lambda p: nearest(p, stays[0])[0], settings, values[0]) if stays else None
     if graze is None:
         return []
     found = [nearest(graze, stay) for stay in stays]
-    sizes = [max((abs(v) for v in ends if np.isfinite(v)), default=0.0) for ends in values]
-    # 1e-6: of the neighbours' penetrations: the remainder where a penetration has vanished
-    touching = [abs(value) <= 1e-6 * size for (value, _), size in zip(found, sizes, strict=True)]
+    # 1e-6: of the neighbours' values: the remainder where a guard has vanished
+    touching = [abs(value) <= 1e-6 * max(map(abs, pair)) for (value, _), pair in zip(found, values, strict=True)]
     if not touching[0] or not (late or (all(touching) and _explains(problem, a, graze, b, settings))):
         return []
     return [
-        SpecialPoint("grazing", graze.parameter, graze, contact, time, top, level)
-        for (contact, level, top, _), (_, time), touches in zip(stays, found, touching, strict=True)
+        SpecialPoint("grazing", graze.parameter, graze, contact, time, *contacts.border(contact, before, after)[::-1])
+        for (contact, before, after, _), (_, time), touches in zip(stays, found, touching, strict=True)
         if touches
     ]
 

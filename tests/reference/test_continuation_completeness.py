@@ -8,9 +8,11 @@ from sampling import slow_after
 from scipy.integrate import solve_ivp
 
 from beamsim.analyses.continuation.analysis import continuation
+from beamsim.analyses.continuation.paths import response_model
 from beamsim.cli.report import table_rows
+from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.outcomes import OutcomeKind
-from beamsim.scenario import load_scenario
+from beamsim.scenario import Scenario, load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BEAM, MASSES = CONFIGS / "one_sided_65hz.yaml", CONFIGS / "chain_two_dof.yaml"
@@ -242,3 +244,24 @@ def test_one_branch_does_not_spend_the_points_of_all():
     assert max(high for _, high in covered) == pytest.approx(120.0)
     assert any(low <= 110 <= high for low, high in covered)
     assert not result.complete
+
+
+def test_a_contact_with_a_pad_that_has_not_recovered_grazes_its_face():
+    """The second contact of a period begins at the face, which lies deeper than the pad at rest."""
+    pad = {"name": "stop", "mass": 2, "side": "below", "stiffness": 20e3, "gap": 0.0005}
+    pad["maxwell"] = [{"stiffness": 20e3, "relaxation_time": 0.03}]
+    chain = {"masses": [2.0, 1.0], "springs": [20e3, 8e3], "damping": {"kind": "modal", "ratio": 0.01}}
+    base = {"kind": "harmonic", "applied_to": "base", "level": 9.81, "frequency": 10.0}
+    sweep = {"kind": "continuation", "from": 10.3, "to": 10.5, "side_branches": "none"}
+    case = Scenario.model_validate({"chain": {**chain, "snubbers": [pad]}, "excitation": base, "sweep": sweep})
+    (branch,) = continuation(case).branches
+    (grazing,) = (special for special in branch.special if special.kind == "grazing")
+    model = response_model(case)
+    near = int(np.argmin(np.abs(branch.parameter - grazing.parameter)))
+    state = [each[near] for each in (branch.coordinates, branch.coordinate_velocities, branch.internal_states)]
+    contacts = []
+    for beside in (1.0 - 1e-6, 1.0 + 1e-6):
+        omega = 2 * np.pi * grazing.parameter * beside
+        point = solve_at(model.problem(model.levels[0]), np.concatenate([*state, [omega]]), Settings(), omega, 1.0)
+        contacts.append(point.data.event_contact.size // 2)
+    assert contacts == [1, 2]

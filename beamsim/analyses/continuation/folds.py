@@ -28,7 +28,7 @@ from beamsim.flow.periodic_flow import ContactDirection, Frequency, Parameter, P
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.orbits.special_points import extremum
+from beamsim.orbits.special_points import lowest
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.structures.assembly import snubber_site
 from beamsim.typing import Floats
@@ -130,13 +130,15 @@ class GrazingCurve(TwoParameterCurve):
         """The shooting residual and the penetration's extreme, with their Jacobian."""
         R, A, passage = self.shoot(u)
         flow, parameters = self.flow_at(u)
-        height, time = extremum(flow, passage, self.contact, self.top, self.share * passage.duration, self.level)
+        guard = np.zeros(flow.system.contacts.arrays.guard.shape[-1])  # positive beside the border
+        guard[[0, 2]] = (-1.0, self.level) if self.top else (1.0, -self.level)
+        height, time = lowest(flow, passage, self.contact, guard, self.share * passage.duration)
         if not np.isfinite(height):
             raise ArithmeticError("the penetration has no extreme near the grazing")
         self.share = time / passage.duration
         touch = flow.carry(passage.start, time, parameters)
         by_start, by_parameters = flow.penetration_derivative(touch, self.contact, parameters)
-        return np.append(R, height), np.vstack([A, np.append(by_start, by_parameters)]), passage
+        return np.append(R, height / guard[0]), np.vstack([A, np.append(by_start, by_parameters)]), passage
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """As a curve of folds; the extreme against the motion."""
