@@ -153,5 +153,5 @@ def test_limits_of_what_the_structure_does_not_have():
         "limits: {bending_stress: 1 MPa, gap: 1 mm}\n"
     )
     text = refused(chain)
-    assert "limits.bending_stress applies to a beam" in text
+    assert "limits.bending_stress needs a body whose stress is known" in text
     assert "limits.gap limits the snubbers, and there are none" in text
