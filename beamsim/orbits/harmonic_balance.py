@@ -458,18 +458,16 @@ def resampled(W: Complexes, highest: int) -> Complexes:
     return out
 
 
-def truncation(problem: ForcedBalance, point: BranchPoint, *, across: bool = False) -> float:
+def truncation(problem: ForcedBalance, point: BranchPoint) -> float:
     """Error by the neglected harmonics relative to the motion, by one Newton step with 2 H + 1 harmonics.
 
-    The parameter is fixed, or with ``across`` the step is taken across the branch: at a fold, whose parameter moves,
-    only that has a meaning. The step is the error of the deflections at the springs up to terms of second order, the
-    harmonics beyond 2 H + 1 excepted.
+    The step is taken across the branch: at a fold, whose parameter moves, only that has a meaning. It is the error of
+    the deflections at the springs up to terms of second order, the harmonics beyond 2 H + 1 excepted.
 
     Parameters
     ----------
     problem : the balance.
     point : a motion of it.
-    across : see above.
 
     Returns
     -------
@@ -479,11 +477,8 @@ def truncation(problem: ForcedBalance, point: BranchPoint, *, across: bool = Fal
     larger = replace(problem, harmonics=2 * problem.harmonics + 1)
     motion: HarmonicMotion = point.data
     u = np.append(_rows_real(resampled(motion.deflections, larger.harmonics)), point.parameter)
-    row = np.zeros(u.size)
-    row[-1] = 1.0
-    if across:
-        tangent, row = point.tangent * point.scale, row * point.tangent[-1] * point.scale[-1]
-        row[: tangent.size - 1] = tangent[:-1]
+    tangent, row = point.tangent * point.scale, np.zeros(u.size)
+    row[: tangent.size - 1], row[-1] = tangent[:-1], tangent[-1]
     scale = larger.scale(u)[0]
     try:
         R, J, _ = larger.residual(u)

@@ -189,7 +189,7 @@ class Exponent:
     kind: str  # "chaotic", "quasi-periodic" or "not settled"
 
 
-def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycles: int, seed: int = 0) -> Exponent:
+def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycles: int) -> Exponent:
     """Exponent over ``cycles`` cycles after as many as a quarter of them; ``motion`` is followed to there.
 
     A motion whose exponent is clearly positive is chaotic; one whose exponent is clearly negative, or that comes closer
@@ -201,7 +201,6 @@ def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycl
     stepper : carries motions from cycle to cycle.
     motion : where it begins; followed to the end.
     cycles : whose growth is averaged.
-    seed : of the first neighbour.
 
     Returns
     -------
@@ -212,7 +211,7 @@ def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycl
     weight = velocity_weights(stepper.flow, omega)[: 2 * n]
     size = float(np.max(np.abs(motion.y[: 2 * n] * weight)))
     size = size if size > 0 else 1.0
-    offset = np.random.default_rng(seed).normal(size=2 * n)
+    offset = np.random.default_rng(0).normal(size=2 * n)
     offset *= DISTANCE * size / np.linalg.norm(offset)
     growth, section = [], []
     for _ in range(cycles + cycles // 4):

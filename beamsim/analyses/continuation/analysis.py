@@ -328,7 +328,7 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop
     ends = np.array([(m.high, m.low) for m in motions])
     from_balance = None
     if isinstance(settings.method, HarmonicBalance):
-        from_balance = np.array([truncation(problem, point, across=True) for point in traced.points])
+        from_balance = np.array([truncation(problem, point) for point in traced.points])
     return ResponseBranch(
         level=float("nan") if f.kind == "level" else level,
         period_multiple=problem.multiple,
