@@ -121,8 +121,8 @@ OF_PLACES = {
     ),
     "a snubber moves along the first body": (
         "beamsim/scenario/checks.py",
-        "return scenario.all_bodies[scenario.located_snubbers[index].bodies[0]]",
-        "return next(iter(scenario.all_bodies.values()))",
+        "return located.item, scenario.all_bodies[name]",
+        "return located.item, next(iter(scenario.all_bodies.values()))",
     ),
     "shapes are compared at shares of a metre": (
         "beamsim/analyses/identify/analysis.py",
