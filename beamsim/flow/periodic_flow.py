@@ -358,6 +358,23 @@ class PeriodicFlow(ABC):
         NotFinite : the motion leaves the range of floating-point numbers.
         """
 
+    def end(self, start: Floats, duration: float, t: float = 0.0) -> Floats:
+        """(N,) the state after ``duration``, as that of `carry`, of a flow that need not take derivatives without them.
+
+        Parameters
+        ----------
+        start, duration, t : see `carry`.
+
+        Returns
+        -------
+        (N,) state.
+
+        Raises
+        ------
+        WorkExceeded, NotFinite : see `carry`.
+        """
+        return self.carry(start, duration, t=t).end
+
     @abstractmethod
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""

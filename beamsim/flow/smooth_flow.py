@@ -134,12 +134,21 @@ class SmoothFlow(PeriodicFlow):
         ValueError
             Where a parameter changes a dashpot, a shape or the structure.
         """
+        return self._carried(start, duration, parameters, t, np.eye(self.size))
 
+    def end(self, start: Floats, duration: float, t: float = 0.0) -> Floats:
+        """(N,) the state after ``duration``; see `PeriodicFlow.end`."""
+        return self._carried(start, duration, (), t, np.empty((self.size, 0))).end
+
+    def _carried(
+        self, start: Floats, duration: float, parameters: Sequence[Parameter], t: float, by_start: Floats
+    ) -> Passage:
+        """A motion with its derivatives by parameters, and those by the start times a matrix (N, any)."""
         # 128: of the compiled integration, for which its log has room
         N, m, P, room = self.size, self.system.contacts.count, len(parameters), 128
         self._followed[0] += 1
         arrays = self._arrays(parameters)
-        columns = np.hstack([start[:, None], np.zeros((N, P)), np.eye(N)])  # the motion, and its derivatives
+        columns = np.hstack([start[:, None], np.zeros((N, P)), by_start])  # the motion, and its derivatives
         motion = SmoothMotion(columns, self._closed_at(arrays, start, t), np.zeros(N))
         end, begins, steps = t + duration, BEGINNING, 0
         parts: list[tuple[NDArray[np.generic], ...]] = []
@@ -159,9 +168,9 @@ class SmoothFlow(PeriodicFlow):
         check_finite(columns[:, 0])
         if code != DONE:
             raise WorkExceeded(f"no end after {steps} steps and {event[0].size} contact events")
-        reached, by_start, by_parameters = columns[:, 0], columns[:, 1 + P :], columns[:, 1 : 1 + P]
+        reached, by_parameters, transition = np.split(columns, (1, 1 + P), axis=1)
         return Passage(
-            start, reached.copy(), by_start.copy(), by_parameters.copy(), motion.slope, duration, time, length,
+            start, reached[:, 0].copy(), transition.copy(), by_parameters.copy(), motion.slope, duration, time, length,
             touching.astype(np.int64), states, event[0], event[1], event[2].astype(np.int64),
         )  # fmt: skip
 

@@ -195,7 +195,7 @@ def find_orbit(problem: ForcedOrbits, guess: Floats | None = None, *, forward: f
     done, chance = 0, None
     for target in (0, 3, 10, 30, 100, 300):
         while done < target:
-            z = flow.carry(z, period).end
+            z = flow.end(z, period)
             done += 1
         point = solve_at(problem, np.append(z, value), settings, value, forward)
         if point is not None and (guess is not None or problem.orbit(point).stable):

@@ -92,7 +92,7 @@ class SeriesStepper:
         """Carry ``motion`` on, in place, from a phase of 0; returns the state (cycles, N) after every cycle."""
         states = []
         for _ in range(cycles):
-            motion.y = self.flow.carry(motion.y, 2 * np.pi / self.omega).end
+            motion.y = self.flow.end(motion.y, 2 * np.pi / self.omega)
             states.append(motion.y)
         return np.array(states)
 

@@ -185,7 +185,7 @@ class Marches:
         """
         s, period = self.settings, 2.0 * np.pi / flow.omega
         if time % period:
-            y = flow.carry(y, period - time % period, t=time % period).end
+            y = flow.end(y, period - time % period, time % period)
         stepper, motion = stepper_on(flow, y)
         found = settle(
             stepper, motion, tolerance=s.steady_to, longest_period=s.longest_period, most_cycles=s.most_cycles
@@ -206,7 +206,7 @@ class Marches:
         probe = disturbance.probe
         change[n : 2 * n] = self._row(probe) if probe else self.model.system.forcing.load[0]
         times = [(k, j * period / PHASES) for k in range(len(known.states)) for j in range(PHASES)]
-        states = [(k * period + t, flow.carry(known.states[k], t).end if t else known.states[k]) for k, t in times]
+        states = [(k * period + t, flow.end(known.states[k], t) if t else known.states[k]) for k, t in times]
 
         def leaving(amplitude: float) -> Iterator[tuple[float, float]]:
             for t, z in states:

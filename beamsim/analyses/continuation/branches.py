@@ -124,7 +124,7 @@ def _from_beyond_gaps(local: ForcedOrbits) -> Iterator[Floats]:
             for side in (1.0, -1.0):
                 z = linear * (side * factor * max(abs(float(gap)), reached) / reached)
                 for _ in range(80):  # periods
-                    z = flow.carry(z, 2 * np.pi / local.omega).end
+                    z = flow.end(z, 2 * np.pi / local.omega)
                 orbit = solve_at(local, np.append(z, local.value), SETTINGS, local.value)
                 if orbit is not None and local.orbit(orbit).stable:
                     yield orbit.u[:-1]
