@@ -218,9 +218,11 @@ def _timing(scenario: ScenarioParts) -> Iterator[str]:
     run, excitation = scenario.run, scenario.excitation
     if run is None:
         return
-    if excitation.kind == "none" and run.start == "static_equilibrium" and not scenario.just_mounted:
+    idle = not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)])
+    if idle and run.start == "static_equilibrium" and not scenario.just_mounted:
+        said = "there is no excitation" if excitation.kind == "none" else "the level of the excitation is zero"
         yield (
-            "nothing moves: there is no excitation, and the run starts at static equilibrium; give excitation, or "
+            f"nothing moves: {said}, and the run starts at static equilibrium; give excitation, or "
             "run.start: rest, {mode: 1, amplitude: 1 mm} or another one"
         )
     lowest = min(excitation.frequencies_hz, default=math.inf)
