@@ -26,7 +26,7 @@ from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.records import Compared, Misfit, Prediction, Test, fit_of
 from beamsim.analyses.identify.result import SweepFit
 from beamsim.flow.variational import VariationalFlow, motion_on
-from beamsim.measurements.read import TEXT, ending_of, read_rows
+from beamsim.measurements.read import ending_of, read_rows
 from beamsim.measurements.signal import MeasurementError, split_heading
 from beamsim.orbits.branch import BranchPoint, share_of_step
 from beamsim.orbits.continuation import Settings, correct, correct_across, locate, solve_at
@@ -115,22 +115,23 @@ class _Curve:
             raise UnpredictableError("the motion after a jump was not found")
         return point
 
-    def beside(self, known: Feature, jump: Feature | None, peak: int = 0) -> Feature | None:
-        """A feature beside one of a neighbouring model; None where it is not that near."""
+    def beside(self, known: Feature, jump: Feature | None, peak: int = 0) -> Feature:
+        """A feature beside one of a neighbouring model."""
         if known.kind == "jump" and jump is not None:
             return jump
-        found: BranchPoint | None
+        centre = correct_across(self.orbits, known.point.u, _EXACT) if known.kind in ("jump", "top") else None
+        found: BranchPoint | None = None
         if known.kind == "landing" and jump is not None:
             found = self.landing(known.point, jump.point.parameter)
         elif known.kind == "start":
             found = solve_at(self.orbits, known.point.u, _EXACT)
-        elif (centre := correct_across(self.orbits, known.point.u, _EXACT)) is None:
-            return None
-        elif known.kind == "jump":
+        elif centre is not None and known.kind == "jump":
             found = self.fold(*(self.moved(centre, side * _NEAR) for side in (-1.0, 1.0)))
-        elif (found := self.top(centre, peak)) and _determinant(found) * _determinant(known.point) < 0:
-            return None  # beyond a fold
-        return None if found is None else Feature(known.kind, found)
+        elif centre is not None:
+            found = self.top(centre, peak)
+        if found is None or (known.kind == "top" and _determinant(found) * _determinant(known.point) < 0):
+            raise UnpredictableError("a peak or jump beside a known one was not found, or lies beyond a fold")
+        return Feature(known.kind, found)
 
     @cached_property
     def followed(self) -> tuple[list[list[Feature]], Feature | None]:
@@ -156,15 +157,12 @@ class _Curve:
 
     def highest(self) -> tuple[Feature, ...]:
         """Where each peak is largest on what a sweep follows."""
-        parts, _ = self.followed
-        heights = [np.array([self.heights(f.point) for f in part]) for part in parts]
-        return tuple(
-            self._highest(parts, [each[:, peak] for each in heights], peak) for peak in range(len(self.channels))
-        )
+        places = [(part, k) for part in self.followed[0] for k in range(len(part))]
+        heights = np.array([self.heights(part[k].point) for part, k in places])
+        return tuple(self._highest(places[at], peak) for peak, at in enumerate(np.argmax(heights, axis=0)))
 
-    def _highest(self, parts: Sequence[Sequence[Feature]], heights: Sequence[Floats], peak: int) -> Feature:
-        p = int(np.argmax([each.max() for each in heights]))
-        k, part = int(np.argmax(heights[p])), parts[p]
+    def _highest(self, place: tuple[Sequence[Feature], int], peak: int) -> Feature:
+        part, k = place
         inner = part[max(k - 1, 0)].point, part[min(k + 1, len(part) - 1)].point
         found = self.top(part[k].point, peak)
         inside = found is not None and 0.0 <= share_of_step(*inner, found) <= 1.0
@@ -197,10 +195,8 @@ def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[Swee
     """
     if test.file is None:
         return [test]
-    path = folder / test.file
-    if ending_of(path) not in TEXT:
-        raise MeasurementError("has an unknown format", "use .csv")
-    (heading, *rows), mark = read_rows(path)
+    ending_of(folder / test.file)  # of a file that exists
+    (heading, *rows), mark = read_rows(folder / test.file)
     columns = [(*split_heading(cell), cell) for cell in heading.cells]
     tests = []
     for number, row in enumerate(rows, 1):
@@ -325,10 +321,7 @@ class SweptPeaks(Test):
         """Jump and peaks beside those of a neighbouring model."""
         with suppress(ArithmeticError, np.linalg.LinAlgError):
             jump = None if near.jump is None else curve.beside(near.jump, None)
-            if near.jump is None or jump is not None:
-                tops = [curve.beside(top, jump, k) for k, top in enumerate(near.tops)]
-                found = tuple(top for top in tops if top is not None)
-                return (jump, found) if len(found) == len(tops) else None
+            return jump, tuple(curve.beside(top, jump, k) for k, top in enumerate(near.tops))
         return None
 
     def _whole(self, curve: _Curve) -> tuple[Feature | None, tuple[Feature, ...]]:
@@ -374,7 +367,7 @@ class SweptPeaks(Test):
         return curve.way * first / (2 * np.pi) if first <= last else None
 
     def doubts(self, prediction: Any) -> list[str]:
-        """Warnings where a sweep does not show what is predicted: a peak comes right after a jump, a motion is not
+        """Also warnings where a sweep does not show what is predicted: a peak comes right after a jump, a motion is not
         stable, or the sweep is too fast (0.1 times the square of the bandwidth, in Hz, by integrated ones)."""
         said, most = [], 0.1 * prediction.bandwidth**2
         hertz = 0.0 if self.test.rate is None else self.test.rate.value
@@ -397,4 +390,4 @@ class SweptPeaks(Test):
                 "peaks and jumps are late and not those of steady vibrations; fit the time history of the sweep as a "
                 "transient"
             )
-        return [f"{self.name}: {each}" for each in said]
+        return [*super().doubts(prediction), *(f"{self.name}: {each}" for each in said)]

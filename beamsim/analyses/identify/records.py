@@ -91,6 +91,15 @@ class Test:
         """Number of measured values that say nothing of the parameters."""
         return int(self.free_phase)
 
+    def doubts(self, prediction: Prediction) -> list[str]:
+        """A warning where the motion says nothing of the snubbers."""
+        if prediction.touching or not prediction.system.snubbers:
+            return []
+        return [
+            f"{self.name}: contact is never made and lost; the motion is linear and contains little information about "
+            "the snubber"
+        ]
+
     def described(self, part: Misfit, found: Compared) -> dict[str, Any]:
         """The fields that the results of all tests have."""
         unit = level_unit(self.quantity.removeprefix("absolute_"))

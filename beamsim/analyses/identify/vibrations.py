@@ -208,7 +208,8 @@ def _judged(vibrations: _Vibrations, search: _Search, coverage: float) -> _Judge
     parts = vibrations.with_delays(parts, by_delay, covariance, scale, coverage)
     records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
     warnings += [*remarks, *unknown.values()]
-    warnings += _yielding(scenario, fit.numbers) + vibrations.without_contact() + vibrations.doubts_of_sweeps()
+    both = zip(tests, vibrations.last, strict=True)
+    warnings += _yielding(scenario, fit.numbers) + [said for test, last in both for said in test.doubts(last)]
     warnings += search.warnings
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
     return _Judgement(best, parameters, covariance, scale, freedom, records, without, warnings)
@@ -501,20 +502,6 @@ class _Vibrations:
                 part = part._replace(delay=(compared.delay - wide, compared.delay + wide))
             found.append(part)
         return found
-
-    def without_contact(self) -> list[str]:
-        """Warnings about tests that say nothing of the snubbers."""
-        return [
-            f"{test.name}: contact is never made and lost; the motion is linear and contains little information "
-            "about the snubber"
-            for test, vibration in zip(self.tests, self.last, strict=True)
-            if not vibration.touching and vibration.system.snubbers
-        ]
-
-    def doubts_of_sweeps(self) -> list[str]:
-        """Warnings about sweeps that were too fast, or do not show what is predicted."""
-        both = zip(self.tests, self.last, strict=True)
-        return [said for test, last in both if isinstance(test, SweptPeaks) for said in test.doubts(last)]
 
 
 def _rows(tests: Sequence[AnyTest]) -> list[slice]:
