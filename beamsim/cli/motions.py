@@ -78,9 +78,9 @@ def _matched(_: RunResult, of: Mapping[str, float]) -> str:
 
 
 def _expected_peak(signal: SignalStatistics) -> str:
-    """Largest value of a test with its interval; empty where it is not known."""
+    """Largest value of a test with its interval; empty where there is none."""
     if not is_known(signal.expected_peak):
-        return ""
+        return "not reliable" if signal.expected_peak_unknown else ""
     expected, low, high = (
         amount(value, signal.unit, 3)
         for value in (signal.expected_peak, signal.expected_peak_low, signal.expected_peak_high)
