@@ -80,6 +80,18 @@ def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
     np.testing.assert_allclose(np.array(tried[1:3]) / tried[0], [0.5, 0.25], rtol=1e-6)
 
 
+@pytest.mark.slow
+def test_a_level_is_found_beside_motions_on_which_the_force_does_no_work():
+    """They are in tongues, through which the search for the level goes; it was refused."""
+    asked = {"nnm.phase_resonance": {"levels": ["0.3 g"], "periods": 1, "span": "1 %"}}
+    (m,) = nnm(load_scenario(BACKBONE, asked)).phase_resonance.motions
+    assert m.found
+    assert m.level == pytest.approx(0.3 * 9.80665)
+    assert m.residual < 1e-10
+    assert abs(m.quadrature) < 1e-7
+    assert m.frequency_hz == pytest.approx(m.predicted_frequency_hz, rel=2e-3)
+
+
 def test_response_rides_the_backbone(held):
     """The largest response at each level lies on the backbone; the twin, the smaller level's curve, does not."""
     ridge = held.phase_resonance.predicted

@@ -123,7 +123,7 @@ class _Levels:
         try:
             force = appropriate_force(self.damped.dynamics, flow, whole, load)
         except ValueError as error:
-            raise ScenarioError.at("excitation.applied_to", f": {error}", "apply it elsewhere") from None
+            raise ScenarioError.at("excitation.applied_to", f"holds no motion: {error}", "apply it elsewhere") from None
         if force.dissipated <= 0:
             raise ScenarioError.at(
                 "nnm.phase_resonance",
@@ -167,7 +167,10 @@ class _Levels:
         for k, (a, b) in enumerate(pairwise(self.ascending)):
             if off[k] * off[k + 1] > 0:
                 continue
-            crossing = self._crossing(a, b, lambda p: measure(self.motion(p)) - target, (off[k], off[k + 1]))
+            try:
+                crossing = self._crossing(a, b, lambda p: measure(self.motion(p)) - target, (off[k], off[k + 1]))
+            except ScenarioError:  # in a tongue the force may do no work, and no level holds such a motion
+                crossing = None
             if crossing is not None:
                 crossings.append(self.motion(crossing))
             else:  # across a tongue there is no motion between: the nearer of its two edges
