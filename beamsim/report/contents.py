@@ -21,6 +21,7 @@ from beamsim.report.interactive import interactive
 from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema
+from beamsim.scenario.parameters import field_type
 from beamsim.structures.assembly import snubber_site
 from beamsim.system.structural import SnubberNumbers
 from beamsim.trust.convergence import named
@@ -91,7 +92,7 @@ def page_of(
         listing(screen),
         *(captioned(name.removesuffix("_0"), picture(shown, name)) for name, shown in _front(figures)),
     )
-    page.add("How sure", labelled([("outcome", _ended(result)), *_checked(rows)]))
+    page.add("How sure", table(Cells(("what", "outcome", "meaning"), list(_checked(result, rows)))))
     page.add("Results", labelled(rows))
     if sketch is not None:
         page.add("Model in numbers", *_model(sketch))
@@ -104,7 +105,7 @@ def page_of(
         *(page.plot(name, panels, figures[name].columns) for name, panels in plots.items() if panels),
         *(captioned(name, picture(figures[name], name)) for name, panels in plots.items() if not panels),
     )
-    page.add("Why these numbers can be trusted", *_trust(result, rows))
+    page.add("Why these numbers can be trusted", *_trust(result))
     page.add(
         "Scenario", f"<details><summary>YAML, as it was run</summary>{listing(result.scenario.to_yaml())}</details>"
     )
@@ -156,17 +157,17 @@ def _front(figures: Mapping[str, Picture]) -> list[tuple[str, Picture]]:
     ]
 
 
-def _ended(result: Result) -> str:
-    return str(result.outcome.displayed(scale_for)) or "complete"
-
-
-def _checked(rows: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
-    """The printed rows that say how sure the others are."""
-    label = ""
+def _checked(result: Result, rows: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
+    """How the computation ended, by which method, and the printed rows that say how sure the others are."""
+    yield ["outcome", str(result.outcome.displayed(scale_for)) or "complete", "how the computation ended"]
+    method, label = str(result.summary.get("method") or getattr(result, "method", "")), ""
+    if method:
+        meaning = next((text for start, text in METHODS.items() if method.startswith(start)), "")
+        yield ["method", method.replace("_", " "), meaning]
     for name, text in rows:
         label = name or label
         if label in CHECKS:
-            yield name, text
+            yield [name, text, CHECKS[label] if name else ""]
 
 
 def _model(sketch: Sketch) -> Iterator[str]:
@@ -193,11 +194,12 @@ def _bodies(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _given(body: Any) -> Iterator[str]:
-    for key in type(body).keys().values():
-        value = getattr(body, key)
+    for key, name in type(body).keys().items():
+        value = getattr(body, name)
         if key in ("snubbers", "kind") or value is None or value == () or value == 0.0:
             continue
-        unit = _unit(type(body), key)
+        dimension = getattr(field_type(body, key), "dimension", None)
+        unit = None if dimension is None else dimension.unit
         words = key.replace("_", " ")
         if isinstance(value, float) and unit is not None:
             yield f"{words} {amount(value, unit)}"
@@ -212,30 +214,9 @@ def _given(body: Any) -> Iterator[str]:
             yield f"{words} ({inner})" if inner else words
 
 
-def _unit(section: Any, key: str) -> str | None:
-    """SI unit of a field; None where it is no quantity."""
-    field = section.model_fields[key]
-    return next(_units((*field.metadata, field.annotation)), None)
-
-
-def _units(items: Iterable[Any]) -> Iterator[str]:
-    """SI units within annotations."""
-    for item in items:
-        if hasattr(item, "dimension"):
-            yield str(item.dimension.unit)
-        else:
-            yield from _units((*getattr(item, "__metadata__", ()), *getattr(item, "__args__", ())))
-
-
-def _trust(result: Result, rows: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """What was checked, what came out as it is printed, and what that means; then all changes with the finer model."""
-    method = str(result.summary.get("method") or getattr(result, "method", ""))
-    meaning = next((text for start, text in METHODS.items() if method.startswith(start)), "")
-    shown = [["outcome", _ended(result), "how the computation ended"]]
-    shown += [["method", method.replace("_", " "), meaning]] if method else []
-    shown += [[name, text, CHECKS.get(name, "")] for name, text in _checked(rows)]
-    shown += [["warnings", "\n".join(result.warnings), ""]] if result.warnings else []
-    yield table(Cells(("what", "outcome", "meaning"), shown))
+def _trust(result: Result) -> Iterator[str]:
+    """The warnings, and all changes with the finer model."""
+    yield labelled(("" if k else "warnings", text) for k, text in enumerate(result.warnings))
     doubtful = set(result.summary.get("doubtful") or ())
     known = sorted(named(result.summary.get("convergence") or {}), key=lambda each: -each[1])
     changes = []

@@ -256,8 +256,13 @@ def field_type_at(scenario: ScenarioParts, place: Path) -> FieldType | None:
     owner = value_at(scenario, place[:last])
     if not isinstance(owner, Schema):
         return None
-    field = _field(owner, str(place[last]))
-    return next(_types(field.annotation, field.metadata, place[last + 1 :]), None)
+    return field_type(owner, str(place[last]), place[last + 1 :])
+
+
+def field_type(owner: Schema, key: str, indices: Path = ()) -> FieldType | None:
+    """What reads the value of a key of a section, or the number at these indices of it."""
+    field = _field(owner, key)
+    return next(_types(field.annotation, field.metadata, indices), None)
 
 
 def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[FieldType]:
