@@ -128,11 +128,31 @@ class Entry(NamedTuple):
     columns: tuple[str, ...] = ()  # of a tuple of dataclasses: the fields to be listed of each
 
 
+UNITS = {
+    "_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_s": "N m s", "_n_m": "N m",
+    "_rad_s": "rad/s", "_rad": "rad",
+    "_n_per_m": "N/m", "_m_s2": "m/s^2", "_n_s": "N s", "_m_s": "m/s", "_m3": "m^3", "_percent": "%", "_deg": "deg",
+    "_pa": "Pa", "_hz": "Hz", "_db": "dB", "_m": "m", "_n": "N", "_g": "g", "_s": "s", "_j": "J", "_w": "W",
+}  # fmt: skip
+"""Of endings of names; longer ones first."""
+
+
+def words(name: str) -> str:
+    """A name without its unit.
+
+    >>> words("mean_peak_force_n"), words("contact_share")
+    ('mean peak force', 'contact share')
+    """
+    return name.removesuffix(next((end for end in UNITS if name.endswith(end)), "")).replace("_", " ")
+
+
 def figure_in_words(key: str) -> str:
     """A figure for people: an entry of a summary without its unit, and whose it is, in the name that the user gave.
 
     >>> figure_in_words("largest_bending_stress_pa"), figure_in_words("peak_force_n.pad_n")
     ('largest bending stress', 'peak force of pad_n')
+    >>> figure_in_words("peak_moment_n_m.hinge")
+    'peak moment of hinge'
     >>> figure_in_words("spectral_lines.root_1 absolute_acceleration")
     'spectral lines of root_1 absolute acceleration'
     >>> figure_in_words("random.tip absolute_acceleration crest_factor")
@@ -141,8 +161,7 @@ def figure_in_words(key: str) -> str:
     entry, _, place = key.partition(".")
     if entry == "random":  # a group of figures, each with its own name behind the quantity
         return place_in_words(place)
-    words = re.sub(r"_(m|n|g|pa|hz|s|j)$", "", entry).replace("_", " ")
-    return f"{words} of {place_in_words(place)}" if place else words
+    return f"{words(entry)} of {place_in_words(place)}" if place else words(entry)
 
 
 def place_in_words(place: str) -> str:

@@ -46,10 +46,9 @@ class ModeComparison(Result):
 
     SUMMARY = (
         Entry("pairs", "", "by measured mode: number, measured_hz, predicted (0 where no mode fits), predicted_hz, "
-                 "difference (relative, of the prediction), mac", "modes"),
-        Entry("lowest_mac", "1", "smallest MAC of the pairs, 0 where a mode has no partner", "lowest MAC"),
-        Entry("largest_difference", "1", "largest relative difference of a paired frequency",
-                 "largest difference of frequency"),
+                 "difference (relative, of the prediction), mac"),
+        Entry("lowest_mac", "1", "smallest MAC of the pairs, 0 where a mode has no partner"),
+        Entry("largest_difference", "1", "largest relative difference of a paired frequency"),
     )  # fmt: skip
 
     contacts: str = attribute("", "open or closed: how the snubbers are in the computed modes")

@@ -11,8 +11,8 @@ import numpy as np
 from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.printing import MOST_ROWS, percent
-from beamsim.cli.report import Labelled, Views, ended, in_units
+from beamsim.cli.printing import MOST_ROWS, more_rows, percent
+from beamsim.cli.report import Labelled, Views, ended, in_units, output_text
 from beamsim.cli.screens import SHOWN, Numbers, Screen, limit_lines, modes, rounded, sureness
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
@@ -34,8 +34,8 @@ def continuation_screen(result: ContinuationResult) -> Screen:
         if forces:
             lines.append(f"peak {what} of stable motions {', '.join(forces)}")
     lines += [*_special_lines(result), *_several(result), *modes(result)]
-    outputs = {name: of for name, of in _outputs(result, s.get("peak_output", {})).items() if of}
-    lines += [f"peak of {name} {of['peak']} at {of['at']}" for name, of in list(outputs.items())[:SHOWN]]
+    outputs = list(_outputs(result, s.get("peak_output", {})).items())[:SHOWN]
+    lines += [f"peak of {name} {of['peak']} at {of['at']}" for name, of in outputs]
     for curve in s.get("fold_curves", ()):
         low, high = curve["smallest_parameter"], curve["largest_parameter"]
         where = extent(curve["smallest_hz"], curve["largest_hz"], "Hz")
@@ -109,11 +109,7 @@ def _branches(result: ContinuationResult, count: int) -> list[dict[str, Any]]:
             **_level(result, branch.level), "period": branch.period_multiple, "points": branch.parameter.size,
             "stable": int(branch.stable.sum()), "broken symmetry": mean, "ended": ended(branch.outcome),
         })  # fmt: skip
-    return [*rows, *_more(count)]
-
-
-def _more(count: int) -> list[dict[str, Any]]:
-    return [{"": f"and {count - MOST_ROWS} more in the file"}] if count > MOST_ROWS else []
+    return [*rows, *more_rows(count)]
 
 
 def _level(result: ContinuationResult, level: float) -> dict[str, str]:
@@ -134,7 +130,7 @@ def _special_points(result: ContinuationResult, points: Sequence[dict[str, Any]]
             "at": _parameter(point["parameter"], result.unit, 8), **_level(result, point["level"]),
         }
         for point in own_period[:MOST_ROWS]
-    ] + _more(len(own_period))  # fmt: skip
+    ] + more_rows(len(own_period))  # fmt: skip
 
 
 def _peaks(result: ContinuationResult, peaks: Sequence[dict[str, Any]]) -> Labelled:
@@ -166,12 +162,9 @@ def _outputs(result: ContinuationResult, peaks: Mapping[str, Mapping[str, float]
     """By output its largest magnitude in the stable motions, where, and what it is."""
     outputs = result.branches[0].outputs if result.branches else {}
     return {
-        name: {
-            "peak": amount(peak["value"], outputs[name].unit), "at": _parameter(peak["parameter"], result.unit),
-            "of": outputs[name].quantity.replace("_", " "), "on": outputs[name].at,
-        }
+        name: output_text(outputs[name], peak["value"], at=_parameter(peak["parameter"], result.unit))
         for name, peak in peaks.items()
-    }  # fmt: skip
+    }
 
 
 CONTINUATION_VIEWS: Views = {
@@ -194,7 +187,7 @@ def coexisting_screen(result: CoexistingResult) -> Screen:
     unsettled = (
         (f"{counted(count, 'start')} at {hz} Hz did not settle", count) for hz, count in s["not_settled"].items()
     )
-    rows += _more(len(s["motions"]))
+    rows += more_rows(len(s["motions"]))
     lines = [text for text, count in unsettled if count]
     lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_ROWS]]
     lines += [*modes(result), *limit_lines(s.get("margins", {}))]
@@ -232,13 +225,6 @@ def _left_by(record: Mapping[str, Any]) -> str:
     return f"left by the {of} of {size}, the smallest found ({when} into its period)"
 
 
-COEXISTING_VIEWS: Views = {
-    "peak_output": _outputs,
-    "motions": lambda result, motions: [_motion(result, Numbers(result.summary), each) for each in motions],
-    "disturbances": lambda result, records: [{"": _called(each), "left": _left_by(each)} for each in records],
-}
-
-
 # --- Nonlinear normal modes ------------------------------------------------------------------------------------------
 
 
@@ -247,7 +233,7 @@ def nnm_screen(result: NormalModeResult) -> Screen:
     s, numbers = result.summary, Numbers(result.summary)
     first, last = s["start"], s["end"]
     stable = "all stable" if s["stable_points"] == s["points"] else f"{s['stable_points']} stable"
-    followed = f"mode {result.mode}: {s['points']} points, {stable}"
+    followed = f"mode {result.mode}: {s['points']} points, {stable}, in {result.parameter.replace('_', ' ')}"
     if "phase_resonance" in s:
         rows = [_held(s["phase_resonance"], level) for level in s["phase_resonance"]["levels"]]
         span = extent(first["frequency_hz"], last["frequency_hz"], "Hz")
@@ -257,7 +243,7 @@ def nnm_screen(result: NormalModeResult) -> Screen:
         for point in s.get("requested_points") or ():
             place = f"{point['quantity']} {point['value']:.6g} branch {point['branch']}"
             rows.append(_on_backbone(result, numbers, "asked for", point, place))
-    lines = [f"{followed}; linear frequency {rounded(s['linear_frequency_hz'], 'Hz')}", *_departures(result)]
+    lines = [f"{followed}; linear frequency {amount(s['linear_frequency_hz'], 'Hz')}", *_departures(result)]
     return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
 
 
@@ -388,10 +374,6 @@ def _share(result: NormalModeResult, smallest: float) -> str:
 
 
 NNM_VIEWS: Views = {
-    "mode": lambda result, mode: (
-        f"mode {mode}, {result.summary['points']} points in {result.parameter.replace('_', ' ')}, "
-        f"{result.summary['stable_points']} of them stable"
-    ),
     "start": _along,
     "end": _along,
     "internal_resonances": _each_along,

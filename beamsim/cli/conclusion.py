@@ -12,7 +12,7 @@ from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import Progress, progress_of
-from beamsim.cli.report import table_rows
+from beamsim.cli.report import all_rows
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.kinds import KINDS, named
@@ -136,7 +136,7 @@ def _print(kind: str, result: Result, files: Sequence[Path], given: Given) -> No
         print(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
     elif not given.quiet:
         written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
-        print_table(result.title, [*table_rows(kind, result), *written])
+        print_table(result.title, [*all_rows(kind, result), *written])
 
 
 def analysed(

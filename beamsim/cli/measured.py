@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.result import ChannelComparison, Comparison, PeakPair, RecordComparison
+from beamsim.analyses.compare.result import ChannelComparison, Comparison, PeakPair
 from beamsim.analyses.compare_modes import ModeComparison
 from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
-from beamsim.cli.printing import lines, percent, told
+from beamsim.cli.printing import MOST_ROWS, lines, percent, told
 from beamsim.cli.report import Labelled, Views
 from beamsim.cli.screens import SHOWN, Screen, rounded
 from beamsim.plots.style import amount, extent, scale_for
@@ -30,9 +30,10 @@ def identification_screen(result: IdentificationResult) -> Screen:
     if (estimate := result.estimate) is not None:
         std, (low, high) = estimate.standard_deviation, estimate.interval
         row = {"": f"stiffness of {estimate.snubber}", "found": _found(estimate.stiffness, "N/m", std)}
-        rows.append(row | _scatter(std, low, high, "N/m", estimate.coverage))
+        row |= _scatter(std, low, high, "N/m", estimate.coverage)
+        rows.append(row | {"from": f"mode {', '.join(map(str, estimate.fit_to))}, {estimate.method}"})
     for part in (result.update, result.nonlinear):
-        rows += _parameters(result, () if part is None else part.parameters[: 2 * SHOWN])
+        rows += _parameters(result, () if part is None else part.parameters)
     return Screen(_agreement(result), rows, list(_facts(result)))
 
 
@@ -71,7 +72,7 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
         yield f"MAC of paired shapes: {told('', np.diagonal(result.mac).tolist())}"
     for name in ("update_misfit", "nonlinear_misfit"):
         if name in s:
-            yield f"misfit {_misfit(result, s[name])}"
+            yield "misfit {:.4g} before, {:.4g} after".format(*s[name])
     judged = [] if (fit := result.nonlinear) is None else [r for r in fit.records if np.isfinite(r.misfit_without)]
     if fit is not None and judged and fit.misfit > 0.0:
         worst = min(judged, key=lambda test: test.misfit_without)
@@ -86,7 +87,7 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
     if result.pad is not None:
         branches = counted(result.pad.branch_stiffness.size, "relaxation time")
         rest, misfit = _newtons(result.pad.stiffness), percent(result.pad.misfit, 2)
-        yield f"pad {rest} ({_extent(result, result.pad.stiffness_interval)}) at rest, {branches}, misfit {misfit}"
+        yield f"pad {rest} ({_extent(result, result.pad.stiffness_interval)}) at rest, {branches}, misfit {misfit} rms"
     if result.sensitivities:
         parts = (f"{parameter_label(each.parameter)} {each.relative:+.2g} %" for each in result.sensitivities[:SHOWN])
         yield f"1 % more changes the stiffness: {', '.join(parts)}"
@@ -102,8 +103,6 @@ def _updated(result: IdentificationResult, _: Any) -> Labelled | str:
         return ""
     supports = {text: f"misfit {misfit:.4g}" for text, misfit in update.alternatives[:4]}
     return Labelled({
-        "": _parameters(result, update.parameters),
-        "supports chosen": update.choices,
         "supports tried": supports,
         "without, before": _frequencies(update.before),
     })  # fmt: skip
@@ -124,18 +123,6 @@ def _frequencies(table: FrequencyTable | None) -> list[dict[str, Any]]:
     columns = ("mode", "predicted_hz", "measured_hz", "difference_percent")
     values = () if table is None else zip(*(getattr(table, name).tolist() for name in columns), strict=True)
     return [dict(zip(columns, row, strict=True)) for row in values]
-
-
-def _stiffness(result: IdentificationResult, stiffness: float) -> str:
-    s = result.summary
-    modes = ", ".join(map(str, s["fit_to"]))
-    return f"{_newtons(stiffness)} of {s['snubber']} (mode {modes}, {s['method']})"
-
-
-def _interval(result: IdentificationResult, interval: Sequence[float]) -> str:
-    if not math.isfinite(result.summary["standard_deviation_n_per_m"]):
-        return ""
-    return f"{_newtons(interval[0])} to {_newtons(interval[1])} ({percent(result.summary['coverage'])})"
 
 
 def _monte_carlo(result: IdentificationResult, deviation: float) -> dict[str, Any] | str:
@@ -198,10 +185,6 @@ def _extent(_: IdentificationResult, interval: Sequence[float], unit: str = "N/m
     return extent(interval[0], interval[1], unit) if math.isfinite(interval[0]) else "not known"
 
 
-def _misfit(_: IdentificationResult, misfit: Sequence[float]) -> str:
-    return f"{misfit[0]:.4g} before, {misfit[1]:.4g} after"
-
-
 def _test_misfits(result: IdentificationResult, misfits: Mapping[str, Sequence[float]]) -> list[dict[str, str]]:
     whole = sum(own for own, _ in misfits.values()) or 1.0
     return [
@@ -217,11 +200,8 @@ def _delays(_: IdentificationResult, delays: Mapping[str, Sequence[float]]) -> d
 
 IDENTIFICATION_VIEWS: Views = {
     "updated": _updated,
-    "update_misfit": _misfit,
     "frequencies_without_hz": lambda result, _: _frequencies(result.without_snubber),
     "mac": lambda _, mac: {f"shape {i}": told("", row) for i, row in enumerate(mac, 1)},
-    "stiffness_n_per_m": _stiffness,
-    "interval_n_per_m": _interval,
     "monte_carlo_standard_deviation_n_per_m": _monte_carlo,
     "stiffness_by_mode_n_per_m": _each_mode,
     "reachable_hz": _reach,
@@ -230,16 +210,11 @@ IDENTIFICATION_VIEWS: Views = {
     "pad_youngs_modulus_interval_pa": lambda result, ends: (
         _extent(result, ends, "Pa") if math.isfinite(ends[0]) else ""
     ),
-    "pad_stiffness_interval_n_per_m": _extent,
     "pad_yaml": lambda _, keys: keys.splitlines(),
-    "pad_misfit": lambda _, misfit: f"{percent(misfit)} of the measured stiffness, root mean square",
     "frequencies_with_hz": lambda result, _: _frequencies(result.with_snubber),
     "sensitivities": _sensitivities,
-    "estimated": lambda result, _: _parameters(result, () if result.nonlinear is None else result.nonlinear.parameters),
     "test_misfits": _test_misfits,
     "test_delays_s": _delays,
-    "nonlinear_misfit": _misfit,
-    "starts_agreeing": lambda _, counts: f"{counts[0]} of {counts[1]} reached the same minimum",
 }
 
 
@@ -249,7 +224,7 @@ IDENTIFICATION_VIEWS: Views = {
 def comparison_screen(result: Comparison) -> Screen:
     """By channel the first harmonic, or the highest peak of a sweep, measured and computed."""
     rows = []
-    for c in result.channels[: 2 * SHOWN]:
+    for c in result.channels[:MOST_ROWS]:
         rows.append({"": f"{c.place} {c.quantity.replace('_', ' ')}"})
         for k in np.flatnonzero(c.order == 1)[:1]:
             size = rounded(float(abs(c.measured[k])), c.unit), rounded(float(abs(c.predicted[k])), c.unit)
@@ -259,19 +234,24 @@ def comparison_screen(result: Comparison) -> Screen:
                 "phase": f"{phase:+.1f} deg" if math.isfinite(phase) else "",
             }  # fmt: skip
         if (of := c.record) is not None:
-            sizes = amount(of.measured_peak, c.unit, 3), amount(of.predicted_peak, c.unit, 3)
-            rows[-1] |= dict(zip(("measured peak", "computed peak"), sizes, strict=True))
-            rows[-1] |= {"scale": f"{of.scale:.3g}", "response spectra": _largest(of)}
-        rows[-1]["histories"] = f"{percent(c.rms_difference)} rms" if math.isfinite(c.rms_difference) else ""
-    for each in result.sweeps[: 2 * SHOWN]:
-        rows.append({"": f"{each.place} {each.quantity.replace('_', ' ')}, {each.curve}", "FRAC": f"{each.frac:.3f}"})
+            spectra = "{largest_difference_db:+.2f} dB at {largest_frequency_hz:.4g} Hz".format(**of.summary())
+            rows[-1] |= {
+                "measured peak": amount(of.measured_peak, c.unit), "computed peak": amount(of.predicted_peak, c.unit),
+                "ratio": f"{of.summary()['peak_ratio']:.4g}", "scale": f"{of.scale:.4g} \u00b1 {of.scale_error:.2g}",
+                "correlation": f"{of.correlation:.4f}", f"response spectra, Q = {of.quality:g}": spectra,
+            }  # fmt: skip
+        if math.isfinite(c.rms_difference):
+            rows[-1]["histories"] = f"{percent(c.rms_difference)} rms after {_delay(c)}"
+    for each in result.sweeps[:MOST_ROWS]:
+        frac = f"{each.frac:.4f}{'' if each.has_phase else ' (of amplitudes)'}"
+        rows.append({"": f"{each.place} {each.quantity.replace('_', ' ')}, {each.curve}", "FRAC": frac})
         for p in sorted(each.peaks, key=lambda p: -p.measured_level)[:1]:
             rows[-1]["measured peak"] = f"{amount(p.measured_level, each.unit, 3)} at {p.measured_hz:.4g} Hz"
             if math.isfinite(p.predicted_hz):
                 rows[-1]["computed"] = f"{amount(p.predicted_level, each.unit, 3)} at {p.predicted_hz:.4g} Hz"
                 rows[-1]["difference"] = f"{p.difference_db:+.2f} dB, {100 * p.frequency_difference:+.2f} %"
     more = len(result.channels) + len(result.sweeps) - len(rows)
-    return Screen("", rows, [f"{counted(more, 'more channel')}: -v shows all"] if more else [])
+    return Screen("", rows, [f"{counted(more, 'more channel')} in the file"] if more else [])
 
 
 def modes_screen(result: ModeComparison) -> Screen:
@@ -279,41 +259,19 @@ def modes_screen(result: ModeComparison) -> Screen:
     s = result.summary
     lowest, apart = f"{s['lowest_mac']:.3f}", percent(s["largest_difference"])
     verdict = f"contacts {result.contacts}, lowest MAC {lowest}, frequencies within {apart}"
-    rows = _pair_rows(s["pairs"])
-    more = [f"{counted(len(rows) - 2 * SHOWN, 'more mode')}: -v shows all"] if len(rows) > 2 * SHOWN else []
-    return Screen(verdict, rows[: 2 * SHOWN], more)
+    return Screen(verdict, _pair_rows(s["pairs"]), [f"shapes of {result.source}, with those of the structure"])
 
 
 def _channels(comparison: Comparison, _: Sequence[Any]) -> Labelled:
     parts = Labelled()
     for c in comparison.channels:
-        begins = f", the run from {amount(c.start_s, 's')} on" if c.start_s is not None else ""
-        differ = ""
-        if math.isfinite(c.rms_difference):
-            differ = f"histories differ by {percent(c.rms_difference)} rms after {_delay(c)}"
-        harmonics = lines("harmonics", _harmonics(c))
-        texts = [f"measured: {c.channel}{begins}", differ, *_record(c), *harmonics]
-        parts[f"{c.place} {c.quantity.replace('_', ' ')}"] = [text for text in texts if text]
+        texts = [f"measured: {c.channel}"]
+        if c.start_s is not None:
+            texts[0] += f", the run from {amount(c.start_s, 's')} on"
+        if (of := c.record) is not None:
+            texts.append(f"response spectra: {of.frequency_hz[0]:.4g} to {of.frequency_hz[-1]:.4g} Hz")
+        parts[f"{c.place} {c.quantity.replace('_', ' ')}"] = [*texts, *lines("harmonics", _harmonics(c))]
     return parts
-
-
-def _largest(record: RecordComparison) -> str:
-    """The largest difference of the response spectra."""
-    return "{largest_difference_db:+.2f} dB at {largest_frequency_hz:.4g} Hz".format(**record.summary())
-
-
-def _record(c: ChannelComparison) -> list[str]:
-    """Peaks, scale and response spectra of a record that does not repeat."""
-    if (of := c.record) is None:
-        return []
-    peaks = f"{amount(of.predicted_peak, c.unit)} predicted, {amount(of.measured_peak, c.unit)} measured"
-    ends = f"{of.frequency_hz[0]:.4g} to {of.frequency_hz[-1]:.4g} Hz, Q = {of.quality:g}"
-    return [
-        f"peaks: {peaks}, ratio {of.summary()['peak_ratio']:.4g}",
-        f"scale: predicted over measured {of.scale:.4g} (standard error {of.scale_error:.2g}), "
-        f"correlation {of.correlation:.4f}",
-        f"response spectra, {ends}: differ by at most {_largest(of)}",
-    ]
 
 
 def _harmonics(c: ChannelComparison) -> list[dict[str, Any]]:
@@ -343,7 +301,6 @@ def _sweeps(comparison: Comparison, _: Sequence[Any]) -> Labelled:
         if c.begin_s is not None:
             width = "" if c.bandwidth is None else f", bandwidth {100 * c.bandwidth:.3g} % of the frequency"
             texts.append(f"tracked from {amount(c.begin_s, 's')} of the record{width}")
-        texts.append(f"FRAC {c.frac:.4f}" + ("" if c.has_phase else " (of amplitudes)"))
         parts[f"{c.place} {c.quantity.replace('_', ' ')}"] = [*texts, *lines("peaks", _peaks(c.peaks, c.unit))]
     if comparison.assurance is not None:
         diagonal = np.diagonal(comparison.assurance.fdac)
@@ -365,11 +322,6 @@ def _peaks(peaks: Iterable[PeakPair], unit: str) -> list[dict[str, Any]]:
     return rows
 
 
-def _pairs(result: ModeComparison, pairs: Sequence[Mapping[str, Any]]) -> Labelled:
-    shapes = f"of {result.source}, with those of the structure, contacts {result.contacts}"
-    return Labelled({"": _pair_rows(pairs), "shapes": shapes})
-
-
 def _pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     return [
         {
@@ -386,8 +338,3 @@ def _pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
 
 
 COMPARISON_VIEWS: Views = {"comparisons": _channels, "sweeps": _sweeps}
-MODE_VIEWS: Views = {
-    "pairs": _pairs,
-    "lowest_mac": lambda _, mac: f"{mac:.3f}",
-    "largest_difference": lambda _, difference: percent(difference),
-}

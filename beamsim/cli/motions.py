@@ -11,9 +11,10 @@ import numpy as np
 
 from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult, SignalStatistics
 from beamsim.analyses.run.spectra import LOBE
-from beamsim.cli.printing import percent, words
-from beamsim.cli.report import Labelled, Views, in_units, stress_text, together
+from beamsim.cli.printing import percent
+from beamsim.cli.report import Labelled, Views, in_units, output_text, stress_text, together
 from beamsim.cli.screens import SHOWN, Numbers, Screen, contact_levels, limit_lines, limits_by_place, modes, sureness
+from beamsim.fields import words
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, is_known, scale_for
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
@@ -40,7 +41,10 @@ def run_screen(result: RunResult) -> Screen:
     if outputs:
         lines.append(f"peaks of outputs: {first_of(outputs, SHOWN)}")
     if "matched" in s:
-        lines.append(f"base motion: spectrum {_matched(result, s['matched'])}")
+        of = s["matched"]
+        band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"
+        ends = f"{of['lowest_db']:+.1f} to {of['highest_db']:+.1f} dB"
+        lines.append(f"base motion: spectrum {ends} from the curve, {band}")
     if random := result.random:
         signals = sorted(random.signals, key=lambda signal: signal.quantity != "force")
         largest = [f"{of.name} {words(of.quantity)} {text}" for of in signals if (text := _expected_peak(of))]
@@ -71,16 +75,10 @@ def sensitivity_texts(result: RunResult) -> dict[str, list[str]]:
     return texts
 
 
-def _matched(_: RunResult, of: Mapping[str, float]) -> str:
-    """How far the spectrum of a matched record is from its curve."""
-    band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"
-    return f"{of['lowest_db']:+.1f} to {of['highest_db']:+.1f} dB from the curve, {band}"
-
-
 def _expected_peak(signal: SignalStatistics) -> str:
-    """Largest value of a test with its interval; empty where there is none."""
+    """Largest value of a test with its interval; empty where it is not known."""
     if not is_known(signal.expected_peak):
-        return "not reliable" if signal.expected_peak_unknown else ""
+        return ""
     expected, low, high = (
         amount(value, signal.unit, 3)
         for value in (signal.expected_peak, signal.expected_peak_low, signal.expected_peak_high)
@@ -129,7 +127,10 @@ def sweep_screen(result: SweepResult) -> Screen:
         row["in contact"] = ", ".join(percent(share) for share in s.get("contact_share", {}).get(name, {}).values())
         rows.append(row)
     notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
-    outputs = [f"peak of {name} {text}" for name, text in _outputs_of_curves(result, s.get("peak_output", {})).items()]
+    outputs = [
+        f"peak of {name} {', '.join(of.values())}"
+        for name, of in _outputs_of_curves(result, s.get("peak_output", {})).items()
+    ]
     lines = [
         *modes(result), *contact_levels(result), *outputs[:SHOWN], *profile_jumps(result.scenario), *notches,
         *limit_lines(s.get("margins", {})), *numbers.legend(),
@@ -170,16 +171,11 @@ def _memory(result: RunResult, memory: float) -> str:
 
 def _outputs(result: RunResult, peaks: Mapping[str, float]) -> dict[str, dict[str, str]]:
     """By output its peak and range, what it is and where."""
-    s = result.summary
+    ends = {end: result.summary[f"{end}_output"] for end in ("min", "max")}
     return {
-        name: {
-            **{key.partition("_")[0]: amount(s[key][name], s["output_unit"][name])
-               for key in ("peak_output", "min_output", "max_output")},
-            "of": output.quantity.replace("_", " "),
-            "at": output.at,
-        }
+        name: output_text(output, peaks[name], **{end: amount(of[name], output.unit) for end, of in ends.items()})
         for name, output in result.outputs.items()
-    }  # fmt: skip
+    }
 
 
 def _spectral_lines(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
@@ -296,7 +292,6 @@ RUN_VIEWS: Views = {
     "sensitivities": lambda result, _: {name: ", ".join(of) for name, of in sensitivity_texts(result).items()},
     "spectral_lines": _spectral_lines,
     "impacts": _impacts,
-    "matched": _matched,
     "random": _random,
     "random_linear": _linear,
 }
@@ -364,13 +359,12 @@ def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
     return f"{where} ({response} from equilibrium at {amount(envelope.offset, 'm')})"
 
 
-def _outputs_of_curves(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+def _outputs_of_curves(result: SweepResult, curves: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, str]]:
     """By curve and output its peak, what it is and where."""
     return {
-        f"{curve} {name}": f"{amount(peak, output.unit)}, {output.quantity.replace('_', ' ')}, {output.at}"
+        f"{curve} {name}": output_text(result.curves[curve].outputs[name], peak)
         for curve, peaks in curves.items()
         for name, peak in peaks.items()
-        for output in [result.curves[curve].outputs[name]]
     }
 
 

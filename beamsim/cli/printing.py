@@ -14,29 +14,13 @@ from json import dumps
 from pathlib import Path
 from typing import Any
 
-from beamsim.fields import plain
+from beamsim.fields import UNITS, plain, words
 from beamsim.outcomes import MOST_LISTED
 from beamsim.plots.style import amount, is_known, scale_for
 
 WIDTH = 160  # characters, above which records stand side by side instead of below each other
 MOST_ROWS = 24  # of a table
 NONE = "-"
-UNITS = {
-    "_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_s": "N m s", "_n_m": "N m",
-    "_rad_s": "rad/s", "_rad": "rad",
-    "_n_per_m": "N/m", "_m_s2": "m/s^2", "_n_s": "N s", "_m_s": "m/s", "_m3": "m^3", "_percent": "%", "_deg": "deg",
-    "_pa": "Pa", "_hz": "Hz", "_db": "dB", "_m": "m", "_n": "N", "_g": "g", "_s": "s", "_j": "J", "_w": "W",
-}  # fmt: skip
-"""Of endings of names; longer ones first."""
-
-
-def words(name: str) -> str:
-    """A name without its unit.
-
-    >>> words("mean_peak_force_n"), words("contact_share")
-    ('mean peak force', 'contact share')
-    """
-    return name.removesuffix(next((end for end in UNITS if name.endswith(end)), "")).replace("_", " ")
 
 
 def percent(share: float, digits: int = 3) -> str:
@@ -119,6 +103,11 @@ def under_headings(texts: Sequence[Mapping[str, str]]) -> list[list[str]]:
     names = dict.fromkeys(name for text in texts for name in text)
     headings = [name for name in names if any(text.get(name) for text in texts)]
     return [headings, *([text.get(name) or NONE for name in headings] for text in texts)]
+
+
+def more_rows(count: int) -> list[dict[str, str]]:
+    """What is below the first rows of a table of so many."""
+    return [{"": f"and {count - MOST_ROWS} more in the file"}] if count > MOST_ROWS else []
 
 
 def _records(value: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
@@ -215,11 +204,9 @@ def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None
     -------
     Lines, the texts in a column.
     """
-    width = max((len(label) for label, _ in rows), default=0)
-    lines = [title]
-    for label, text in rows:
-        lines += _wrapped(f"  {label:<{width}}  {text}".rstrip(), width + 4, terminal)
-    return "\n".join(lines)
+    indent = 4 + max((len(label) for label, _ in rows), default=0)
+    lines = aligned([(f"  {label}", text) for label, text in rows], gap=2)
+    return "\n".join([title, *(part for line in lines for part in _wrapped(line, indent, terminal))])
 
 
 def _wrapped(row: str, indent: int, width: int | None) -> list[str]:

@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from html import escape
 from typing import Any
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.values import limit_label, limit_unit, of_angles
-from beamsim.cli.printing import aligned, lines, percent, table_text, told, words
+from beamsim.cli.printing import aligned, lines, percent, table_text, told
+from beamsim.fields import words
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import OnLimit, Outcome
 from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
@@ -36,10 +36,16 @@ Views = Mapping[str, Callable[[Any, Any], Any]]
 `beamsim.cli.printing.lines` takes."""
 
 
+def all_rows(kind: str, result: Result) -> Iterator[Row]:
+    """Label and text of every row of a result's table: what its first screen tells, then what that does not."""
+    screen = named(KINDS[kind].screen)(result)
+    yield from _labelled("status", filter(None, screen.status(result)))
+    yield from _labelled("result", screen.told())
+    yield from table_rows(kind, result)
+
+
 def table_rows(kind: str, result: Result) -> Iterator[Row]:
-    """Label and text of every row of a result's table: first the status if there is more to say than complete."""
-    if result.outcome.message or result.outcome.parts:
-        yield from _labelled("status", result.outcome.displayed(scale_for).statements)
+    """Label and text of what the entries of a summary tell beyond the first screen."""
     views = SHARED | named(KINDS[kind].views)
     for entry in type(result).SUMMARY:
         if entry.label and entry.name in result.summary:
@@ -60,18 +66,7 @@ def _labelled(label: str, texts: Iterable[str]) -> Iterator[Row]:
 def text_table(kind: str, result: Result) -> str:
     """Return the rows of a result's table as text, for Python's prompt, in the units of the scenario."""
     with shown_in(result.scenario.display_scales):
-        return table_text(result.title, list(table_rows(kind, result)))
-
-
-def html_table(kind: str, result: Result) -> str:
-    """Return the rows of a result's table as HTML, for notebooks, in the units of the scenario."""
-    with shown_in(result.scenario.display_scales):
-        rows = "".join(
-            f'<tr><th style="text-align:left;vertical-align:top">{escape(label)}</th>'
-            f'<td style="text-align:left;white-space:pre-wrap">{escape(text)}</td></tr>'
-            for label, text in table_rows(kind, result)
-        )
-    return f"<table><caption>{escape(result.title)}</caption>{rows}</table>"
+        return table_text(result.title, list(all_rows(kind, result)))
 
 
 def _change(summary: Mapping[str, Any], entry: str, name: str) -> str:
@@ -119,6 +114,12 @@ def together(*entries: str) -> Callable[[Result, Any], dict[str, dict[str, Any]]
         return {name: {entry: s[entry].get(name) for entry in entries} | {"at_s": times.get(name)} for name in values}
 
     return view
+
+
+def output_text(output: Any, peak: float, **more: str) -> dict[str, str]:
+    """The peak of an output, more of it by heading, what it is and where."""
+    of = {"of": output.quantity.replace("_", " "), "on": output.at}
+    return {"peak": amount(peak, output.unit), **more, **of}
 
 
 def in_units(record: Mapping[str, Any], units: Mapping[str, str], digits: int = 4) -> dict[str, Any]:

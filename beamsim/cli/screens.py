@@ -40,18 +40,24 @@ class Screen:
         result : with its title, outcome and warnings.
         files : written by the command, the result file first.
         """
-        verdict = ", ".join(filter(None, (standing(result), self.verdict)))
-        lines = ["  ".join(filter(None, (result.title or files[0], verdict)))]
-        if statements := ended(result.outcome):
-            lines += [f"{text[:1].upper()}{text[1:]}" for text in statements.split("; ")]
-        table = under_headings(self.rows)
-        lines += aligned(table) if table[0] else []
-        lines += self.lines
+        verdict, *statements = self.status(result)
+        lines = ["  ".join(filter(None, (result.title or files[0], verdict))), *statements, *self.told()]
         notes = f"{counted(len(result.warnings), 'note')} (-v shows them); " if result.warnings else ""
         pictures = [name for name in files[1:] if name.endswith(".png")]
         others = [name for name in files if name not in pictures]
         plots = [counted(len(pictures), "plot")] if pictures else []
         return "\n".join([*lines, f"{notes}{', '.join([*others, *plots])}"])
+
+    def status(self, result: Result) -> list[str]:
+        """What the outcome comes to and how sure the result is; then how the computation ended, if early."""
+        statements = filter(None, ended(result.outcome).split("; "))
+        verdict = ", ".join(filter(None, (standing(result), self.verdict)))
+        return [verdict, *(f"{text[:1].upper()}{text[1:]}" for text in statements)]
+
+    def told(self) -> list[str]:
+        """The table and the lines below it."""
+        table = under_headings(self.rows)
+        return [*(aligned(table) if table[0] else ()), *self.lines]
 
 
 class Numbers:

@@ -15,7 +15,7 @@ from beamsim.analyses.designs.result import (
     responses_of,
 )
 from beamsim.analyses.values import VALUES, limit_label
-from beamsim.cli.printing import MOST_ROWS
+from beamsim.cli.printing import MOST_ROWS, more_rows
 from beamsim.cli.report import Labelled, Views, margins
 from beamsim.cli.screens import SHOWN, Screen, rounded
 from beamsim.outcomes import OnLimit
@@ -43,16 +43,17 @@ def design_screen(result: DesignsResult) -> Screen:
     s = result.summary
     if "reliability" in s:
         return _probability_screen(result, s["reliability"])
-    lines = list(_limit_lines(result))
+    lines = [f"best: {s['objective']}"] if s.get("best") else []
+    lines += _limit_lines(result)
     shown = [(name, s["responses"][name]) for name in _decisive(result) if name in s["responses"]]
     shown = shown or list(s["responses"].items())
     if result.kind == "optimise":
         rows = [{"": "as it is"} | row for row in _best_rows(result, [s["as_it_is"]] if "as_it_is" in s else [])]
         called = "front" if result.front is not None else "best"
-        rows += [{"": f"{k}. {called}"} | row for k, row in enumerate(_best_rows(result, s.get("best", ())), 1)][:SHOWN]
+        rows += [{"": f"{k}. {called}"} | row for k, row in enumerate(_best_rows(result, s.get("best", ())), 1)]
         lines += _near_lines(result)
     elif "best" in s:
-        rows = [{"": f"{k}. best"} | row for k, row in enumerate(_best_rows(result, s["best"]), 1)][:SHOWN]
+        rows = [{"": f"{k}. best"} | row for k, row in enumerate(_best_rows(result, s["best"]), 1)]
         ranges = [
             f"{_response_label(result, name)} {extent(of['smallest'], of['largest'], result.responses[name].unit)}"
             for name, of in shown[:SHOWN]
@@ -63,7 +64,7 @@ def design_screen(result: DesignsResult) -> Screen:
     else:
         rows = [_range_row(result, name, of) for name, of in shown[:MOST_BEST]]
         more = len(s["responses"]) - len(rows)
-        lines += [f"{counted(more, 'more response')}: -v shows all"] if more else []
+        lines += [f"{counted(more, 'more response')} in the table of -v"] if more else []
     within = s.get("scatter", {})
     if "probability" in within:
         case = "best case" if "best" in s else "case"
@@ -120,12 +121,12 @@ def _random_rows(result: DesignsResult) -> Iterator[dict[str, str]]:
 def _judged(result: DesignsResult) -> str:
     """How many cases there are and how many meet the limits."""
     s = result.summary
-    said = f"{s['solved']} of {result.cases} cases" if s["solved"] < result.cases else counted(result.cases, "case")
+    sides = f"{' x '.join(map(str, result.shape))} = " if len(result.shape) > 1 else ""
+    solved = f", {s['solved']} solved" if s["solved"] < result.cases else ""
     failed = f", {s['failed']} FAILED" if s["failed"] else ""
     passing = f", {_passing(result, s['passing'])}" if "passing" in s else ""
-    if result.kind == "optimise":
-        return f"{counted(result.cases, 'design')} tried, each a {result.analysis.replace('_', ' ')}{failed}{passing}"
-    return f"{said}, each a {result.analysis.replace('_', ' ')}{failed}{passing}"
+    cases = f"{_DESIGNS[result.kind]}{sides}{counted(result.cases, 'case')}, each a {result.analysis.replace('_', ' ')}"
+    return f"{cases}{solved}{failed}{passing}"
 
 
 def _remarks(result: DesignsResult, name: str, of: Mapping[str, Any]) -> Iterator[str]:
@@ -174,20 +175,20 @@ def _odds(of: Mapping[str, Any]) -> str:
 
 
 def _limit_lines(result: DesignsResult) -> Iterator[str]:
-    for name, item in _margins(result, result.summary.get("margins", {})).items():
-        at = f" at {item['at']}" if item["at"] else ""
+    compared = result.summary.get("margins", {})
+    for item, (name, of) in zip(compared.values(), margins(result, compared).items(), strict=True):
+        at, most = f" at {of['at']}" if of["at"] else "", ""
         if result.kind == "optimise":
-            which = "best design" if "best" in result.summary else "design nearest to the limits"
-            yield f"{name} {item['verdict']} in the {which}: {item['value']}{at}, limit {item['limit']}"
-            continue
-        met = f", met with a probability of {item['probability']}" if "probability" in item else ""
-        if item["verdict"] == "ok":
-            yield f"{name} ok in all cases: at most {item['value']}{at}, limit {item['limit']}{met}"
+            where = f"in the {'best design' if 'best' in result.summary else 'design nearest to the limits'}:"
+        elif item["verdict"] == OnLimit.MET:
+            where = "in all cases: at most"
         else:
-            worst = ", ".join(
-                [f"{item['value']}{at}", f"limit {item['limit']}", *filter(None, [item.get("most with")])]
-            )
-            yield f"{name} {item['verdict']} in {item.get('cases', 'all')} cases: {worst}{met}"
+            where = f"in {item.get('cases_exceeding') or 'some'} of {result.cases} cases:"
+            with_them = _parameters(result, item.get("parameters", {})).items()
+            most = "".join(f", {label} {value}" for label, value in with_them)
+        met = f", met with a probability of {_odds(item['probability'])}" if "probability" in item else ""
+        limit = f"limit {of['limit']}, margin {of['margin']}"
+        yield f"{name} {of['verdict']} {where} {of['value']}{at}, {limit}{most}{met}"
     if "probability" in result.summary and len(result.limits) > 1:
         yield f"all limits met with a probability of {_odds(result.summary['probability'])}"
 
@@ -212,36 +213,12 @@ def _decisive(result: DesignsResult) -> list[str]:
     return list(dict.fromkeys(r.name for name in asked for r in responses_of(result.responses, name)))
 
 
-def _cases(result: DesignsResult, cases: int) -> Labelled:
-    failed = f", {result.summary['failed']} failed" if result.summary["failed"] else ""
-    size = " x ".join(map(str, result.shape)) if len(result.shape) > 1 else str(cases)
-    return Labelled({
-        "": f"{_DESIGNS[result.kind]}{size}, each a {result.analysis.replace('_', ' ')}{failed}",
-        "varied": {coordinate.label: _extent(coordinate) for coordinate in result.coordinates},
-    })  # fmt: skip
-
-
 def _extent(coordinate: Coordinate) -> str:
     values = coordinate.values
     if not coordinate.numeric:
         return ", ".join(dict.fromkeys(map(str, values)))
     low, high = (amount(float(value), coordinate.unit) for value in (values.min(), values.max()))
     return f"{low} to {high}, {len(set(values.tolist()))} values"
-
-
-def _margins(result: DesignsResult, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The worst margin of each limit; of one that is not met also in how many cases, and in which most."""
-    rows: dict[str, dict[str, Any]] = dict(margins(result, compared))
-    for name, item in compared.items():
-        if "probability" in item:
-            rows[limit_label(name)]["probability"] = _odds(item["probability"])
-        if item["verdict"] != OnLimit.MET and "parameters" in item and result.kind != "optimise":
-            rows[limit_label(name)] |= {
-                "cases": f"{item['cases_exceeding'] or 'some'} of {result.cases}", "most with": ", ".join(
-                    f"{label} {value}" for label, value in _parameters(result, item["parameters"]).items()
-                ),
-            }  # fmt: skip
-    return rows
 
 
 def _parameters(result: DesignsResult, values: Mapping[str, Any]) -> dict[str, str]:
@@ -273,42 +250,25 @@ def _tolerances(_: DesignsResult, tolerances: Mapping[str, Any]) -> Labelled:
     return Labelled({"": varied, "realisations": of})
 
 
-def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> Labelled:
-    """The range of each response over the realisations of the best case."""
+def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> list[dict[str, str]]:
+    """The range of each response over the realisations of the best case, or of the only one."""
     ranges = scatter["responses"]
-    shown = {name: item for name, item in ranges.items() if name in _decisive(result)} or ranges
-    case = "the best case" if "best" in result.summary else "the case"
-    met = (
-        {"probability": f"every limit is met with {_odds(scatter['probability'])}"} if "probability" in scatter else {}
-    )
-    return Labelled({"": f"of {case}", **met, "responses of it": _extents(result, shown)})
+    return _extents(result, {name: of for name, of in ranges.items() if name in _decisive(result)} or ranges)
 
 
-def _extents(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:
+def _extents(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
     """By response its range, and its value without deviations, statistics and populations where these are known."""
-    rows = {}
+    rows, others = [], {"nominal": "without deviations"} | dict(list(_STATISTICS.items())[1:-1])
     for name, item in list(responses.items())[:MOST_ROWS]:
         unit = result.responses[name].unit if name in result.responses else "1"
-        others = {"nominal": "without deviations"} | {
-            k: v for k, v in _STATISTICS.items() if k not in ("smallest", "largest")
-        }
-        rows[_response_label(result, name)] = {
-            "range": extent(item["smallest"], item["largest"], unit),
-            **{label: amount(item[key], unit) for key, label in others.items() if key in item},
-            **({"has": _populations(result, name, item)} if "populations" in item else {}),
-        }
-    if len(responses) > MOST_ROWS:
-        rows[f"and {len(responses) - MOST_ROWS} more in the file"] = {"range": ""}
-    return rows
-
-
-def _best(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> Labelled:
-    """The first of the best cases, one a row."""
-    rows = _best_rows(result, best)
-    return Labelled({f"best, {result.summary['objective']}": rows})
+        row = {"": _response_label(result, name), "range": extent(item["smallest"], item["largest"], unit)}
+        row |= {label: amount(item[key], unit) for key, label in others.items() if key in item}
+        rows.append(row | ({"has": _populations(result, name, item)} if "populations" in item else {}))
+    return rows + more_rows(len(responses))
 
 
 def _best_rows(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """The first of the best cases."""
     aims, rows = objectives(result.scenario), []
     known = [aim.of(result.responses, result.shape) for aim in aims]
     for item in best[:MOST_BEST]:
@@ -361,23 +321,10 @@ def _response_label(result: DesignsResult, name: str) -> str:
     return " ".join([*shown, *path[-1:], quantity.removesuffix("_hz").replace("_", " ")])
 
 
-def _reliability(result: DesignsResult, of: Mapping[str, Any]) -> Labelled:
-    """What the first screen says, in rows."""
-    screen = _probability_screen(result, of)
-    return Labelled({"probability": [screen.verdict, *screen.lines], "scatters": list(screen.rows)})
-
-
 DESIGN_VIEWS: Views = {
-    "reliability": _reliability,
-    "cases": _cases,
-    "passing": _passing,
-    "best": _best,
-    "as_it_is": lambda result, first: _best_rows(result, [first]),
-    "near_best": lambda result, near: [text.partition(": ")[2] for text in _near_lines(result)],
+    "cases": lambda result, _: {coordinate.label: _extent(coordinate) for coordinate in result.coordinates},
     "tolerances": _tolerances,
     "scatter": _scatter,
-    "margins": _margins,
-    "probability": lambda _, of: f"all limits are met with {_odds(of)}",
     "sensitivity": _sensitivity,
     "responses": _extents,
 }

@@ -31,7 +31,7 @@ def section(text):
 def test_prints_writes_and_draws(tmp_path):
     done = invoke("identify-stiffness", CASE, "-v")
     assert done.exit_code == 0, done.output
-    assert "153.59 kN/m" in done.output
+    assert "153.6 kN/m   2.6 kN/m" in done.output
     assert "pinned" in done.output
     made = {p.name for p in tmp_path.iterdir()}
     assert made == {

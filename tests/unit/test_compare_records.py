@@ -116,8 +116,8 @@ def test_table_json_file_and_picture(tmp_path, shaken):
     assert "1.25" in screen
     assert "+1.94 dB" in screen
     table = invoke("compare", path, tmp_path / "lab.csv", "--no-plots", "-v").output
-    assert "ratio 1.25" in table
-    assert "scale: predicted over measured 1.25" in table
+    assert "ratio   scale" in table
+    assert "1.25    1.25 \u00b1 " in table
     done = invoke("compare", path, tmp_path / "lab.csv", "--json", "-o", tmp_path)
     assert '"peak_ratio": 1.25' in done.stdout
     (kept,) = beamsim.open_result(tmp_path / "shock_compare.h5").channels

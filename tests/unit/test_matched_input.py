@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import beamsim
 from beamsim.analyses.run.motion import output_times
-from beamsim.cli.report import table_rows
+from beamsim.cli.report import all_rows
 from beamsim.errors import ScenarioError
 from beamsim.inputs.excitation import base_motion
 from beamsim.scenario import load_scenario
@@ -80,7 +80,7 @@ def test_the_misfit_of_a_run_is_that_of_its_record(tmp_path):
     misfit = 20 * np.log10(matched.reached / matched.target)
     assert result.summary["matched"]["lowest_db"] == pytest.approx(misfit.min())
     assert result.summary["matched"]["highest_db"] == pytest.approx(misfit.max())
-    assert any("dB from the curve" in text for _, text in table_rows("run", result))
+    assert any("dB from the curve" in text for _, text in all_rows("run", result))
     (chart,) = result.plot()["matched_spectrum"].axes
     assert "dB from the curve" in chart.get_title(loc="left")
 

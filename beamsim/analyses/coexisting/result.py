@@ -54,11 +54,11 @@ class CoexistingResult(ContinuationResult):
     SUMMARY = (
         STATUS,
         Entry("motions", "", "each motion: frequency, kind, period, stability, share of the starts with its interval, "
-              "largest multiplier and Lyapunov exponent, largest values by entry and name", "motions"),
+              "largest multiplier and Lyapunov exponent, largest values by entry and name"),
         Entry("not_settled", "1", "by frequency (Hz) the number of starts that are near no motion after the largest "
-              "number of cycles", "not settled"),
+              "number of cycles"),
         Entry("disturbances", "", "the smallest disturbance found that leaves each stable periodic motion: amplitude "
-              "(unknown where none leaves), unit, time in its period", "disturbances"),
+              "(unknown where none leaves), unit, time in its period"),
         Entry("starts", "1", "number of starts at each frequency"),
         *OF_STABLE,
         Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy"),

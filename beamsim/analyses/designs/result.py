@@ -233,30 +233,30 @@ FAILURES = as_text(_failures_text, _failures)
 
 _SUMMARY = (
     Entry("analysis", of="analysis"),
-    Entry("cases", "1", "number of cases", "cases", of="cases"),
+    Entry("cases", "1", "number of cases", "varied", of="cases"),
     Entry("solved", "1", "cases with responses"),
     Entry("failed", "1", "cases that failed"),
     Entry("reliability", "", "probability that limits are exceeded, with the ends of its 95 % interval and its "
              "coefficient of variation; reliability_index; method, event, target of the coefficient, histories and how "
              "many of them failed; design_point by path with its distance in standard deviations; and by path what a "
-             "number has to do with it", "reliability"),
-    Entry("passing", "1", "cases that meet every limit", "passing"),
+             "number has to do with it"),
+    Entry("passing", "1", "cases that meet every limit"),
     Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin"),
-    Entry("as_it_is", "", "of a search: the scenario as it is, as the best cases are", "as it is"),
+    Entry("as_it_is", "", "of a search: the scenario as it is, as the best cases are"),
     Entry("near_best", "", "of a search for one objective: by number its smallest and largest value in the designs "
              "that meet every limit and are within 1 % of the best one; at_end says whether the best is at an end of "
-             "its range", "within 1 %"),
+             "its range"),
     Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "
-             "parameters, smallest margin and its limit", "best"),
+             "parameters, smallest margin and its limit"),
     Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "
              "unit", "tolerances"),
     Entry("scatter", "", "by response of the best case, or of the only one: nominal, smallest and largest value and "
              "what responses have of a sample, over the realisations; and the probability that every limit is met",
              "within tolerances"),
     Entry("margins", "", "by limit, of the worst case: limit, value, margin, at, exceeded, case, parameters; the "
-             "number of cases beyond the limit, and of a sample the probability that it is met", "limits"),
+             "number of cases beyond the limit, and of a sample the probability that it is met"),
     Entry("probability", "", "of a sample: share of the cases that meet every limit, with the ends of the 95 % "
-             "interval of its probability", "probability"),
+             "interval of its probability"),
     *CONVERGENCE,
     Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, standard deviation, the "
              "5 %, 50 % and 95 % quantiles with their 95 % intervals, and the populations of values that are in "

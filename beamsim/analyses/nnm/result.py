@@ -234,7 +234,7 @@ class RelaxedComparison:
 
 _SUMMARY = (
     STATUS,
-    Entry("mode", of="mode", label="backbone"),
+    Entry("mode", of="mode"),
     Entry("continued_in", of="parameter"),
     Entry("points", "1", "points of the backbone"),
     Entry("energy_error", "1", "largest change of the energy along a motion of any branch, relative to the energy"),
@@ -242,12 +242,12 @@ _SUMMARY = (
     Entry("start", "", "first point of the backbone: parameter, frequency, energy", "start"),
     Entry("end", "", "last point of the backbone: parameter, frequency, energy", "end"),
     Entry("period_s", "s", "period of the last point"),
-    Entry("linear_frequency_hz", "Hz", "frequency of the linear mode", "linear frequency"),
+    Entry("linear_frequency_hz", "Hz", "frequency of the linear mode"),
     Entry("internal_resonances", "", "by tongue: mode, ratio, parameter where it leaves the backbone, points",
              "internal resonances"),
     Entry("jumps", "", "gaps of the backbone at tongues: start and end in the parameter, mode and ratio where known",
              "jumps over tongues"),
-    Entry("grazings", "1", "grazing contacts along the backbone", "grazings"),
+    Entry("grazings", "1", "grazing contacts along the backbone"),
     Entry("special_points", "", "folds and branch points of the backbone: kind, parameter, frequency",
              "special points"),
     Entry("requested_points", "", "points at the energies and frequencies asked for: quantity, value, branch and point "
