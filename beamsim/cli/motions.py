@@ -76,9 +76,9 @@ def sensitivity_texts(result: RunResult) -> dict[str, list[str]]:
 
 
 def _expected_peak(signal: SignalStatistics) -> str:
-    """Largest value of a test with its interval; empty where it is not known."""
+    """Largest value of a test with its interval; empty where there is none."""
     if not is_known(signal.expected_peak):
-        return ""
+        return "not reliable" if signal.expected_peak_unknown else ""
     expected, low, high = (
         amount(value, signal.unit, 3)
         for value in (signal.expected_peak, signal.expected_peak_low, signal.expected_peak_high)

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from numba import njit
+from scipy.signal import butter, sosfilt
 from scipy.special import gamma
 
 import beamsim
@@ -26,6 +28,7 @@ from beamsim.analyses.run.result import SignalStatistics
 from beamsim.cli.report import table_rows
 from beamsim.contacts.laws import OneSidedSpring, kelvin_voigt
 from beamsim.inputs.excitation import random_signals
+from beamsim.outcomes import exit_code
 from beamsim.plots.run import density, phase_density
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import RandomInput
@@ -276,13 +279,13 @@ def test_crossings_of_levels():
 
 
 def held(found, largest):
-    """Mean expected value over the mean of the largest values of tests, and the share of these in the intervals."""
+    """Mean expected value over the median of the largest values of tests, and the share of these in the intervals."""
     expected, low, high = (
         np.array([s[key] for s in found])[:, None]
         for key in ("expected_peak", "expected_peak_low", "expected_peak_high")
     )
     inside = (low < largest) & (largest < high)
-    return float(expected.mean() / largest.mean()), float(inside.mean())
+    return float(expected.mean() / np.median(largest)), float(inside.mean())
 
 
 @pytest.mark.parametrize("mean", [0.0, -3.0])
@@ -353,9 +356,80 @@ def test_the_largest_value_of_a_force_that_gives_way_is_its_limit():
 def test_a_largest_value_is_not_stated_without_independent_peaks():
     assert largest_of_test(np.zeros(1000), 500.0, 1e4) == {}
     few = noise(0.1, 600.0, 1, "fixed")
-    assert largest_of_test(few, rms_interval(few)["degrees_of_freedom"], 1e4) == {}
+    found = largest_of_test(few, rms_interval(few)["degrees_of_freedom"], 1e4)
+    assert found == {"expected_peak_unknown": "the record has fewer than 5 independent peaks"}
     rare = np.where(np.arange(2000) == 1000, 1.0, 0.0)
-    assert largest_of_test(rare, 500.0, 1e4) == {}
+    assert largest_of_test(rare, 500.0, 1e4) == {"expected_peak_unknown": "a part of the record is without it"}
+
+
+@njit
+def integrated(base, steps, step, law, state, out):
+    """Displacement, force of the law and absolute acceleration of 10 Hz at 5 %, by the semi-implicit method of Euler.
+
+    ``law`` holds stiffnesses over that of the spring: cubic, one-sided and two-sided stop; gap, stop beyond a knee,
+    the knee, stiffness and stretch of a slider; ``state`` displacement, velocity and place of the slider.
+    """
+    k, c = (20 * np.pi) ** 2, 2 * np.pi
+    cubic, below, both, gap, beyond, knee, sticking, limit = law
+    x, v, slider = state
+    for i in range(base.size - 1):
+        for j in range(steps):
+            over, under = max(x - gap, 0.0), min(x + gap, 0.0)
+            stop = below * min(over, knee) + beyond * max(over - knee, 0.0) + both * (over + under)
+            slider = min(max(slider, x - limit), x + limit)
+            force = k * (cubic * x**3 + stop + sticking * (x - slider))
+            pull = k * x + c * v + force
+            v += step * (base[i] + (base[i + 1] - base[i]) * j / steps - pull)
+            x += step * v
+        out[i] = x, force, -pull
+    state[:] = x, v, slider
+
+
+LAWS = {  # of `integrated`
+    "linear": (0, 0, 0, 0, 0, 1, 0, 1),
+    "one-sided, 100 times as stiff": (0, 100, 0, 1, 100, 1, 0, 1),
+    "one-sided, 5 times as stiff": (0, 5, 0, 1, 5, 1, 0, 1),
+    "one-sided, softer from a knee on": (0, 10, 0, 0, 0.1, 0.3, 0, 1),
+    "gaps on both sides": (0, 0, 10, 1, 0, 1, 0, 1),
+    "cubic": (1, 0, 0, 0, 0, 1, 0, 1),
+    "force with a limit": (0, 5, 0, 0.3, 0, 0.1, 0, 1),
+    "friction": (0, 0, 0, 0, 0, 1, 2, 0.15),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+def test_intervals_of_largest_values_hold_whatever_the_spring(law):
+    """Records of 200 cycles, each followed by a test of 2,000, in noise from 1 to 40 Hz, integrated independently."""
+    rate, steps, number = 1000, 8, 100
+    band = butter(4, [1, 40], "band", fs=rate, output="sos")
+    scale, numbers = 7000.0, np.array(LAWS[law], dtype=float)
+    generator, memory, state = np.random.default_rng(1), np.zeros((band.shape[0], 2)), np.zeros(3)
+
+    def history(seconds):
+        nonlocal memory
+        base, memory = sosfilt(band, generator.normal(size=seconds * rate + 1), zi=memory)
+        out = np.empty((base.size - 1, 3))
+        integrated(scale * base, steps, 1 / rate / steps, numbers, state, out)
+        return out
+
+    k, (_, below, _, gap, beyond, knee, _, _) = (20 * np.pi) ** 2, LAWS[law]
+    stop = OneSidedSpring(1, below * k, 0, 0), OneSidedSpring(1, (beyond - below) * k, 0, knee)
+    table = replace(kelvin_voigt(k), parts=None, static=stop)
+    history(20)
+    found, largest = [], []
+    for _ in range(number):
+        x = history(20)
+        pressed = Compression(table, k, float(x[:, 0].mean() - gap), float(x[:, 1].mean())) if below else None
+        freedoms = [rms_interval(of).get("degrees_of_freedom", 0.0) for of in x.T]
+        found.append(
+            [largest_of_test(*of, 200.0 * rate, c) for *of, c in zip(x.T, freedoms, (None, pressed, None), strict=True)]
+        )
+        largest.append(np.abs(history(200)).max(axis=0))
+    for signal, tests in enumerate(np.transpose(largest)):
+        if np.ptp(tests) > 1e-9 * tests.max():  # no force that is always zero, or always reaches its limit
+            _, share = held([of[signal] for of in found], tests)
+            assert 0.9 < share < 0.99  # 0.9 to 0.98 is aimed at, and 100 records know it to 0.01 or 0.02
 
 
 @pytest.mark.slow
@@ -376,6 +450,24 @@ def test_largest_values_of_tests_of_an_oscillator(gap):
     ratio, share = held([random(seed, 20.0) for seed in range(100, 150)], largest)
     assert ratio == pytest.approx(1.0, abs=0.07)
     assert 0.85 < share <= 1.0
+
+
+@pytest.mark.parametrize("deviations", [3.3, 12.0])
+def test_no_largest_value_of_a_test_that_may_reach_a_stop_of_which_the_record_says_little(deviations):
+    """It is incomplete, and a limit is not met, where the gap is within reach; out of reach it changes nothing."""
+    displacement, _ = oscillator_deviations(3947.84, 6.2832)
+    case = stopped(deviations * displacement, test_duration="200 s", sample_rate="1 kHz")
+    result = beamsim.run(load_scenario(case | {"limits": {"peak_displacement": {"mass": 1.0}}}))
+    of_mass, tables = result.summary["random"]["mass displacement"], [text for _, text in table_rows("run", result)]
+    reached = deviations < 12.0
+    assert ("expected_peak" in of_mass) is not reached
+    assert ("the stiffness of snubber stop changes" in of_mass.get("expected_peak_unknown", "")) is reached
+    assert "expected_peak" in result.summary["random"]["input acceleration"]
+    assert any("not reliable" in text for text in tables) is reached
+    assert bool(result.outcome.all_of("largest_of_test_unknown")) is reached
+    verdicts = [item["verdict"] for item in result.summary["margins"].values()]
+    assert verdicts == ["not reliable" if reached else "ok"]
+    assert exit_code(result.outcome, verdicts) == (3 if reached else 0)
 
 
 def test_pictures_are_of_the_band_of_the_input_and_of_the_share_of_the_time(result):

@@ -188,9 +188,10 @@ def _asked_for(
     fields: dict[str, Any] = {}
     notes: list[str] = []
     if stationary and goes_on("densities and statistics"):
-        from beamsim.analyses.run.random_response import random_response
+        from beamsim.analyses.run.random_response import largest_known, random_response
 
-        fields["random"] = random_response(result, system)
+        fields["random"] = random = random_response(result, system)
+        fields["outcome"] = largest_known(result.outcome, random, settings)
     reached = settings.from_ < motion.marched.end or not settings.from_
     if settings.impacts is not None and closed_form and reached and goes_on("statistics of impacts"):
         parts, begin = motion.parts(), settings.from_

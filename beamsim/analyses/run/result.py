@@ -463,15 +463,15 @@ class SignalStatistics:
     )
     rms_high: float | None = attribute("{unit}", "upper end of that interval", default=None)
     degrees_of_freedom: float | None = attribute("1", "equivalent degrees of freedom of the mean square", default=None)
-    # None also where the record has too few independent peaks
+    # None also where they are not reliable
     expected_peak: float | None = attribute(
-        "{unit}", "largest magnitude expected in the test, by Gumbel's distribution of the peaks of segments",
-        default=None,
-    )  # fmt: skip
+        "{unit}", "largest magnitude expected in the test, which half of such tests exceed", default=None
+    )
     expected_peak_low: float | None = attribute(
         "{unit}", "lower end of the interval of the largest magnitude, 95 % of tests", default=None
     )
     expected_peak_high: float | None = attribute("{unit}", "upper end of that interval", default=None)
+    expected_peak_unknown: str | None = attribute("", "why it is not stated", default=None)
     # None where the structure has no snubbers or is more than linear without them
     linear_open: float | None = attribute(
         "{unit}", "standard deviation of the stationary linear response, every snubber always open", default=None
@@ -532,7 +532,7 @@ class RandomResponse:
     def summary(self) -> dict[str, Any]:
         """The numbers, by name and quantity; the expected peak where a duration of the test is given."""
         keys = (*STATISTICS, "standard_deviation", "highest", "lowest", "rms_low", "rms_high", "degrees_of_freedom",
-                "expected_peak", "expected_peak_low", "expected_peak_high")  # fmt: skip
+                "expected_peak", "expected_peak_low", "expected_peak_high", "expected_peak_unknown")  # fmt: skip
         return {
             f"{s.name} {s.quantity}": {key: value for key in keys if (value := getattr(s, key)) is not None}
             for s in self.recorded
