@@ -43,7 +43,7 @@ def continuation_screen(result: ContinuationResult) -> Screen:
     for of in s.get("multiple_scales", ()):
         orders = ", ".join(f"{order:.2f}" for order in of["observed_orders"])
         lines.append(f"multiple scales: differences from the exact motions vanish with orders {orders}")
-    lines += limit_lines(s.get("margins", {}))
+    lines += limit_lines(result)
     return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
 
 
@@ -190,7 +190,7 @@ def coexisting_screen(result: CoexistingResult) -> Screen:
     rows += more_rows(len(s["motions"]))
     lines = [text for text, count in unsettled if count]
     lines += [f"{_called(each)}: {_left_by(each)}" for each in s["disturbances"][:MOST_ROWS]]
-    lines += [*modes(result), *limit_lines(s.get("margins", {}))]
+    lines += [*modes(result), *limit_lines(result)]
     said = f"{s['starts']} starts at each of {counted(len(s['not_settled']), 'frequency', 'frequencies')}"
     return Screen(f"{said}, {sureness(result, numbers.largest_change)}", rows, [*lines, *numbers.legend()])
 

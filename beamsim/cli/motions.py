@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def run_screen(result: RunResult) -> Screen:
     """Forces, contact, displacements, accelerations and limits by place."""
     s, numbers = result.summary, Numbers(result.summary)
-    limits = limits_by_place(s.get("margins", {}))
+    limits = limits_by_place(result)
     rows = [_place(s, numbers, name, limits) for name in dict.fromkeys((*result.snubbers, *result.probes))]
     facts, stress = list(modes(result)), s.get("largest_bending_stress_pa")
     if stress is not None and is_known(stress):
@@ -55,8 +55,7 @@ def run_screen(result: RunResult) -> Screen:
     for name, body in s.get("fatigue", {}).items():
         interval = f" ({body['damage_low']:.2g} to {body['damage_high']:.2g}, 95 %)" if "damage_low" in body else ""
         lines.append(f"damage of {name} {body['damage']:.2g}{interval}")
-    shown = {row[""] for row in rows}
-    lines += limit_lines({name: item for name, item in s.get("margins", {}).items() if item["at"] not in shown})
+    lines += limit_lines(result, [row[""] for row in rows])
     if compared := s.get("against"):
         apart, until = percent(compared["largest_state_difference"], 2), compared["agrees_until_s"]
         diverge = "" if until >= result.time[-1] else f" until {until:.4g} s, where the contact sequences diverge"
@@ -133,7 +132,7 @@ def sweep_screen(result: SweepResult) -> Screen:
     ]
     lines = [
         *modes(result), *contact_levels(result), *outputs[:SHOWN], *profile_jumps(result.scenario), *notches,
-        *limit_lines(s.get("margins", {})), *numbers.legend(),
+        *limit_lines(result), *numbers.legend(),
     ]  # fmt: skip
     return Screen(sureness(result, numbers.largest_change), rows, lines)
 

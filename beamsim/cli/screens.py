@@ -14,8 +14,8 @@ from typing import Any
 from beamsim.analyses.result import Result
 from beamsim.analyses.values import limit_label
 from beamsim.cli.printing import aligned, percent, under_headings
-from beamsim.cli.report import ended, of_states, predicted
-from beamsim.outcomes import STANDINGS, OnLimit, first_of
+from beamsim.cli.report import ended, margins, of_states, predicted
+from beamsim.outcomes import STANDINGS, first_of
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.base import counted
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -168,29 +168,20 @@ def standing(result: Result) -> str:
     return f"{said}: {counted(len(doubtful), 'value')}" if said and doubtful and result.complete else said
 
 
-def limits_by_place(compared: Mapping[str, Mapping[str, Any]]) -> dict[str, list[str]]:
-    """By place the verdict on each limit."""
-    verdicts: dict[str, list[str]] = {}
-    for name, item in compared.items():
-        place = name.partition(".")[2]
-        label = limit_label(name.partition(".")[0] if place and str(item["at"]).startswith(place) else name)
-        used = item["value"] / item["limit"] if item["limit"] else math.inf
-        share = f"{100 * used:.0f} %" if is_known(used) else "value unknown"
-        left = f"{100 * (1 - used):.0f} %"
-        decibels = item.get("margin_db", math.nan)
-        if is_known(decibels):
-            left, share = f"{decibels:.1f} dB", f"{-decibels:+.1f} dB"
-        said = {OnLimit.MET: f"ok, {left} left", OnLimit.EXCEEDED: f"EXCEEDED, {share}"}.get(
-            item["verdict"], f"NOT RELIABLE, {share}"
-        )
-        verdicts.setdefault(str(item["at"] or ""), []).append(f"{label} {said}")
+def limits_by_place(result: Result) -> dict[str, list[str]]:
+    """By place the verdict on each limit, with its margin."""
+    compared, verdicts = result.summary.get("margins", {}), dict[str, list[str]]()
+    for name, of in zip(compared, margins(result, compared).values(), strict=True):
+        limit, _, place = name.partition(".")
+        label = limit_label(limit if place and of["at"].startswith(place) else name)
+        verdicts.setdefault(of["at"], []).append(f"{label} {of['verdict']}, margin {of['margin']}")
     return verdicts
 
 
-def limit_lines(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """A line for each limit, with the place of its value."""
-    for at, texts in limits_by_place(compared).items():
-        yield from (f"{text}{f' at {at}' if at else ''}" for text in texts)
+def limit_lines(result: Result, shown: Sequence[str] = ()) -> Iterator[str]:
+    """A line for each limit, with the place of its value; none of places that are shown already."""
+    for at, texts in limits_by_place(result).items():
+        yield from (f"{text}{f' at {at}' if at else ''}" for text in texts if at not in shown)
 
 
 def modes(result: Any) -> Iterator[str]:

@@ -130,7 +130,7 @@ def margin_text(margin: float | None, value: float, decibels: float | None = Non
     str
     """
     if value == 0.0:
-        return "not used"
+        return "infinite"
     if not is_known(margin) or margin is None:
         return "unknown"
     if decibels is not None:

@@ -85,7 +85,7 @@ def test_a_sweep_shows_its_curves(printed):
 
 
 SHOWN = {
-    "continuation": ("400 mN   0.085 to 0.1 Hz", "1.44 m at 0.1 Hz, the other", "gap EXCEEDED, 258 %"),
+    "continuation": ("400 mN   0.085 to 0.1 Hz", "1.44 m at 0.1 Hz, the other", "gap EXCEEDED, margin -61.2 %"),
     "folds": ("62 of 123 points", "0.104, 0.1203 Hz", "1.96 m at 0.12 Hz, first", "folds in level: 30 to 300 mN"),
     "designs": ("4 cases, each a run", "1.94 m (2 N/m, 0.2 m)", "EXCEEDED in 4 of 4 cases: 1.936 m at the other"),
     "designs_zip": ("2 cases, each a swept sine", "1.87 N (6 N/m, below)", "5 more responses"),
