@@ -225,6 +225,9 @@ def _left_by(record: Mapping[str, Any]) -> str:
     return f"left by the {of} of {size}, the smallest found ({when} into its period)"
 
 
+COEXISTING_VIEWS: Views = {"peak_output": _outputs}
+
+
 # --- Nonlinear normal modes ------------------------------------------------------------------------------------------
 
 

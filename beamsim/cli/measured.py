@@ -338,3 +338,4 @@ def _pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
 
 
 COMPARISON_VIEWS: Views = {"comparisons": _channels, "sweeps": _sweeps}
+MODE_VIEWS: Views = {}  # the first screen tells all

@@ -1,7 +1,8 @@
 """Summaries as tables.
 
 The entries of a summary (`Result.SUMMARY`) give order, labels and units of the table, which `beamsim.cli.printing`
-prints. What the summary does not say by itself is told by views, which are where the first screen of each kind is.
+prints. What the summary does not say by itself is told by views, which are where the first screen of each kind is. What
+a first screen tells whole has no label, and no row: the table stands below the screen.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ CHECKS = {
     "energy balance error": "Work put in, energy stored and energy dissipated, each computed by itself; over the "
     "larger of the stored energy and the work exchanged.",
     "reduction": "modes and static vectors of the model, with a bound of what they leave out",
-    "convergence": "the case solved again with a finer model; the change of every value is in the table below, and "
+    "convergence": "the case solved again with a finer model; the change of every value is in the appendix, and "
     "more is missing of one that converges slowly",
     "exact and reference": "the same case integrated in time by SciPy",
 }
