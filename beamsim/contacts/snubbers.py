@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,7 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
     infos: list[SpringInfo] = []
     numbers: tuple[float, float, ContactLaw | None]
     for row, lever, located in zip(shape, levers, springs, strict=True):
-        spring = located.item
+        path, spring = located.path, located.item
         places = tuple(end.label for end in ends_of(site_of(spring, located.body, located.sections)))
         masses = tuple(place.mass for place in spring.places if place.mass is not None)
         maxwell = getattr(spring, "maxwell", ())
@@ -108,6 +109,14 @@ def describe_springs(springs: Sequence[Located], shape: Floats, levers: Floats) 
         elif spring.kind == FRICTION:
             numbers = (0.0, 0.0, _law_of_friction(spring))
         else:
+            if any(b <= a for a, b in pairwise(spring.breakpoints)):  # moved by what varies them
+                raise ScenarioError(
+                    Problem(
+                        f"{path_text(path)}.breakpoints",
+                        f"= {list(spring.breakpoints)} do not increase",
+                        "keep their order in every case",
+                    )
+                )
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             law = _mounted(relaxing_law(law, branches), maxwell, (1.0, -1.0)) if branches else law
             numbers = (0.0, float(spring.linear_stiffness), law)

@@ -335,7 +335,7 @@ def test_without_jump_in_the_model_the_row_is_named():
 
 @pytest.mark.parametrize(
     ("change", "text"),
-    [({"to": 5}, "is not above from"), ({"jump": None, "peaks": []}, "has neither jump nor peaks"),
+    [({"to": 5}, "lies below from"), ({"jump": None, "peaks": []}, "has neither jump nor peaks"),
      ({"peaks": [{"frequency": 10.0}]}, "has no value, or two"),
      ({"peaks": [{"probe": "mas", "displacement": 1e-3}]}, "mas")],
 )  # fmt: skip

@@ -98,7 +98,9 @@ def test_a_motion_in_stretches_is_that_which_is_kept(both):
     assert parts.summary["memory_bytes"] == 64e6
     assert parts.summary["random"].keys() == whole.summary["random"].keys()
     for name, values in whole.summary["random"].items():
-        assert parts.summary["random"][name] == pytest.approx(values, rel=1e-9), name
+        found, said = dict(parts.summary["random"][name]), dict(values)
+        assert found.pop("expected_peak_unknown", "") == said.pop("expected_peak_unknown", "")
+        assert found == pytest.approx(said, rel=1e-9), name
     stress = whole.only_body.peak_bending_stress
     np.testing.assert_allclose(parts.only_body.peak_bending_stress, stress, rtol=0, atol=1e-9 * stress.max())
     shapes = whole.only_body.extreme_shapes
