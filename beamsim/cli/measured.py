@@ -188,7 +188,12 @@ def _extent(_: IdentificationResult, interval: Sequence[float], unit: str = "N/m
 def _test_misfits(result: IdentificationResult, misfits: Mapping[str, Sequence[float]]) -> list[dict[str, str]]:
     whole = sum(own for own, _ in misfits.values()) or 1.0
     return [
-        {"": name, "misfit": f"{own:.4g}", "share": percent(own / whole, 2), "of the others alone": f"{without:.4g}"}
+        {
+            "": name,
+            "misfit": f"{own:.4g}",
+            "share": percent(own / whole, 2),
+            "of the others alone": f"{without:.4g}" if math.isfinite(without) else "",
+        }
         for name, (own, without) in misfits.items()
         if len(misfits) > 1
     ]

@@ -24,8 +24,12 @@ NONE = "-"
 
 
 def percent(share: float, digits: int = 3) -> str:
-    """A share in percent."""
-    return f"{100 * share:.{digits}g} %"
+    """A share in percent.
+
+    >>> percent(0.9969, 2), percent(0.0031, 2), percent(12.345)
+    ('100 %', '0.31 %', '1230 %')
+    """
+    return f"{float(f'{100 * share:.{digits}g}'):g} %"
 
 
 def told(name: str, value: Any, unit: str = "") -> str:
