@@ -231,6 +231,12 @@ class Outcome:
         return self.kind in _MISSING or any(part.cut_short for part in self.parts)
 
     @property
+    def ended_early(self) -> bool:
+        """Whether the computation did not come to its end; what was also asked of it may be missing without that."""
+        early = self.kind in _MISSING and self.kind is not OutcomeKind.INCOMPLETE
+        return early or any(part.ended_early for part in self.parts)
+
+    @property
     def unless_complete(self) -> tuple[Outcome, ...]:
         """This outcome, for the parts of another one; nothing where it is complete."""
         return () if self.complete else (self,)

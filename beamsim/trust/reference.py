@@ -62,7 +62,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     -------
     RunResult : the same result with ``against`` and ``summary["against"]``.
     """
-    if result.outcome.cut_short:
+    if result.outcome.ended_early:
         return _without(result, f"the run is {result.status}")
     system = build_system(result.scenario)
     settings = result.scenario.run
@@ -77,7 +77,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     motion = stepped_motion_of(system, stepped, output_times(result.scenario), None, stop, short_steps=True)
     if motion.outcome.interrupted:
         return result.interrupted("the comparison with the reference integrator")
-    if motion.outcome.cut_short:
+    if motion.outcome.ended_early:
         return _without(result, f"the reference integrator is {motion.outcome.text}")
     compared = _compared(result, motion)
     return _judged(
