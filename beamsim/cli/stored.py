@@ -9,7 +9,7 @@ from beamsim.cli.options import Given
 from beamsim.cli.printing import print_files, print_json, print_table
 from beamsim.cli.progress import progress_of
 from beamsim.cli.report import all_rows
-from beamsim.errors import Problem, ResultFileError, ScenarioError
+from beamsim.errors import Problem, ScenarioError
 from beamsim.files import output_file, output_folder
 from beamsim.kinds import KINDS, named
 from beamsim.plots.drawing import save_figures
@@ -37,11 +37,7 @@ def info(given: Given) -> None:
     with shown_in(result.scenario.display_scales):
         made_by = ("written", f"{result.created} by beamsim {result.beamsim_version} {KINDS[kind].command}")
         warnings = (("warning", warning) for warning in result.warnings)
-        try:
-            rows = list(all_rows(kind, result))
-        except TypeError as error:  # an array of another shape than what the screen tells
-            raise ResultFileError(f"{path}: damaged ({error}); run the case again") from error
-        print_table(": ".join(filter(None, (str(path), result.title))), [made_by, *rows, *warnings])
+        print_table(": ".join(filter(None, (str(path), result.title))), [made_by, *all_rows(kind, result), *warnings])
 
 
 def plot(given: Given, form: str) -> None:

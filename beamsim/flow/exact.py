@@ -348,7 +348,7 @@ class ExactFlow:
 
     @property
     def stands(self) -> Ints:
-        """Channels that contacts feel the displacement of."""
+        """Channels whose displacement moves the stand of a contact."""
         return np.flatnonzero(self.influence.any(axis=1))
 
     def apart(self, times: Floats) -> Floats:

@@ -391,7 +391,7 @@ class PeriodicFlow(ABC):
 
     @property
     def base_moves(self) -> bool:
-        """Whether a contact feels the motion of the base."""
+        """Whether a contact is on the ground while the base moves."""
         return self.loads.count > 0 and bool(np.any(self.system.contacts.base_influence))
 
     def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:

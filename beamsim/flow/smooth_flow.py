@@ -134,13 +134,13 @@ class SmoothFlow(PeriodicFlow):
         ValueError
             Where a parameter changes a dashpot, a shape or the structure.
         """
-        return self._carried(start, duration, parameters, t, np.eye(self.size))
+        return self._passage(start, duration, parameters, t, np.eye(self.size))
 
     def end(self, start: Floats, duration: float, t: float = 0.0) -> Floats:
         """(N,) the state after ``duration``; see `PeriodicFlow.end`."""
-        return self._carried(start, duration, (), t, np.empty((self.size, 0))).end
+        return self._passage(start, duration, (), t, np.empty((self.size, 0))).end
 
-    def _carried(
+    def _passage(
         self, start: Floats, duration: float, parameters: Sequence[Parameter], t: float, by_start: Floats
     ) -> Passage:
         """A motion with its derivatives by parameters, and those by the start times a matrix (N, any)."""

@@ -455,8 +455,9 @@ class Reader:
         if declared.scale and not item.scale:
             raise ValueError(f"{path} is no dimension scale")
         along = () if isinstance(declared.along, Axes) else declared.along or ()
-        if member.scalar is None and item.values.ndim < (least := 1 if declared.scale else len(along)):
-            raise ValueError(f"{path} has {item.values.ndim} dimensions, not {least}")
+        dimensions = 1 if declared.scale else len(along)
+        if member.scalar is None and dimensions and item.values.ndim != dimensions:
+            raise ValueError(f"{path} has {item.values.ndim} dimensions, not {dimensions}")
         for axis, size in zip(along, item.values.shape, strict=False):
             name = axis.name if isinstance(axis, Counter) else axis
             scale = _nearest_axis(self.items, path, name)
