@@ -188,12 +188,7 @@ class _Walk:
             place = joined(home, column.stored_name)
             if column.declaration.scale:
                 axis = place
-            self._put(column.declaration, place, _cells(values, column), here)
-            if not column.declaration.scale:
-                self.items[place].axes = (
-                    axis,
-                    *self._axes(column.declaration.along, place, here._replace(counters=home), 1),
-                )
+            self._put(column.declaration, place, _cells(values, column), here._replace(counters=home), rows=(axis,))
 
     def _array(self, declared: Dataset, path: str, value: Any, here: _Here) -> None:
         """One array, or the two of complex numbers."""
@@ -212,9 +207,15 @@ class _Walk:
             self._put(declared, path, value, here)
 
     def _put(
-        self, declared: Dataset, path: str, value: Any, here: _Here, texts: Mapping[str, str] | None = None
+        self,
+        declared: Dataset,
+        path: str,
+        value: Any,
+        here: _Here,
+        texts: Mapping[str, str] | None = None,
+        rows: tuple[str, ...] = (),
     ) -> None:
-        """One array with its attributes and axes."""
+        """One array with its attributes and axes, which begin with that of the rows of a table."""
         item = self.item(path)
         texts = {"units": declared.unit, "long_name": declared.meaning, **(texts or {})}
         item.attributes |= {name: filled(text, here.owners) for name, text in texts.items()}
@@ -225,12 +226,16 @@ class _Walk:
                 "flag_meanings": " ".join(declared.flags),
             }
         if not declared.scale:
-            item.axes = self._axes(declared.along or (), path, here)
+            item.axes = (*rows, *self._axes(declared.along or (), path, here, len(rows)))
 
     def _axes(self, along: Along, path: str, here: _Here, first: int = 0) -> tuple[str, ...]:
         """Paths of the axes of an array, from the dimension ``first`` on."""
         if isinstance(along, Axes):
             along = self._named_axes(along, path, here.owners[-1])
+        if along and first + len(along) != np.ndim(self.items[path].values):
+            raise TypeError(
+                f"{path} is declared along {first + len(along)} axes, not {np.shape(self.items[path].values)}"
+            )
         axes = []
         for number, axis in enumerate(along, first):
             if isinstance(axis, Counter):

@@ -56,8 +56,9 @@ class Stations:
     )
     # where the table of an imported body gives them
     points: Floats | None = dataset(
-        "m", "x, y and z of the nodes of imported bodies, NaN where they have none; NaN on other bodies", default=None
-    )
+        "m", "place of the nodes of imported bodies, NaN where they have none; NaN on other bodies",
+        along=("position", Counter("coordinate", "coordinate of the place", labels=("x", "y", "z"))), default=None,
+    )  # fmt: skip
 
     # where also the stiffness of an imported body tells what is joined
     lines: Ints | None = dataset(
