@@ -33,8 +33,8 @@ from beamsim.contacts.sliders import (
     unloading_law,
 )
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario import Located
 from beamsim.scenario.base import path_text
+from beamsim.scenario.body import Located
 from beamsim.scenario.connections import OfHinge
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.places import ends_of, site_of

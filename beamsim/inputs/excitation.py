@@ -28,9 +28,8 @@ from beamsim.inputs.measured import sampled_signal
 from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import MOST_PIECES, CubicRecord, Signal, StreamedSignal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
-from beamsim.scenario import Excitation
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
-from beamsim.scenario.excitation import One, RandomInput, SweptSineInput
+from beamsim.scenario.excitation import Excitation, One, RandomInput, SweptSineInput
 from beamsim.scenario.quantities import blended, power_of
 from beamsim.typing import Complexes, Floats, Ints
 

@@ -14,51 +14,7 @@ Begin with `scenario`, the whole, and `loading`; every section has a module of i
 
 from __future__ import annotations
 
-from beamsim.scenario.beam import Beam
-from beamsim.scenario.body import AtPlace, Located, ModalDamping, RayleighDamping
-from beamsim.scenario.chain import Chain
-from beamsim.scenario.connections import (
-    LinkSnubber,
-    Snubber,
-    SnubberRatioDamping,
-    SnubberViscousDamping,
-)
-from beamsim.scenario.excitation import Excitation, HalfSine, Harmonic, MultiTone, NoExcitation, Step
 from beamsim.scenario.loading import load_scenario, template
-from beamsim.scenario.quantities import Rate
-from beamsim.scenario.reporting import Limits
-from beamsim.scenario.run import ModeStart, PolynomialStart, ReleasedForceStart, Run, SpectrumSettings
 from beamsim.scenario.scenario import Scenario
-from beamsim.scenario.sweep import EnergyContinuation, StiffnessFactorContinuation, SweptSine
 
-__all__ = [
-    "AtPlace",
-    "Beam",
-    "Chain",
-    "EnergyContinuation",
-    "Excitation",
-    "HalfSine",
-    "Harmonic",
-    "Limits",
-    "LinkSnubber",
-    "Located",
-    "ModalDamping",
-    "ModeStart",
-    "MultiTone",
-    "NoExcitation",
-    "PolynomialStart",
-    "Rate",
-    "RayleighDamping",
-    "ReleasedForceStart",
-    "Run",
-    "Scenario",
-    "Snubber",
-    "SnubberRatioDamping",
-    "SnubberViscousDamping",
-    "SpectrumSettings",
-    "Step",
-    "StiffnessFactorContinuation",
-    "SweptSine",
-    "load_scenario",
-    "template",
-]
+__all__ = ["Scenario", "load_scenario", "template"]

@@ -8,8 +8,9 @@ from importlib import import_module
 from typing import Any
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.scenario import Located, Scenario
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text, walk
+from beamsim.scenario.body import Located
 from beamsim.scenario.connections import OfHinge, placed
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.parameters import replaced

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from beamsim.scenario import Chain
+from beamsim.scenario.chain import Chain
 from beamsim.structures.places import DEFLECTION, BaseDirection, Distributed, Place, Site
 from beamsim.structures.stations import MASSES, Recovery
 from beamsim.structures.structure import (

@@ -26,8 +26,9 @@ from beamsim.contacts.snubbers import (
 from beamsim.errors import NotTrustedError, Problem, ScenarioError, rooted
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal, single_frequency_hz
-from beamsim.scenario import Located, Scenario
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
+from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import One, holds_levels, sine_problems
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart

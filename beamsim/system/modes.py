@@ -22,8 +22,9 @@ from beamsim.contacts.laws import ContactLaw
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.fields import JSON, Counter, attribute, dataset, declared, group
 from beamsim.outcomes import first_of
-from beamsim.scenario import Located, Scenario
+from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
+from beamsim.scenario.body import Located
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.reduction import receptance_bound
 from beamsim.structures.stations import Recovery, Stations

@@ -51,8 +51,8 @@ from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Progress, Stop, never
-from beamsim.scenario import Run, Scenario
-from beamsim.scenario.run import OrbitStart
+from beamsim.scenario import Scenario
+from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds

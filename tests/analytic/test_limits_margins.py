@@ -6,7 +6,8 @@ import pytest
 
 import beamsim
 from beamsim.analyses.values import limits_not_met, margin_of, margins
-from beamsim.scenario import Limits, load_scenario
+from beamsim.scenario import load_scenario
+from beamsim.scenario.reporting import Limits
 
 DROPPED = """\
 title: A mass that flies into a stop

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from beamsim.scenario import Beam
+from beamsim.scenario.beam import Beam
 from beamsim.structures.beam import assemble_beam
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place

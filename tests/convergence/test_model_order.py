@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.scenario import Beam
+from beamsim.scenario.beam import Beam
 from beamsim.structures.beam import assemble_beam, moment_rows
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place

@@ -5,7 +5,8 @@ import pytest
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.scenario import LinkSnubber, Snubber, load_scenario
+from beamsim.scenario import load_scenario
+from beamsim.scenario.connections import LinkSnubber, Snubber
 
 CASE = """
 chain:

@@ -10,16 +10,11 @@ from jsonschema import Draft202012Validator
 
 from beamsim.errors import ScenarioError
 from beamsim.kinds import TemplateKind
-from beamsim.scenario import (
-    AtPlace,
-    HalfSine,
-    ModeStart,
-    ReleasedForceStart,
-    load_scenario,
-    template,
-    units,
-)
+from beamsim.scenario import load_scenario, template, units
+from beamsim.scenario.body import AtPlace
+from beamsim.scenario.excitation import HalfSine
 from beamsim.scenario.jsonschema import json_schema
+from beamsim.scenario.run import ModeStart, ReleasedForceStart
 from beamsim.scenario.tree import parse
 
 pytestmark = pytest.mark.quick

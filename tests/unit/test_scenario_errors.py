@@ -6,8 +6,10 @@ import pytest
 from pydantic import ValidationError
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario import Beam, Scenario, Snubber, load_scenario
+from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.base import MEANT
+from beamsim.scenario.beam import Beam
+from beamsim.scenario.connections import Snubber
 from beamsim.scenario.jsonschema import json_schema
 
 pytestmark = pytest.mark.quick

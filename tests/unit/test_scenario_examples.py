@@ -4,16 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from beamsim.scenario import (
-    EnergyContinuation,
-    Harmonic,
-    ModalDamping,
-    Rate,
-    SnubberRatioDamping,
-    StiffnessFactorContinuation,
-    SweptSine,
-    load_scenario,
-)
+from beamsim.scenario import load_scenario
+from beamsim.scenario.body import ModalDamping
+from beamsim.scenario.connections import SnubberRatioDamping
+from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.quantities import Rate
+from beamsim.scenario.sweep import EnergyContinuation, StiffnessFactorContinuation, SweptSine
 
 pytestmark = pytest.mark.quick
 

@@ -5,9 +5,13 @@ from pathlib import Path
 import pytest
 
 from beamsim.errors import ScenarioError
-from beamsim.scenario import NoExcitation, PolynomialStart, RayleighDamping, SnubberViscousDamping, Step, load_scenario
+from beamsim.scenario import load_scenario
 from beamsim.scenario.base import Unfit
+from beamsim.scenario.body import RayleighDamping
+from beamsim.scenario.connections import SnubberViscousDamping
+from beamsim.scenario.excitation import NoExcitation, Step
 from beamsim.scenario.parameters import find_parameters
+from beamsim.scenario.run import PolynomialStart
 
 pytestmark = pytest.mark.quick
 

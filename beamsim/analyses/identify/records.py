@@ -28,8 +28,9 @@ from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
-from beamsim.scenario import Run, Scenario
+from beamsim.scenario import Scenario
 from beamsim.scenario.quantities import level_unit
+from beamsim.scenario.run import Run
 from beamsim.scenario.studies import NonlinearFit, TransientTest
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds

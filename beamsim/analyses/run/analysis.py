@@ -30,8 +30,8 @@ from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, sum
 from beamsim.analyses.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import Stop, interruption
-from beamsim.scenario import Run, Scenario
-from beamsim.scenario.run import OrbitStart
+from beamsim.scenario import Scenario
+from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds

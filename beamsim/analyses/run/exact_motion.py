@@ -29,7 +29,7 @@ from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import CHECKPOINT_PIECES, MotionInStretches
 from beamsim.inputs.signal import StreamedSignal, common_record
-from beamsim.scenario import Run
+from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats

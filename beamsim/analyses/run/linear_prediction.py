@@ -42,9 +42,10 @@ from beamsim.contacts.laws import ContactLaw
 from beamsim.flow.channels import Observed
 from beamsim.flow.transient import simulate
 from beamsim.inputs.excitation import density
-from beamsim.scenario import Run, Scenario
+from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic, RandomInput, Shock
 from beamsim.scenario.quantities import acceleration_amplitude
+from beamsim.scenario.run import Run
 from beamsim.system.equations import SineLoads
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints

@@ -34,8 +34,9 @@ from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInStretches
 from beamsim.inputs.measured import highest_excited_hz
 from beamsim.outcomes import Outcome
-from beamsim.scenario import Run, Scenario
+from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
+from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
 from beamsim.typing import Bools, Floats

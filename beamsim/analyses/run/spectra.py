@@ -14,7 +14,8 @@ from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import MotionPart, Observed
 from beamsim.flow.trajectory import Trajectory
-from beamsim.scenario import Scenario, SpectrumSettings
+from beamsim.scenario import Scenario
+from beamsim.scenario.run import SpectrumSettings
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats

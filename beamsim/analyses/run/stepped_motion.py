@@ -17,7 +17,7 @@ from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import DenseExtremes
 from beamsim.flow.reference import ReferenceTrajectory, TimeStepping, integrate
-from beamsim.scenario import Run
+from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
