@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.result import BodyResult, RunResult
-from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, Picture, colour_bar, marked
+from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, Picture, marked
 from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
@@ -65,7 +65,7 @@ def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, uni
     drawn = ax.contourf(*seen, levels=levels, cmap="RdBu_r", extend="both")
     ax.contour(*seen, levels=levels, colors="0.2", linewidths=np.where(levels == 0.0, 1.4, 0.5))  # dashed below zero
     if unit:
-        colour_bar(ax, drawn, f"Relative deflection ({unit})")
+        ax.figure.colorbar(drawn, ax=ax, label=f"Relative deflection ({unit})")
     ax.set_aspect("equal")
     ax.set_xlabel(f"x ({metres.unit})")
     ax.set_ylabel(f"y ({metres.unit})")

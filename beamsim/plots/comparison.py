@@ -19,7 +19,6 @@ from beamsim.plots.drawing import (
     Curve,
     HeatMap,
     Picture,
-    colour_bar,
     dashed_line,
     finish,
     marked,
@@ -83,7 +82,7 @@ def plot_fdac(assurance: Assurance, ax: Axes) -> None:
                          shading="nearest")  # fmt: skip
     ends = [float(assurance.measured_hz[0]), float(assurance.measured_hz[-1])]
     dashed_line(ax, ends, ends, "equal frequencies")
-    colour_bar(ax, mesh, "FDAC")
+    ax.figure.colorbar(mesh, ax=ax, label="FDAC")
     finish(ax, "Measured frequency (Hz)", "Predicted frequency (Hz)")
 
 
@@ -119,7 +118,7 @@ def plot_mac(result: ModeComparison, ax: Axes) -> None:
     ax.set_yticks(range(rows), [f"{k + 1}   {f:.4g}" for k, f in enumerate(result.measured_hz)], fontsize="small")
     ax.set_xlabel(f"Computed mode, contacts {result.contacts} (Hz)")
     ax.set_ylabel("Measured mode (Hz)")
-    colour_bar(ax, drawn, "MAC")
+    ax.figure.colorbar(drawn, ax=ax, label="MAC")
 
 
 def mode_comparison_figures(result: ModeComparison) -> dict[str, Picture]:

@@ -33,7 +33,6 @@ from beamsim.plots.drawing import (
     Guide,
     HeatMap,
     Picture,
-    colour_bar,
     curve_style,
     finish,
     limit_levels,
@@ -104,7 +103,7 @@ def plot_response_map(
 ) -> None:
     """One response over the first two parameters of a grid, a cell for each case, crossed where beyond the limit.
 
-    The cells of small maps have numbers, large maps have contours.
+    The cells of small maps have numbers, large maps have contours. The values of further parameters are above it.
 
     Parameters
     ----------
@@ -120,7 +119,7 @@ def plot_response_map(
     values = every[(slice(None), slice(None), *at)].T
     beyond = np.ma.filled(values > (np.inf if limit is None else limit * scale.factor), False)
     cells = ax.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=every.min(), vmax=every.max())
-    bar = colour_bar(ax, cells, with_unit(_titled(response), scale))
+    bar = ax.figure.colorbar(cells, ax=ax, label=with_unit(_titled(response), scale))
     starred = () if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape))
     star = starred[:2] if starred[2:] == at else ()
     if all(size <= most for size, most in zip(values.shape, MOST_NUMBERED, strict=True)):
@@ -140,6 +139,8 @@ def plot_response_map(
         axis.set_ticks(list(shown), [texts[k] for k in shown])
     finish(ax, *(_axis(coordinate)[1] for coordinate in result.coordinates[:2]))
     ax.grid(visible=False)
+    further = zip(result.coordinates[2:], at, strict=True)
+    ax.set_title(", ".join(f"{_axis(c)[1]}: {_value_text(c, k)}" for c, k in further), fontsize="small", loc="left")
 
 
 def _write_cells(ax: Axes, values: Any, beyond: Any, norm: Any, star: tuple[int, ...]) -> None:
@@ -461,20 +462,13 @@ def _grid(title: str, panels: Sequence[Any], columns: int, height: float, width:
 def _map(result: DesignsResult, response: Response, at: tuple[int, ...], best: int | None) -> Any:
     """One response over the first two parameters; of two that are numbers a map that pages can show, too."""
     judged = replace(response, values=result.judged(response))
-    plot = partial(_plot_slice, result, response=judged, at=at, best=best)
+    plot = partial(plot_response_map, result, response=judged, at=at, best=best)
     if len(result.coordinates) > 2 or not all(c.numeric for c in result.coordinates):
         return plot
     across, up = ((c.label, c.unit) for c in result.coordinates)
     x, y = (c.values.astype(float) for c in result.coordinates)
     words = f"{response.quantity.replace('_', ' ')} {response.place}".strip()
     return HeatMap(across, up, (words, response.unit), x, y, judged.values.T, plot)
-
-
-def _plot_slice(result: DesignsResult, ax: Axes, response: Response, at: tuple[int, ...], best: int | None) -> None:
-    """A map under the values of the further parameters."""
-    plot_response_map(result, ax, response, at, best)
-    further = zip(result.coordinates[2:], at, strict=True)
-    ax.set_title(", ".join(f"{_axis(c)[1]}: {_value_text(c, k)}" for c, k in further), fontsize="small", loc="left")
 
 
 def _slices(result: DesignsResult, best: int | None) -> list[tuple[int, ...]]:

@@ -91,6 +91,15 @@ def limit_levels(limits: Limits | None, name: str, place: str = "", *, both_sign
     ]
 
 
+def limit_curves(drawn: Sequence[Any], x: Floats) -> list[Curve]:
+    """The limits over x (n,), Hz, of what has a ``name`` and a ``limit`` (n or more,), in the colours of its curves."""
+    return [
+        Curve(f"{of.name}, limit", x, of.limit[-x.size :], {**curve_style(k), "linestyle": ":", "linewidth": 1.8})
+        for k, of in enumerate(drawn[:MOST_CURVES])
+        if of.limit is not None
+    ]
+
+
 Ends = tuple[float | None, float | None]
 
 
@@ -297,23 +306,6 @@ def _legend_below(figure: Figure) -> None:
             list(shown.values()), list(shown), loc="outside lower center", frameon=False, fontsize="small",
             ncols=_columns(list(shown), figure.bbox.width),
         )  # fmt: skip
-
-
-def colour_bar(ax: Axes, mappable: Any, label: str) -> Any:
-    """A bar of colours beside a panel.
-
-    Parameters
-    ----------
-    ax : the panel.
-    mappable : what is drawn on it in colours.
-    label : of the bar, with its unit.
-
-    Returns
-    -------
-    `matplotlib.colorbar.Colorbar`
-    """
-    assert ax.figure is not None
-    return ax.figure.colorbar(mappable, ax=ax, label=label)
 
 
 def dashed_line(ax: Axes, x: ArrayLike, y: ArrayLike, label: str) -> None:

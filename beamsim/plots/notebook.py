@@ -14,16 +14,14 @@ from beamsim.plots.style import shown_in
 
 
 def figures_of(result: Result) -> dict[str, Figure]:
-    """The figures that the command saves, by name, in the units of the scenario; a notebook shows each."""
-    show_figures()
-    with shown_in(result.scenario.display_scales):
-        pictures = named(KINDS[kind_of_class(type(result))].figures)(result)
-        return {name: picture.figure() for name, picture in pictures.items()}
+    """The figures that the command saves, by name, in the units of the scenario.
 
-
-def show_figures() -> None:
-    """Let a notebook show a figure as a picture, also where pyplot was never imported; elsewhere nothing."""
+    A notebook shows each as a picture, also where pyplot was never imported.
+    """
     ipython: Any = sys.modules.get("IPython")
     shell = None if ipython is None else ipython.get_ipython()
     if shell is not None:
         import_module("IPython.core.pylabtools").select_figure_formats(shell, {"png"})
+    with shown_in(result.scenario.display_scales):
+        pictures = named(KINDS[kind_of_class(type(result))].figures)(result)
+        return {name: picture.figure() for name, picture in pictures.items()}

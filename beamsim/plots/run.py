@@ -20,7 +20,6 @@ from beamsim.analyses.run.result import (
     RandomResponse,
     RunResult,
     ShockResponse,
-    ShockSpectrum,
     SignalStatistics,
     SnubberHistory,
     Spectrum,
@@ -42,6 +41,7 @@ from beamsim.plots.drawing import (
     curve_style,
     finish,
     legend,
+    limit_curves,
     limit_levels,
     marked,
     with_unit,
@@ -294,17 +294,7 @@ def shock_response(response: ShockResponse, note: str) -> Chart:
     ends, low = (float(f[0]), float(f[-1])), 0.1 * min(float(signal.maximax.min()) for signal in drawn)
     chart = Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", of="", x_ends=ends, note=note)
     squeezes = low > 0.0 and any(curve.y.min() < low for curve in curves)  # a residual that is nothing
-    return chart._replace(marks=_limit_curves(drawn, f), y_ends=(low if squeezes else None, None))
-
-
-def _limit_curves(drawn: Sequence[ShockSpectrum | SignalStatistics], frequency_hz: Floats) -> list[Curve]:
-    """The limits of spectra, in their colours."""
-    style = {"linestyle": ":", "linewidth": 1.8}
-    return [
-        Curve(f"{s.name}, limit", frequency_hz, s.limit[-frequency_hz.size :], {**curve_style(k), **style})
-        for k, s in enumerate(drawn[:MOST_CURVES])
-        if s.limit is not None
-    ]
+    return chart._replace(marks=limit_curves(drawn, f), y_ends=(low if squeezes else None, None))
 
 
 def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
@@ -373,7 +363,7 @@ def density(response: RandomResponse, note: str = "") -> Chart:
             words = f"{signal.name}, linear, always {name}"
             linear.append(Curve(words, f, np.where(value > 0.0, value, np.nan), style))
     up = (f"{'Acceleration' if on_base else 'Displacement'} density", Scale(unit.factor**2, f"{squared}/Hz"))
-    chart = Chart(_FREQUENCY, up, curves, log="xy", of="signals", marks=[*linear, *_limit_curves(drawn, f)], note=note)
+    chart = Chart(_FREQUENCY, up, curves, log="xy", of="signals", marks=[*linear, *limit_curves(drawn, f)], note=note)
     if not top > 0:
         return chart
     shown = f[band] if band.any() else f[np.max([s.density[1:] for s in drawn], axis=0) >= top * DENSITY_SHOWN]
@@ -388,7 +378,7 @@ def force_densities(response: RandomResponse) -> list[Chart]:
         drawn = [s for s in response.signals if s.quantity == "force" and s.unit == unit]
         if shown.size and any(s.limit is not None for s in drawn):
             curves, up = [Curve(s.name, f, s.density[1:]) for s in drawn], (label, Scale(1.0, squared))
-            ends, marks = (float(shown[0]), float(shown[-1])), _limit_curves(drawn, f)
+            ends, marks = (float(shown[0]), float(shown[-1])), limit_curves(drawn, f)
             charts.append(Chart(_FREQUENCY, up, curves, log="xy", of="stops", marks=marks, x_ends=ends))
     return charts
 

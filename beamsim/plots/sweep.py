@@ -24,11 +24,10 @@ from beamsim.plots.drawing import (
     Curve,
     Guide,
     Picture,
-    colour_bar,
-    curve_style,
     dashed_line,
     finish,
     highest_in_bins,
+    limit_curves,
     limit_levels,
     marked,
     over_frequencies,
@@ -156,16 +155,7 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
 def _limits(curve: SweepCurve, quantity: str, unit: str, name: str = "") -> list[Curve]:
     """Limits over frequency of what is drawn, of the first curve, in the colours of its envelopes."""
     alike = [each for each in curve.envelopes(quantity).values() if each.unit == unit and name in ("", each.name)]
-    return [
-        Curve(
-            f"{each.name}, limit",
-            curve.frequency_hz,
-            each.limit,
-            {**curve_style(k), "linestyle": ":", "linewidth": 1.8},
-        )
-        for k, each in enumerate(alike[:MOST_CURVES])
-        if each.limit is not None
-    ]
+    return limit_curves(alike, curve.frequency_hz)
 
 
 def transmissibility(result: SweepResult, level_index: int) -> Chart:
@@ -212,7 +202,7 @@ def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve)
         if natural <= curve.orders.max(initial=1.0) * f.max():
             ax.axhline(natural, color="0.75", linewidth=0.6, zorder=0)
     if curve.orders.size:
-        colour_bar(ax, drawn, "Amplitude (dB re largest)")
+        ax.figure.colorbar(drawn, ax=ax, label="Amplitude (dB re largest)")
     finish(ax, f"Excitation frequency (Hz), {curve.direction}", f"Response frequency of {probe} (Hz)")
     ax.grid(visible=False)
 
@@ -251,7 +241,7 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     image.set_clim(-80.0, 0.0)
     for k, curve in enumerate(curves):
         dashed_line(ax, curve.time, curve.frequency_hz, "" if k else "frequency of the sweep")
-    colour_bar(ax, image, "Level (dB re largest)")
+    ax.figure.colorbar(image, ax=ax, label="Level (dB re largest)")
     finish(ax, "Time (s)", f"Frequency in the displacement of {probe} (Hz)")
     ax.grid(visible=False)
     ax.set_ylim(0.0, min(2.0 * max(float(np.max(curves[0].orders)), 1.0) * float(highest), 0.5 * rate))
@@ -385,7 +375,10 @@ def notching(result: SweepResult, curve: SweepCurve) -> Picture:
 def _limited_response(result: SweepResult, curve: SweepCurve, limit: NotchLimit) -> Chart:
     """Largest magnitude of a limited quantity in every cycle, with its limit; shaded where it governs."""
     assert curve.notching is not None
-    peak = limited_peak(curve, limit.name)
+    forces = [name for name, of in curve.outputs.items() if of.quantity == "reaction_force" and of.at == "base"]
+    limited = limited_quantity(limit.name, *forces[:1])
+    assert limited is not None
+    peak = curve.envelope_of(limited).peak
     level = Guide("limit", limit.limit, {"color": RED, "linestyle": (0, (5, 1.5)), "linewidth": 1.4})
     words = limit.name.replace("probes.", "").replace("snubbers.", "").replace(".", " ")
     response = [Curve("", curve.frequency_hz, peak, {"linewidth": 1.0})]
@@ -398,14 +391,6 @@ def _limited_response(result: SweepResult, curve: SweepCurve, limit: NotchLimit)
 
     top = 1.25 * max(limit.limit, float(np.nanmax(peak)))
     return _chart(result, (words, limit.unit), response, log="", levels=[level], y_ends=(0.0, top), more=shade)
-
-
-def limited_peak(curve: SweepCurve, name: str) -> Floats:
-    """(C,) largest magnitude in each cycle of what a limit of ``sweep.notch_to`` applies to."""
-    forces = [n for n, o in curve.outputs.items() if o.quantity == "reaction_force" and o.at == "base"]
-    of = limited_quantity(name, *forces[:1])
-    assert of is not None
-    return curve.envelope_of(of).peak
 
 
 def sweep_figures(result: SweepResult) -> dict[str, Picture]:
