@@ -329,8 +329,7 @@ def export_structure(
     """Write the matrices of the structure. OP4 (default), MATLAB, MatrixMarket or NumPy files, and a table of nodes."""
     from beamsim.cli import structures
 
-    form = structures.MatrixForm(body, modes, units, binary)
-    structures.export(given, form)
+    structures.export(given, body, modes, units, binary=binary)
 
 
 @command(None, "quiet", "json")

@@ -87,7 +87,7 @@ def _facts(result: IdentificationResult) -> Iterator[str]:
     if result.pad is not None:
         branches = counted(result.pad.branch_stiffness.size, "relaxation time")
         rest, misfit = _newtons(result.pad.stiffness), percent(result.pad.misfit, 2)
-        yield f"pad {rest} ({_extent(result, result.pad.stiffness_interval)}) at rest, {branches}, misfit {misfit} rms"
+        yield f"pad {rest} ({_extent(result.pad.stiffness_interval)}) at rest, {branches}, misfit {misfit} rms"
     if result.sensitivities:
         parts = (f"{parameter_label(each.parameter)} {each.relative:+.2g} %" for each in result.sensitivities[:SHOWN])
         yield f"1 % more changes the stiffness: {', '.join(parts)}"
@@ -136,7 +136,7 @@ def _monte_carlo(result: IdentificationResult, deviation: float) -> dict[str, An
 def _each_mode(result: IdentificationResult, stiffness: Sequence[float]) -> str:
     modes = result.summary["fit_to"]
     texts = (
-        f"mode {mode}: {_newtons(k) + f' ({_extent(result, ends)})' if math.isfinite(k) else 'out of reach'}"
+        f"mode {mode}: {_newtons(k) + f' ({_extent(ends)})' if math.isfinite(k) else 'out of reach'}"
         for mode, k, ends in zip(modes, stiffness, result.summary["stiffness_by_mode_interval_n_per_m"], strict=True)
     )
     return ", ".join(texts) if len(modes) > 1 else ""
@@ -175,13 +175,13 @@ def _pad_branches(result: IdentificationResult, _: Any) -> list[dict[str, str]]:
     assert pad is not None
     columns = (pad.branch_stiffness, pad.branch_interval, pad.relaxation_time, pad.time_interval)
     return [
-        {"stiffness": amount(k, "N/m", 4), "its interval": _extent(result, of_stiffness),
-         "relaxation time": amount(tau, "s", 4), "interval": _extent(result, of_time, "s")}
+        {"stiffness": amount(k, "N/m", 4), "its interval": _extent(of_stiffness),
+         "relaxation time": amount(tau, "s", 4), "interval": _extent(of_time, "s")}
         for k, of_stiffness, tau, of_time in zip(*columns, strict=True)
     ]  # fmt: skip
 
 
-def _extent(_: IdentificationResult, interval: Sequence[float], unit: str = "N/m") -> str:
+def _extent(interval: Sequence[float], unit: str = "N/m") -> str:
     return extent(interval[0], interval[1], unit) if math.isfinite(interval[0]) else "not known"
 
 
@@ -212,9 +212,7 @@ IDENTIFICATION_VIEWS: Views = {
     "reachable_hz": _reach,
     "table_slope_n_per_m": _table_slope,
     "pad_branch_stiffness_n_per_m": _pad_branches,
-    "pad_youngs_modulus_interval_pa": lambda result, ends: (
-        _extent(result, ends, "Pa") if math.isfinite(ends[0]) else ""
-    ),
+    "pad_youngs_modulus_interval_pa": lambda result, ends: _extent(ends, "Pa") if math.isfinite(ends[0]) else "",
     "pad_yaml": lambda _, keys: keys.splitlines(),
     "frequencies_with_hz": lambda result, _: _frequencies(result.with_snubber),
     "sensitivities": _sensitivities,

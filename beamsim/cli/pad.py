@@ -70,20 +70,12 @@ def _read_numbers(texts: Mapping[str, str]) -> dict[str, float]:
     numbers, problems = {}, []
     for name, text in texts.items():
         try:
-            numbers[name] = _READ[name].read(_number(text))
+            numbers[name] = _READ[name].read(text)
         except units.UnitError as error:
             problems.append(Problem(option(name), f"= {text} {error.message}", error.remedy))
     if problems:
         raise ScenarioError(problems)
     return numbers
-
-
-def _number(text: str) -> str | float:
-    """A bare number as such."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _check_found(found: PadNumbers) -> None:

@@ -88,7 +88,7 @@ def lines(name: str, value: Any, unit: str = "", change: Callable[[str], str] = 
     if not isinstance(value, Mapping):
         return [text for text in ["; ".join(filter(None, (told(name, value, unit), change(""))))] if text]
     if value and all(isinstance(item, Mapping) for item in value.values()) and not unit:
-        return _table([{"": path, **record} for path, record in _records(value)], change)
+        return _table([{"": path, **record} for path, record in _flat(value, records=True)], change)
     if unit or all(isinstance(item, str) for item in value.values()):
         texts = [(path, told(name, item, unit)) for path, item in _flat(value)]
         return aligned([(path, "; ".join(filter(None, (text, change(path))))) for path, text in texts], gap=2)
@@ -114,22 +114,12 @@ def more_rows(count: int) -> list[dict[str, str]]:
     return [{"": f"and {count - MOST_ROWS} more in the file"}] if count > MOST_ROWS else []
 
 
-def _records(value: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Records by their names, which may have several levels."""
+def _flat(value: Mapping[str, Any], path: str = "", *, records: bool = False) -> Iterator[tuple[str, Any]]:
+    """Values, or records, by their names, which may have several levels."""
     for name, item in value.items():
-        called = f"{path} {name}".strip()
-        if item and all(isinstance(each, Mapping) for each in item.values()):
-            yield from _records(item, called)
-        else:
-            yield called, item
-
-
-def _flat(value: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Values by their names, which may have several levels."""
-    for name, item in value.items():
-        called = f"{path} {name}".strip()
-        if isinstance(item, Mapping):
-            yield from _flat(item, called)
+        called, deeper = f"{path} {name}".strip(), isinstance(item, Mapping)
+        if deeper and (not records or (item and all(isinstance(each, Mapping) for each in item.values()))):
+            yield from _flat(item, called, records=records)
         else:
             yield called, item
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import cast
 
 from beamsim.analyses.check import FAILS
 from beamsim.analyses.check import check as checked
@@ -50,17 +50,13 @@ def check(given: Given) -> None:
         raise VerdictError(outcome.text, exit_code(outcome))
 
 
-class MatrixForm(NamedTuple):
-    """What of a structure is written, and how."""
-
-    body: str | None = None  # by itself, without its joints; None for the whole structure
-    modes: int | None = None  # of a Craig-Bampton model, whose boundary is where something acts; None for all nodes
-    units: str = "SI"  # of matrices and coordinates
-    binary: bool = False
-
-
-def export(given: Given, form: MatrixForm) -> None:
+def export(given: Given, body: str | None, modes: int | None, units: str, *, binary: bool) -> None:
     """Write the matrices of the structure.
+
+    Parameters
+    ----------
+    given : to the command.
+    body, modes, units, binary : see `exported`.
 
     Raises
     ------
@@ -68,8 +64,8 @@ def export(given: Given, form: MatrixForm) -> None:
         If the scenario or an option is invalid.
     """
     case, output = given.case, given.output
-    if form.units not in SYSTEMS:
-        problem = Problem("--units", f"{form.units} is no system of units", f"give one of {', '.join(SYSTEMS)}")
+    if units not in SYSTEMS:
+        problem = Problem("--units", f"{units} is no system of units", f"give one of {', '.join(SYSTEMS)}")
         raise ScenarioError(problem)
     if output is not None and output.suffix.lower() in {*FORMATS} - {*ENDINGS} and not output.is_dir():
         message = f"{output} is of a format that is read, not written"
@@ -77,21 +73,27 @@ def export(given: Given, form: MatrixForm) -> None:
     scenario = load_scenario(case, given.overrides or ())
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
     with scenario.locating(), progress_of(f"exporting the structure of {case.name}", shown=not given.json):
-        files, text = exported(scenario, target, form)
+        files, text = exported(scenario, target, body, modes, units, binary=binary)
     if given.json:
         print_json({"files": [str(file) for file in files], "body": text})
     else:
         print(*files, text, sep="\n")
 
 
-def exported(scenario: Scenario, target: Path, form: MatrixForm) -> tuple[list[Path], str]:
+def exported(
+    scenario: Scenario, target: Path, body: str | None = None, modes: int | None = None, units: str = "SI", *,
+    binary: bool = False,
+) -> tuple[list[Path], str]:  # fmt: skip
     """Write matrices and table.
 
     Parameters
     ----------
     scenario : of the structure.
     target : file of the matrices; the table is written to the same folder.
-    form : of what is written.
+    body : that is written by itself, without its joints; None for the whole structure.
+    modes : of a Craig-Bampton model, whose boundary is where something acts; None for all nodes.
+    units : of matrices and coordinates.
+    binary : whether OP4 is binary.
 
     Returns
     -------
@@ -106,12 +108,12 @@ def exported(scenario: Scenario, target: Path, form: MatrixForm) -> tuple[list[P
     ResultFileError
         If a file cannot be written.
     """
-    called, given, places = _matrices(scenario, form.body, form.modes)
-    given = in_units(given, SYSTEMS[cast("UnitSystem", form.units)])
+    called, given, places = _matrices(scenario, body, modes)
+    given = in_units(given, SYSTEMS[cast("UnitSystem", units)])
     matrices = {"mass": given.mass, "stiff": given.stiffness}
     if given.damping is not None:
         matrices["viscous"] = given.damping
-    written = write_matrices(target, matrices, binary=form.binary)
+    written = write_matrices(target, matrices, binary=binary)
     table = target.with_name(f"{target.stem}_dofs.csv")
     with replacing(table) as temporary:
         write_dof_table(temporary, given.table)
@@ -122,7 +124,7 @@ def exported(scenario: Scenario, target: Path, form: MatrixForm) -> tuple[list[P
             named = f", name: {matrix}" if file == target else ""  # where it holds several
             lines.append(f"    {key}: {{file: {file.name}{named}}}")
     base = f"{{nodes: [{', '.join(map(str, given.base))}], direction: {given.direction}}}" if given.base else "free"
-    stated = [] if form.units == "SI" else [f"    units: {form.units}"]
+    stated = [] if units == "SI" else [f"    units: {units}"]
     lines += [f"    dofs: {table.name}", *stated, f"    base: {base}"]
     lines += [f"# {label}: {place}" for label, place in places.items()]
     return [*dict.fromkeys(written.values()), table], "\n".join(lines)
