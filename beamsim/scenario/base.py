@@ -310,7 +310,7 @@ def _schema_of(member: Any) -> type[Schema] | None:
     return inner if isinstance(inner, type) and issubclass(inner, Schema) else None
 
 
-def _kinds(schema: type[Schema]) -> tuple[str, ...]:
+def kinds_of(schema: type[Schema]) -> tuple[str, ...]:
     """The kinds that a class stands for; none where its kind is a choice with a default."""
     field = schema.model_fields.get("kind")
     kinds = () if field is None else get_args(field.annotation)
@@ -325,7 +325,7 @@ def tag_of(member: Any) -> str:
             return item.tag
     schema = _schema_of(member)
     if schema is not None:
-        return f"<{next(iter((*_kinds(schema), *schema.known_by)), schema.__name__)}>"
+        return f"<{schema.__name__}>"
     inner = get_args(member)[0] if metadata else member
     if get_origin(inner) is Literal:
         return "<text>"
@@ -359,12 +359,12 @@ class Variants:
 
     def _by_form(self, members: tuple[Any, ...], value: Any) -> str | None:
         schemas = [(tag_of(member), schema) for member in members if (schema := _schema_of(member)) is not None]
-        by_kind = len({kind for _, schema in schemas for kind in _kinds(schema)}) > 1
+        by_kind = len({kind for _, schema in schemas for kind in kinds_of(schema)}) > 1
         default = next((tag for tag, schema in schemas if not schema.known_by), None)
         if isinstance(value, Schema):
             return next((tag for tag, schema in schemas if isinstance(value, schema)), None)
         if isinstance(value, dict) and by_kind:
-            schemas = [(tag, schema) for tag, schema in schemas if value.get("kind") in _kinds(schema)]
+            schemas = [(tag, schema) for tag, schema in schemas if value.get("kind") in kinds_of(schema)]
             default = next(iter(schemas), (None, None))[0]
         if isinstance(value, dict) and (schemas or by_kind):
             return next((tag for tag, schema in schemas if schema.is_meant(value)), default)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
@@ -246,18 +246,10 @@ class SolidBending(Bent):
             )
 
     @property
-    def cross_section(self) -> CrossSection:
-        """That of the section, or of width and thickness."""
-        if self.section is not None:
-            return self.section.values
-        assert self.width is not None
-        assert self.thickness is not None
-        return _rectangle(self.width, self.thickness)
-
-    @property
     def bending(self) -> Bending:
         """E I, rho S, and the stress c / I of the outermost fibre."""
-        area, second_moment, fibre = self.cross_section
+        flat = _rectangle(self.width or 0.0, self.thickness or 0.0)  # both are given where there is no section
+        area, second_moment, fibre = flat if self.section is None else self.section.values
         return Bending(
             self.youngs_modulus * second_moment, self.density * area, fibre / second_moment, 2.0 * fibre
         )  # fmt: skip
@@ -356,12 +348,7 @@ class StatedSegment(StatedBending, SegmentBase):
     """A segment by its bending stiffness and mass per length."""
 
 
-Segment = Annotated[
-    Annotated[SolidSegment, Tag("<section>")]
-    | Annotated[SandwichSegment, Tag("<sandwich>")]
-    | Annotated[StatedSegment, Tag("<stiffness>")],
-    BY_FORM,
-]
+Segment = Annotated[SolidSegment | SandwichSegment | StatedSegment, BY_FORM]
 
 
 @dataclass(frozen=True)
@@ -707,10 +694,4 @@ class SegmentedBeam(BeamBody):
         yield from super().doubts(where, highest_hz)
 
 
-AnyBeam = Annotated[
-    Annotated[Beam, Tag("<section>")]
-    | Annotated[StiffnessBeam, Tag("<stiffness>")]
-    | Annotated[SandwichBeam, Tag("<sandwich>")]
-    | Annotated[SegmentedBeam, Tag("<segments>")],
-    BY_FORM,
-]
+AnyBeam = Beam | StiffnessBeam | SandwichBeam | SegmentedBeam

@@ -20,6 +20,7 @@ from beamsim.scenario.base import (
     closest,
     counted,
     descriptions,
+    kinds_of,
     path_parts,
     plain,
     problem,
@@ -279,7 +280,7 @@ def _where_it_belongs(key: str, schema: type[Schema]) -> str:
     for section, attribute in schema.keys().items():
         annotation = schema.model_fields[attribute].annotation
         classes = members(annotation)
-        if f"<{key}>" in classes and "kind" in classes[f"<{key}>"].keys():  # noqa: SIM118
+        if any(key in kinds_of(part) for part in classes.values()):
             named = get_origin(annotation) is dict
             return f"write {section}: " + ("{NAME: {kind: %s, ...}}" if named else "{kind: %s, ...}") % key
         if any(key in part.keys() for part in classes.values()):  # noqa: SIM118
@@ -288,7 +289,8 @@ def _where_it_belongs(key: str, schema: type[Schema]) -> str:
 
 
 def _kind(path: Path, value: Any, field: FieldInfo | None) -> tuple[Path, str, str]:
-    kinds = [] if field is None else [tag[1:-1] for tag in members(field.annotation) if tag]
+    classes = {} if field is None else members(field.annotation)
+    kinds = [kind for part in classes.values() for kind in kinds_of(part)]
     if not isinstance(value, dict):
         return path, f"= {single_line(value)} must be a mapping with a kind", f"write {{kind: {kinds[0]}, ...}}"
     if value.get("kind") is None:

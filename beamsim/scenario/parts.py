@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Self
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, walk
-from beamsim.scenario.beam import AnyBeam, Beam, SandwichBeam, SegmentedBeam, StiffnessBeam
+from beamsim.scenario.beam import AnyBeam
 from beamsim.scenario.body import AtPlace, Body, Located, Probe, WrittenPosition, numbered
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.connections import (
@@ -32,14 +32,7 @@ from beamsim.scenario.studies import IdentifyStiffness, Optimise, Vary
 from beamsim.scenario.sweep import NonlinearMode, Sweep
 
 AnyBody = Annotated[
-    Annotated[Beam, Tag("<section>")]
-    | Annotated[StiffnessBeam, Tag("<stiffness>")]
-    | Annotated[SandwichBeam, Tag("<sandwich>")]
-    | Annotated[SegmentedBeam, Tag("<segments>")]
-    | Chain
-    | MatricesBody
-    | Plate
-    | Annotated[StiffnessPlate, Tag("<plate by stiffness>")],
+    AnyBeam | Chain | MatricesBody | Plate | StiffnessPlate,
     Variants("does not say which kind of body it is", "give kind: beam, chain, plate or matrices"),
 ]
 
@@ -49,7 +42,7 @@ class ScenarioParts(Schema):
 
     title: Text = ""
     """Title for tables and plots."""
-    beam: AnyBeam | None = None
+    beam: Annotated[AnyBeam, BY_FORM] | None = None
     """The structure, if it is a beam."""
     chain: Chain | None = None
     """The structure, if it is a chain of masses."""
@@ -128,7 +121,7 @@ class ScenarioParts(Schema):
         # 2e6: samples that are many without being asked for
         rate = min(rate, max(2e6 / run.duration, (10.0 if random else 20.0) * highest))
         units = (10.0 * highest,) if random else self.excitation.frequencies_hz
-        return _whole_multiple(rate, units[0]) if len(units) == 1 else _round_number(rate)
+        return math.ceil(rate / units[0] * (1.0 - 1e-12)) * units[0] if len(units) == 1 else _round_number(rate)
 
     def frequency_of_interest_hz(self, highest: float) -> float:
         """What the model of a run resolves where there is no ``reduction``, Hz; the output has no part in it.
@@ -358,10 +351,6 @@ class ScenarioParts(Schema):
 
 def _on(body: str | None, place: AtPlace) -> AtPlace:
     return place if place.body is not None or body is None else place.model_copy(update={"body": body})
-
-
-def _whole_multiple(least: float, unit: float) -> float:
-    return math.ceil(least / unit * (1.0 - 1e-12)) * unit
 
 
 def _round_number(least: float) -> float:

@@ -349,9 +349,11 @@ class DisplayUnits(Schema):
         angles = {unit: n for (of, unit), n in written.items() if of.unit == units.ANGLE.unit}
         densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
         if not accelerations and densities and not any(map(units.is_in_gravities, densities)):
-            accelerations = {_si("acceleration"): 1}
+            accelerations = {units.ACCELERATION.unit: 1}
         most = {
-            name: max(of, key=lambda unit: (of[unit], -_size(name, unit)))  # of equally many the smallest
+            name: max(
+                of, key=lambda unit: (of[unit], -units.size_of(unit, DIMENSIONS[name]))
+            )  # of equally many the smallest
             for name, of in (("acceleration", accelerations), ("length", lengths), ("angle", angles), ("time", times))
             if of and getattr(self, name) is None
         }
@@ -360,8 +362,8 @@ class DisplayUnits(Schema):
     @property
     def scales(self) -> dict[str, tuple[float, str]]:
         """By SI unit the factor of SI values and the unit that is shown."""
-        chosen = {name: getattr(self, name) for name in DIMENSIONS}
-        return {_si(name): (1.0 / _size(name, unit), unit) for name, unit in chosen.items() if unit is not None}
+        chosen = [(of, getattr(self, name)) for name, of in DIMENSIONS.items()]
+        return {of.unit: (1.0 / units.size_of(unit, of), unit) for of, unit in chosen if unit is not None}
 
 
 DIMENSIONS: dict[str, Dimension] = {
@@ -369,12 +371,3 @@ DIMENSIONS: dict[str, Dimension] = {
     for name, field in DisplayUnits.model_fields.items()
 }
 """By name of a chosen unit."""
-
-
-def _size(name: str, unit: str) -> float:
-    """SI value of one unit."""
-    return units.size_of(unit, DIMENSIONS[name])
-
-
-def _si(name: str) -> str:
-    return DIMENSIONS[name].unit

@@ -108,18 +108,15 @@ def doubts(scenario: ScenarioParts) -> Iterator[str]:
     highest_hz = max(scenario.excitation.frequencies_hz, default=0.0)
     for name, body in scenario.all_bodies.items():
         yield from body.doubts(scenario.body_path(name), highest_hz)
-    yield from _sizes(scenario)
-    yield from _damping(scenario)
-    yield from _snubbers(scenario)
-    yield from _point_forces(scenario)
+    for found in (_sizes, _damping, _snubbers, _point_forces):
+        yield from found(scenario)
     for apart in placed(scenario.joints, scenario.all_bodies, scenario.default_body).apart:
         yield (
             f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before it "
             f"place {apart.through}: it acts as if they were together; check its positions"
         )
-    yield from _idle_forces(scenario)
-    yield from _timing(scenario)
-    yield from profile_jumps(scenario)
+    for found in (_idle_forces, _timing, profile_jumps):
+        yield from found(scenario)
     reduction = scenario.reduction
     if reduction is not None and reduction.highest_frequency is not None:
         highest = scenario.excitation.highest_frequency_hz

@@ -611,9 +611,10 @@ class SweepTest(_AnyTest, FrequencyRange):
 AnyTest = Annotated[
     SteadyTest | TransientTest | SweepTest,
     Variants(
-        "is no test", "give kind: steady (or none), transient or sweep", lambda test: f"<{kind_of(test) or 'steady'}>"
+        "is no test", "give kind: steady (or none), transient or sweep",
+        lambda test: f"<{str(kind_of(test) or 'steady').title()}Test>",
     ),
-]
+]  # fmt: skip
 
 
 class NonlinearFit(Schema):
