@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse.linalg import eigsh
 
 from beamsim.structures.structure import MemberBody, ReducedBasis, Structure
+from beamsim.structures.symmetric_lu import negative_eigenvalues
 from beamsim.typing import Floats
 
 
@@ -28,9 +29,6 @@ class StatedParts:
         """
         if self.known is None:
             return 0.0
-
-        from beamsim.structures.symmetric_lu import negative_eigenvalues
-
         norm = (model.factor.T @ model.factor + omega**2 * model.mass).tocsc()
         start = np.linspace(1.0, 2.0, model.size)
         share = 1.01 * float(eigsh(self.known.tocsc(), k=1, M=norm, which="LA", v0=start, tol=1e-3)[0][0])

@@ -226,13 +226,21 @@ def _with_static_vectors(
     )
 
 
+def _beyond_modes(model: Structure, modes: Floats, loads: Floats) -> Floats:
+    """(N, c) static deflections under loads (N, c) without what modes (N, k) make of them.
+
+    Solved for the load that the modes do not take, so that small deflections stay accurate.
+    """
+    u = static_deflections(model, loads - model.mass @ (modes @ (modes.T @ loads)))
+    for _ in range(2):
+        u = u - modes @ (modes.T @ (model.mass @ u))
+    return u
+
+
 def _static_vectors(model: Structure, phi: Floats, loads: Floats) -> tuple[Floats, Floats]:
     """What kept modes leave of the deflections under loads (N, m): coefficients (m, k) and vectors (N, k)."""
     whole = static_deflections(model, loads)
-    # Solve for the load that the kept modes do not take, so that small residuals stay accurate.
-    residual = static_deflections(model, loads - model.mass @ (phi @ (phi.T @ loads)))
-    for _ in range(2):
-        residual = residual - phi @ (phi.T @ (model.mass @ residual))
+    residual = _beyond_modes(model, phi, loads)
     transform = _independent(np.asarray(model.factor @ residual), np.sum(np.asarray(model.factor @ whole) ** 2, axis=0))
     # Orthonormal in K; the eigenvalues of M in this basis are 1 / omega^2.
     basis = residual @ transform
@@ -386,12 +394,7 @@ class LeftOut:
         return whole if known is None else np.asarray(whole - vectors.T @ (known @ vectors))
 
     def _left_out(self, loads: Floats) -> Floats:
-        """(N, c) static deflections under (N, c) loads without what kept modes make of them."""
-        model, modes = self.model, self.basis.vectors[:, : self.basis.modes]
-        u = static_deflections(model, loads - model.mass @ (modes @ (modes.T @ loads)))
-        for _ in range(2):
-            u = u - modes @ (modes.T @ (model.mass @ u))
-        return u
+        return _beyond_modes(self.model, self.basis.vectors[:, : self.basis.modes], loads)
 
     @cached_property
     def static(self) -> Floats:
