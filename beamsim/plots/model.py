@@ -50,7 +50,7 @@ def plot_model(sketch: Sketch, ax: Axes) -> None:
     ax.set_xmargin(0.07)
     if len(names) <= MOST_NAMES:
         _number(ax, names, 0.06 * sketch.span)
-    ax.set_title(excitation_text(sketch.scenario), fontsize="medium", loc="left")
+    ax.set_title(excitation_text(sketch.scenario), fontsize="medium", loc="left", wrap=True)
 
 
 def _number(ax: Axes, names: Sequence[Named], near: float) -> None:
@@ -80,11 +80,15 @@ def model_figure(sketch: Sketch) -> Picture:
 
 
 def excitation_text(scenario: Scenario) -> str:
-    """What excites the model, in a line; of a case with both a run and a sweep that of each."""
+    """What excites the model, in a line; of a case with both a run and a sweep a line for each."""
     swept = "" if scenario.sweep is None else _SWEEPS.get(scenario.sweep.kind, "steady sine")
-    ways = [*([""] if scenario.run is not None or not swept else []), *([swept] if swept else [])]
-    parts = [_excitation_text(scenario, part, way) for way in ways for _, part in scenario.excitation.items]
-    return "; ".join(dict.fromkeys(parts)) or "no excitation"
+    parts = [part for _, part in scenario.excitation.items]
+    ways = {"run: ": "", "sweep: ": swept} if swept and scenario.run is not None else {"": swept}
+    texts = {
+        command: "; ".join(dict.fromkeys(_excitation_text(scenario, part, way) for part in parts))
+        for command, way in ways.items()
+    }
+    return "\n".join(command + text for command, text in texts.items() if text) or "no excitation"
 
 
 _SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine"}

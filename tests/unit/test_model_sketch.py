@@ -89,6 +89,15 @@ def test_levels_that_are_factors_are_not_accelerations(excitation, sweep, said):
     assert text.startswith(said)
 
 
+def test_a_case_with_a_run_and_a_sweep_is_not_excited_by_both_at_once():
+    """ "harmonic, 3 g, 9 Hz, at the base; swept sine, 3 g, ... at the base" read as one excitation of two parts."""
+    shaken = {"kind": "harmonic", "applied_to": "base", "level": "3 g", "frequency": 9.0}
+    case = {"beam": BEAM, "excitation": shaken, "sweep": SWEPT | {"levels": ["3 g"]}, "run": {"duration": 1.0}}
+    run, sweep = excitation_text(load_scenario(case)).split("\n")
+    assert run == "run: harmonic, 3 g, 9 Hz, at the base"
+    assert sweep.startswith("sweep: swept sine, 3 g, 8 to 90 Hz")
+
+
 def test_texts_of_stops():
     prestressed = {"name": "s", "position": 0.4, "side": "below", "stiffness": 1e4, "gap": -1e-4}
     for gap, rest in ((-1e-4, "preload"), (0.0, "just touching"), (2e-3, "gap 2 mm")):
