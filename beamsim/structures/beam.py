@@ -182,6 +182,18 @@ def _moments(model: BeamStructure, x: Floats, fields: _Fields) -> Floats:
     return np.asarray(moment)
 
 
+def _resolved(model: BeamStructure, member: MemberBody, basis: ReducedBasis) -> int:
+    """Number of modes that count as resolved by the meshes, so few that a beam has three quarters of the others left.
+
+    A beam has of each mode its share of the energy. Round-off decides neither between shares nor between modes alike.
+    """
+    most = basis.size - 1 if member.whole.most_modes is None else member.whole.most_modes
+    strain = (model.factor @ member.field(basis.vectors))[:, basis.rigid :] / basis.omega[basis.rigid :]
+    shares = np.cumsum(np.append(np.ones(basis.rigid), np.sum(strain**2, axis=0) * member.stiffness_ratio))
+    last = min(int(np.searchsorted(shares, 0.75 * model.most_modes + 0.25 * shares[-1] - 1e-6)), basis.size - 1)
+    return min(most, int(np.searchsorted(basis.omega, basis.omega[last] * (1 - 1e-9))))
+
+
 def _static_correction(
     model: BeamStructure, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats
 ) -> Floats:
@@ -191,8 +203,7 @@ def _static_correction(
     coordinates = basis.vectors.T @ (whole.mass @ u)
     coordinates[: basis.rigid] = 0.0
     missing = exact - moment @ coordinates
-    resolved = basis.size if whole.most_modes is None else whole.most_modes
-    high = slice(min(resolved, basis.size - 1), None)
+    high = slice(_resolved(model, member, basis), None)
     # The part of a motion along the static deflections, by projection in the energy norm. Of more loads than such modes
     # it is a fit, in which each weighs the same, whatever its level and however often it is listed.
     strain = basis.omega[:, None] * coordinates

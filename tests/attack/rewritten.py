@@ -515,7 +515,8 @@ def mirror_start(tree):
 
 def upside_down(tree, rng):
     spec = tree.get("excitation", {})
-    if spec.get("kind") in ("random", "sampled") or "profile" in spec or spec.get("notches"):
+    recorded = any(part.get("kind") in ("random", "sampled") for part in (spec, *spec.get("forces", ())))
+    if recorded or "profile" in spec or spec.get("notches"):
         raise Unfit("an input whose sign cannot be changed")
     for _, snubber in items(tree, "snubbers"):
         if "between" in snubber:
