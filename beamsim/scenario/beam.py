@@ -457,6 +457,7 @@ class BeamBody(Body):
     """What beams answer, whatever their bending stiffness was given by."""
 
     body_kind: ClassVar[str] = "beam"
+    how_to_load: ClassVar[str] = "give line: whole, with a level in N/m"
     has_slope: ClassVar[bool] = True
     base_directions: ClassVar[tuple[str, ...]] = ("z", "ry")
 

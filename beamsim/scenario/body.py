@@ -463,6 +463,9 @@ class Body(Schema):
     how_to_place: ClassVar[str] = "give a position on the beam, position: 270 mm"
     """How a place of it is named."""
 
+    how_to_load: ClassVar[str] = "list forces at its nodes: excitation: {kind: forces, forces: [...]}"
+    """What to give in place of a distributed load of another kind of body."""
+
     has_slope: ClassVar[bool] = False
     """Whether its points turn as well as deflect."""
 

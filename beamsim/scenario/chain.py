@@ -20,6 +20,7 @@ class Chain(Body):
     """Masses in a row, springs and dashpots between neighbours and to the walls (the base)."""
 
     body_kind: ClassVar[str] = "chain"
+    how_to_load: ClassVar[str] = "list forces on its masses: excitation: {kind: forces, forces: [...]}"
     reduced_by_default: ClassVar[bool] = False
     how_to_place: ClassVar[str] = "give a mass by its number, mass: 1"
 

@@ -201,13 +201,8 @@ def _distributed(scenario: ScenarioParts, path: Path, load: DistributedLoad) -> 
     body, where = scenario.all_bodies[name], scenario.body_path(name)
     key = "line" if isinstance(load, LineLoad) else "area"
     if body.body_kind != load.acts_on:
-        remedy = {
-            "beam": "give line: whole, with a level in N/m",
-            "plate": "give area: whole, with a level in Pa",
-            "chain": "list forces on its masses: excitation: {kind: forces, forces: [...]}",
-            "matrices": "list forces at its nodes: excitation: {kind: forces, forces: [...]}",
-        }[body.body_kind]
-        yield problem((*path, key), f"belongs to a {load.acts_on}, but {path_text(where)} is {body.called}", remedy)
+        message = f"belongs to a {load.acts_on}, but {path_text(where)} is {body.called}"
+        yield problem((*path, key), message, body.how_to_load)
         return
     if load.ends is not None:
         for index, end in enumerate(load.ends):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib import import_module
 from typing import Any
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.kinds import named
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.body import Located
@@ -17,9 +17,6 @@ from beamsim.scenario.parameters import replaced
 from beamsim.structures.places import SLOPE, Distributed, Link, LoadSite, Place, Site, ends_of, load_site_of, site_of
 from beamsim.structures.several import assemble_side_by_side, join
 from beamsim.structures.structure import BodyStructure, Coupling, Structure
-
-# Modules whose function ``assemble_<kind>`` makes a structure of a body of this kind; only those needed are imported.
-_ASSEMBLERS = {kind: f"beamsim.structures.{kind}" for kind in ("beam", "chain", "plate", "matrices")}
 
 
 def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequence[Place] = ()) -> Structure:
@@ -88,8 +85,9 @@ def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
 
 
 def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: Sequence[Place] = ()) -> BodyStructure:
+    """By ``assemble_<kind>`` of the module that is called as its kind; only those needed are imported."""
     kind = scenario.all_bodies[name].body_kind
-    assemble_body = getattr(import_module(_ASSEMBLERS[kind]), f"assemble_{kind}")
+    assemble_body = named(f"beamsim.structures.{kind}:assemble_{kind}")
     ends = [*(end for coupling in couplings for end in coupling.ends), *nodes]
     points = [end.point for end in ends if end.body == name]  # where something joins the body
     body: BodyStructure = assemble_body(with_places_of_files(scenario, name), name, points)

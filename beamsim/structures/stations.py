@@ -17,16 +17,17 @@ from beamsim.typing import Floats, Ints
 class StationAxis:
     """What the coordinate of a body's stations is, for files and plots."""
 
+    body: str  # what a body alone is called
     long_name: str
     unit: str
     label: str
     continuous: bool  # drawn as a line through the stations, else as a dot at each
 
 
-ALONG = StationAxis("position along the beam", "m", "Position", continuous=True)
-IN_PLANE = StationAxis("position on the plate from its left edge", "m", "x", continuous=True)
-MASSES = StationAxis("mass number", "1", "Mass", continuous=False)
-NODES = StationAxis("node number", "1", "Node", continuous=False)
+ALONG = StationAxis("beam", "position along the beam", "m", "Position", continuous=True)
+IN_PLANE = StationAxis("plate", "position on the plate from its left edge", "m", "x", continuous=True)
+MASSES = StationAxis("chain", "mass number", "1", "Mass", continuous=False)
+NODES = StationAxis("matrices", "node number", "1", "Node", continuous=False)
 AXES = {axis.long_name: axis for axis in (ALONG, IN_PLANE, MASSES, NODES)}
 
 
@@ -91,8 +92,7 @@ class Stations:
         """The bodies; one alone is called after its axis."""
         if self.body is None or self.names is None or self.axes is None:
             only = AXES[self.meaning]
-            name = {ALONG: "beam", IN_PLANE: "plate", MASSES: "chain", NODES: "matrices"}[only]
-            return (StationPart(name, only, slice(0, self.position.size)),)
+            return (StationPart(only.body, only, slice(0, self.position.size)),)
         ends = np.cumsum(np.bincount(self.body, minlength=len(self.names))).tolist()
         return tuple(
             StationPart(name, AXES[meaning], slice(start, end))
