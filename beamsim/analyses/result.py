@@ -103,7 +103,7 @@ class Result:
 
     def __str__(self) -> str:
         """The printed table."""
-        return str(named("beamsim.cli.report:text_table")(kind_of_class(type(self)), self))
+        return str(named("beamsim.cli.tables:text_table")(kind_of_class(type(self)), self))
 
     def with_summary(self, **computed: Any) -> Self:
         """The result with its summary: the values given, and those that repeat fields of the result.

@@ -12,8 +12,8 @@ from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.cli.printing import MOST_ROWS, more_rows, percent
-from beamsim.cli.report import Labelled, Views, ended, in_units, output_text
 from beamsim.cli.screens import SHOWN, Numbers, Screen, limit_lines, modes, rounded, sureness
+from beamsim.cli.tables import Labelled, Views, ended, in_units, output_text
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, level_text, scale_for

@@ -12,7 +12,7 @@ from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import Progress, progress_of
-from beamsim.cli.report import all_rows
+from beamsim.cli.tables import all_rows
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.kinds import KINDS, named

@@ -13,7 +13,7 @@ from beamsim.cli.failures import say
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_files
 from beamsim.cli.progress import progress_of
-from beamsim.cli.report import margins, table_rows
+from beamsim.cli.tables import margins, table_rows
 from beamsim.errors import BeamsimError, ResultFileError
 from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import KINDS, named

@@ -15,8 +15,8 @@ from beamsim.analyses.compare_modes import ModeComparison
 from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
 from beamsim.cli.printing import MOST_ROWS, lines, percent, told
-from beamsim.cli.report import Labelled, Views
 from beamsim.cli.screens import SHOWN, Screen, rounded
+from beamsim.cli.tables import Labelled, Views
 from beamsim.plots.style import amount, extent, scale_for
 from beamsim.scenario.base import counted
 from beamsim.scenario.parameters import unit_of

@@ -12,8 +12,8 @@ import numpy as np
 from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult, SignalStatistics
 from beamsim.analyses.run.spectra import LOBE
 from beamsim.cli.printing import percent
-from beamsim.cli.report import Labelled, Views, in_units, output_text, stress_text, together
 from beamsim.cli.screens import SHOWN, Numbers, Screen, contact_levels, limit_lines, limits_by_place, modes, sureness
+from beamsim.cli.tables import Labelled, Views, in_units, output_text, stress_text, together
 from beamsim.fields import words
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, is_known, scale_for

@@ -14,7 +14,7 @@ from typing import Any
 from beamsim.analyses.result import Result
 from beamsim.analyses.values import limit_label
 from beamsim.cli.printing import aligned, percent, under_headings
-from beamsim.cli.report import ended, margins, of_states, predicted
+from beamsim.cli.tables import ended, margins, of_states, predicted
 from beamsim.outcomes import STANDINGS, first_of
 from beamsim.plots.style import is_known, scale_for
 from beamsim.scenario.base import counted

@@ -8,7 +8,7 @@ from beamsim.cli.failures import say
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_files, print_json, print_table
 from beamsim.cli.progress import progress_of
-from beamsim.cli.report import all_rows
+from beamsim.cli.tables import all_rows
 from beamsim.errors import Problem, ScenarioError
 from beamsim.files import output_file, output_folder
 from beamsim.kinds import KINDS, named

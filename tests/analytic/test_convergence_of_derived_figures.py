@@ -7,7 +7,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.run.result import ALLOWED_CHANGE, STATISTICS
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.plots.run import DOUBTFUL_LINES
 from beamsim.scenario import load_scenario
 

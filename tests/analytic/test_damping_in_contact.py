@@ -10,8 +10,8 @@ import yaml
 from scipy.linalg import eig, eigh
 
 import beamsim
-from beamsim.cli.report import table_rows
 from beamsim.cli.screens import modes
+from beamsim.cli.tables import table_rows
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 from beamsim.system.build import build_system

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.cli.report import ONE_OF_MANY, table_rows
+from beamsim.cli.tables import ONE_OF_MANY, table_rows
 from beamsim.scenario import load_scenario
 from beamsim.trust.convergence import ContactEvents, divergence
 

@@ -5,7 +5,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.designs.analysis import design_study
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 
 PINNED = {
     "beam": {

@@ -7,7 +7,7 @@ import beamsim
 from beamsim.analyses.gapping import contact_levels, transfer
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.scenario import load_scenario
 
 

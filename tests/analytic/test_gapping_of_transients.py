@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 import beamsim
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.scenario import load_scenario
 
 PULSE = {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "11 ms", "time": "2 ms"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.scenario import load_scenario
 
 MASS, STIFFNESS, FORCE = 2.0, 800.0, 5.0

@@ -12,7 +12,7 @@ from beamsim.analyses.run import filters
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.filters import FilteredPanels, FilteredSegments, filtered
 from beamsim.analyses.run.result import ALLOWED_CHANGE
-from beamsim.cli.report import all_rows, table_rows
+from beamsim.cli.tables import all_rows, table_rows
 from beamsim.flow.transient import simulate
 from beamsim.outcomes import OutcomeKind, exit_code
 from beamsim.scenario import load_scenario

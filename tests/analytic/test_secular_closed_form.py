@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.stiffness import snubber_point
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import value_at, with_values

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 
 BEAM = {
     "length": 0.7, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700,

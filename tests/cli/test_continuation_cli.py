@@ -7,7 +7,7 @@ import pytest
 
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.continuation.overlay import with_overlay
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result

@@ -10,7 +10,7 @@ from sampling import slow_after
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.orbits import orbit_motion
 from beamsim.analyses.nnm.paths import mode_path
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result
 from tests.helpers.commands import invoke

@@ -11,7 +11,7 @@ import beamsim
 from beamsim.analyses.continuation import motion
 from beamsim.analyses.nnm import phase_resonance
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result

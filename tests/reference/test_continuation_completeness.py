@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.continuation.paths import response_model
-from beamsim.cli.report import all_rows, table_rows
+from beamsim.cli.tables import all_rows, table_rows
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.outcomes import OutcomeKind
 from beamsim.scenario import Scenario, load_scenario

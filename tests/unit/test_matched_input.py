@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import beamsim
 from beamsim.analyses.run.motion import output_times
-from beamsim.cli.report import all_rows
+from beamsim.cli.tables import all_rows
 from beamsim.errors import ScenarioError
 from beamsim.inputs.excitation import base_motion
 from beamsim.scenario import load_scenario

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.scenario import load_scenario
 
 

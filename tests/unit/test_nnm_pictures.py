@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.plots.drawing import Chart, Curve, draw
 from beamsim.plots.nnm import configuration
 from beamsim.scenario import load_scenario

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.cli.report import all_rows, table_rows
+from beamsim.cli.tables import all_rows, table_rows
 
 CHAIN = {
     "title": "One mass & its stop",

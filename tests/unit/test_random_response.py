@@ -25,7 +25,7 @@ from beamsim.analyses.run.random_response import (
     statistics_of,
 )
 from beamsim.analyses.run.result import SignalStatistics
-from beamsim.cli.report import table_rows
+from beamsim.cli.tables import table_rows
 from beamsim.contacts.laws import OneSidedSpring, kelvin_voigt
 from beamsim.inputs.excitation import random_signals
 from beamsim.outcomes import exit_code
