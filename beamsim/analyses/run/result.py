@@ -692,10 +692,10 @@ _SUMMARY = (
     *(value.summary_entry() for value in VALUES if value.of),
     Entry("peak_times_s", "s", "by entry (peak_force_n, peak_displacement_m, peak_acceleration_g) and name: when the "
              "peak is reached; of equal peaks any of them"),
-    Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "preload"),
+    Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "at rest"),
     BY_ENTRY["static_force_n"].summary_entry(),
     Entry("blocked_force_n", "N", "contact force of a snubber with the structure held at zero displacement"),
-    Entry("gap_rad", "rad", "clearance of a stop of a hinge at the angle zero", "preload of hinges"),
+    Entry("gap_rad", "rad", "clearance of a stop of a hinge at the angle zero", "hinges at rest"),
     BY_ENTRY["static_moment_n_m"].summary_entry(),
     Entry("blocked_moment_n_m", "N m", "contact moment of a stop of a hinge that is held at the angle zero"),
     Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness"),
