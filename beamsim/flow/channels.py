@@ -88,10 +88,13 @@ class Observed:
     ----------
     flow : of the system.
     channels : C columns of values.
+    largest_of : section and quantity of linear channels of whose extremes only the largest magnitude is asked for; of
+        the others that is a bound from within.
     """
 
-    def __init__(self, flow: ExactFlow, channels: ChannelSet) -> None:
+    def __init__(self, flow: ExactFlow, channels: ChannelSet, largest_of: Key | None = None) -> None:
         self.channels = channels
+        self._rivals = None if largest_of is None else channels.order[channels.places[largest_of]]
         self.linear, self.squared = outputs_of(flow, channels.linear), outputs_of(flow, channels.squared)
 
     def values(self, motion: Trajectory, times: Floats) -> Floats:
@@ -100,7 +103,7 @@ class Observed:
 
     def extrema(self, motion: Trajectory) -> Extrema:
         """(C,) extreme values of the continuous motion and their times, s; see `Trajectory.extrema`."""
-        found, squares = motion.extrema(self.linear), self.channels.squares
+        found, squares = motion.extrema(self.linear, rivals=self._rivals), self.channels.squares
         if squares.size:
             found = found.beside(motion.extrema(self.squared, squares=squares))
         return found.some(self.channels.order)

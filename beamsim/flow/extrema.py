@@ -90,27 +90,24 @@ class Waves:
 class Extrema:
     """Extreme values of K outputs in W windows and their times, s."""
 
+    evaluations: int  # of an output at one time
     low: Floats  # (W, K)
     when_low: Floats
     high: Floats
     when_high: Floats
-    evaluations: int  # of an output at one time
 
     def some(self, outputs: Ints) -> Extrema:
         """Those of some of the outputs."""
-        low, when_low, high, when_high = (x[..., outputs] for x in self.extremes)
-        return Extrema(low, when_low, high, when_high, self.evaluations)
+        return Extrema(self.evaluations, *(x[..., outputs] for x in self.extremes))
 
     def window(self, number: int) -> Extrema:
         """Those of one window (K,)."""
-        low, when_low, high, when_high = (x[number] for x in self.extremes)
-        return Extrema(low, when_low, high, when_high, self.evaluations)
+        return Extrema(self.evaluations, *(x[number] for x in self.extremes))
 
     def beside(self, other: Extrema) -> Extrema:
         """These outputs and then the others."""
         pairs = zip(self.extremes, other.extremes, strict=True)
-        low, when_low, high, when_high = (np.concatenate(pair, axis=-1) for pair in pairs)
-        return Extrema(low, when_low, high, when_high, self.evaluations + other.evaluations)
+        return Extrema(self.evaluations + other.evaluations, *(np.concatenate(x, axis=-1) for x in pairs))
 
     @property
     def extremes(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -123,14 +120,14 @@ class Search:
     """The largest and smallest values of K outputs that are known in W windows.
 
     They are values that are reached, and no other is beyond them by more than `TOLERANCE` of their size; of sums of
-    squares of that of their largest value.
+    squares of that of their largest value. Of rivals this holds of the largest magnitude of all.
     """
 
     known: Known
     evaluations: int = 0
 
     @classmethod
-    def of(cls, outputs: int, windows: int = 1, squares: Ints | None = None) -> Search:
+    def of(cls, outputs: int, windows: int = 1, squares: Ints | None = None, rivals: Ints | None = None) -> Search:
         """A search in which nothing is known.
 
         Parameters
@@ -138,6 +135,7 @@ class Search:
         outputs : number of the outputs of `Waves`.
         windows : number W.
         squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
+        rivals : those of the K of which only the largest magnitude of all is asked for.
 
         Returns
         -------
@@ -145,14 +143,16 @@ class Search:
             Of the K groups; without groups K is the number of outputs.
         """
         first = np.append(np.arange(outputs) if squares is None else squares, outputs)
-        every = np.arange(first.size - 1)
-        shape = (2, windows, every.size)
-        found, when = np.full(shape, np.finfo(float).min), np.full(shape, np.nan)
-        return cls(Known(found, when, every, first, squares is not None))
+        shape, least = (2, windows, first.size - 1), np.finfo(float).min
+        rank = np.arange(2 * shape[2]).reshape(2, -1)
+        if rivals is not None:
+            rank[:, rivals] = rank[0, rivals[:1]]
+        best = np.full((windows, rank.size), least)
+        return cls(Known(np.full(shape, least), np.full(shape, np.nan), first, squares is not None, rank, best))
 
     def add(self, waves: Sequence[Waves]) -> None:
         """Look at parts of a motion together."""
-        if not self.known.every.size:
+        if not self.known.rank.size:
             return
         for wave in waves:
             for _, sums in wave.batches():
@@ -162,7 +162,7 @@ class Search:
         """What is known; infinite in windows of which nothing is."""
         high, low = np.where(np.isnan(self.known.when), -np.inf, self.known.value)
         when_high, when_low = self.known.when
-        return Extrema(-low, when_low, high, when_high, self.evaluations)
+        return Extrema(self.evaluations, -low, when_low, high, when_high)
 
 
 def turning_points(waves: Sequence[Waves]) -> tuple[Ints, Ints, Floats, Floats]:

@@ -35,9 +35,10 @@ class Known(NamedTuple):
 
     value: Any  # (2, W, J)
     when: Any  # (2, W, J) s
-    every: Any  # (J,) numbers of the functions
     first: Any  # (J + 1,) of the outputs of each function
     squared: Any  # whether the functions are half the sums of the squares of their outputs
+    rank: Any  # (2, J) of what competes for being the largest: each alone, or rivals with their negatives
+    best: Any  # (W, ranks) the largest values of these
 
 
 class Look(NamedTuple):
@@ -73,7 +74,7 @@ def search(sums, known, resolution):
     B, K = sums.rate.shape[1], sums.table.shape[3]
     output, noise, by_output = np.empty((3, K, B)), np.empty(K), np.empty((2, B, K))
     ends, inside = _make_look(1, B, K), _make_look(PARTS, B, K)
-    every, waiting, turns = known.every, np.empty((64, 6)), np.empty((64, 2))
+    every, waiting, turns = np.arange(known.first.size - 1), np.empty((64, 6)), np.empty((64, 2))
     used, evaluations = np.zeros(2, dtype=np.int64), 0  # rows of these
     for i in range(sums.window.size):
         ends.u[0], ends.u[1], window = sums.place[0, i], sums.place[1, i], sums.window[i]
@@ -85,7 +86,7 @@ def search(sums, known, resolution):
         for j in every:
             seen = False
             for sign in range(2):
-                top, scale = known.value[sign, window, j], known.value[0 if known.squared else sign, window, j]
+                top, scale = _top(known, sign, window, j)
                 if ends.bound[HIGHEST + sign, known.first[j]] <= _limit(top, scale, top, resolution):
                     continue
                 if not cut:
@@ -102,7 +103,7 @@ def search(sums, known, resolution):
                 while used[0] > 0:
                     used[0] -= 1
                     row = waiting[used[0]]
-                    top, scale = known.value[sign, window, j], known.value[0 if known.squared else sign, window, j]
+                    top, scale = _top(known, sign, window, j)
                     if row[2] <= _limit(top, scale, row[3], resolution):
                         continue
                     _divide(row, inside.u)
@@ -246,6 +247,7 @@ def _see(known, sums, i, which, output, noise, look):
                 reached = value[p, 0, k] if sign == 0 else -value[p, 0, k]
                 if reached > known.value[sign, window, j]:
                     known.value[sign, window, j] = reached
+                    known.best[window, known.rank[sign, j]] = max(known.best[window, known.rank[sign, j]], reached)
                     known.when[sign, window, j] = sums.place[2, i] + sums.place[3, i] * look.u[p]
 
 
@@ -297,6 +299,13 @@ def _add_squares(look, first, last):
 
 
 @kernel
+def _top(known, sign, window, j):
+    """The largest value of all that a function competes with, and the size of these."""
+    of_window = known.best[window]
+    return of_window[known.rank[sign, j]], of_window[known.rank[0 if known.squared else sign, j]]
+
+
+@kernel
 def _limit(top, scale, reached, resolution):
     """What a function has to exceed on an interval at whose ends a value is reached.
 
@@ -336,7 +345,7 @@ def _left(known, key, look, resolution, waiting, turns, used):
     """
     sign = 1.0 if key[0] == 0 else -1.0
     value, k = look.value, known.first[key[2]]
-    top, scale = known.value[key[0], key[1], key[2]], known.value[0 if known.squared else key[0], key[1], key[2]]
+    top, scale = _top(known, key[0], key[1], key[2])
     fourth, aside, noise = look.bound[FOURTH, k], look.bound[ASIDE, k], look.bound[ROUND_OFF, k]
     for p in range(look.u.size - 2, -1, -1):
         begin, h = look.u[p], look.u[p + 1] - look.u[p]

@@ -256,7 +256,9 @@ class Trajectory:
             return self
         return self.only(np.flatnonzero(lasts))
 
-    def extrema(self, output_of: OutputOf, edges: Floats | None = None, squares: Ints | None = None) -> Extrema:
+    def extrema(
+        self, output_of: OutputOf, edges: Floats | None = None, squares: Ints | None = None, rivals: Ints | None = None
+    ) -> Extrema:  # fmt: skip
         """Smallest and largest values of K outputs over the continuous motion, with their times.
 
         They are reached, limits from within at both ends of a segment included, and certified to 1e-10 of their size.
@@ -268,6 +270,7 @@ class Trajectory:
             no motion they are infinite. All are searched together.
         squares : (j,) first of each group of consecutive outputs, where half the sums of their squares are asked for:
             j of them in place of K.
+        rivals : outputs of which only the largest magnitude of all is asked for; of the others what is met on the way.
 
         Returns
         -------
@@ -276,7 +279,7 @@ class Trajectory:
         outputs = output_of(self.flow.system.contacts.start).row.shape[0]
         largest = max(float(np.abs(self.y).max(initial=0.0)), float(np.abs(self.final_y).max(initial=0.0)))
         scale = 2.0 ** max(0.0, np.ceil(np.log2(largest / LARGEST))) if largest > LARGEST else 1.0
-        search = Search.of(outputs, 1 if edges is None else edges.size - 1, squares)
+        search = Search.of(outputs, 1 if edges is None else edges.size - 1, squares, rivals)
         for part in self.lasting.parts():
             search.add(part._waves(output_of, edges, scale))
         found = search.extrema()

@@ -74,7 +74,7 @@ class LoadPattern:
     site: LoadSite | BaseDirection | UnitMotion
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReducedBasis:
     """n mass-normalised coordinates: modes first (rigid-body modes first of all), then static vectors.
 

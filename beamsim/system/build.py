@@ -251,7 +251,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     held = any(holds_levels(each) for _, each in scenario.excitation.items)
     correction = None if corrections is None else CorrectionSize.of(corrections)
     sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
-    recoveries = parts.structure.recoveries(basis, tuple(sites), base_direction(scenario)) if recovered else ()
+    recoveries = parts.recoveries(sites) if recovered else ()
     dynamics = PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0))
     at_rest = None if cubic.count else equilibrium.q
     return StructuralSystem(

@@ -41,6 +41,7 @@ from beamsim.structures.places import (
     ends_of,
 )
 from beamsim.structures.reduction import reduce_model
+from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import LoadPattern, ReducedBasis, Structure
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.typing import Floats
@@ -272,16 +273,27 @@ class Parts:
 
     def shapes(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, n) deflection, of links stretch, at sites for a unit of each coordinate, 1/sqrt(kg)."""
-        return np.asarray(self.structure.rows(sites) @ self.basis.vectors / np.sqrt(self.structure.mass_scale))
+        scale = np.sqrt(self.structure.mass_scale)
+        return self._once("shapes", sites, lambda: self.structure.rows(sites) @ self.basis.vectors / scale)
+
+    def recoveries(self, sites: Sequence[LoadSite]) -> tuple[Recovery, ...]:
+        """What can be recovered along each body, with stations at the sites; damping has no part in it."""
+        base = base_direction(self.scenario)
+        return self._once("recoveries", sites, lambda: self.structure.recoveries(self.basis, sites, base))
+
+    def _once(self, sort: str, sites: Sequence[LoadSite], build: Callable[[], Built]) -> Built:
+        """What is built at sites for all scenarios that have these coordinates and move the base alike."""
+        return self.shared.once(sort, (self.basis, tuple(sites), base_direction(self.scenario)), build)
 
     def levers(self, sites: Sequence[Site]) -> Floats:
         """(k,) motion of places for a unit motion of the base; 1 of links, which do not feel it, and where it rests."""
-        motion, levers = base_direction(self.scenario), np.ones(len(sites))
-        for k, site in enumerate(sites):
-            if motion is not None and isinstance(site, Place):
-                lever = self.structure.base_motion_at(site, motion)
-                levers[k] = 1.0 if abs(lever - 1.0) < 1e-9 else lever
-        return levers
+        motion = base_direction(self.scenario)
+
+        def lever(site: Site) -> float:
+            moved = 1.0 if motion is None or isinstance(site, Link) else self.structure.base_motion_at(site, motion)
+            return 1.0 if abs(moved - 1.0) < 1e-9 else moved
+
+        return self._once("levers", sites, lambda: np.array([lever(site) for site in sites]))
 
     def influence(self, signals: int) -> Floats:
         """(k, L) displacement of each snubber's place from its stand by a unit of each of so many signals of the loads.

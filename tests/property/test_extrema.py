@@ -101,6 +101,24 @@ def test_extremes_between_edges_are_those_of_each_part(motion):
     np.testing.assert_allclose(found.high[1:-1].max(axis=0), all_of_it.high, rtol=1e-9)
 
 
+@pytest.mark.parametrize("edges", [None, np.linspace(0.0, 0.08, 5)])
+def test_of_rivals_only_the_largest_is_searched_for(motion, edges):
+    """Some outputs of one quantity; the others are found as they are without them."""
+    whole, outputs = motion
+    found = whole.extrema(outputs, edges)
+    size = np.maximum(np.abs(found.low), np.abs(found.high))
+    alike = np.flatnonzero(size.reshape(-1, size.shape[-1]).max(axis=0) > 0.0)[::2]
+    others = np.setdiff1d(np.arange(size.shape[-1]), alike)
+    fewer = whole.extrema(outputs, edges, rivals=alike)
+    least = np.maximum(np.abs(fewer.low), np.abs(fewer.high))
+    assert np.all(least <= size * (1.0 + 1e-10))
+    np.testing.assert_allclose(least[..., alike].max(axis=-1), size[..., alike].max(axis=-1), rtol=1e-10)
+    np.testing.assert_array_equal(least[..., alike].argmax(axis=-1), size[..., alike].argmax(axis=-1))
+    for one, other in zip(fewer.extremes, found.extremes, strict=True):
+        np.testing.assert_array_equal(one[..., others], other[..., others])
+    assert fewer.evaluations < found.evaluations
+
+
 def test_turning_points_are_those_of_fine_samples(motion):
     """Between two of them every output rises or falls throughout; none is missed that samples show."""
     whole, outputs = motion

@@ -6,7 +6,9 @@ import pytest
 
 import beamsim
 from beamsim.analyses.designs.plan import Case, plan_draws
+from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario import load_scenario
+from beamsim.scenario.units import STANDARD_GRAVITY
 
 BASE = """\
 beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4,
@@ -40,15 +42,40 @@ def test_a_bad_number_gives_the_located_error_of_a_whole_scenario(path, value, m
 
 @pytest.mark.parametrize("side", ["below", "above"])
 def test_the_figures_of_a_case_are_those_of_its_run(side):
-    vary = {"kind": "grid", "parameters": [{"path": "snubbers.tip.stiffness", "values": [50e3, 200e3]},
-                                           {"path": "snubbers.tip.gap", "values": [-1e-4, 1e-4]}]}  # fmt: skip
+    """Bodies that differ in damping alone have their shapes and their stations in common."""
+    varied = {"snubbers.tip.stiffness": [50e3, 200e3], "snubbers.tip.gap": [-1e-4, 1e-4],
+              "beam.damping.ratio": [0.01, 0.03]}  # fmt: skip
+    vary = {"kind": "grid", "parameters": [{"path": path, "values": values} for path, values in varied.items()]}
     base = load_scenario(BASE.replace("side: below", f"side: {side}"))
     found = beamsim.design_study(load_scenario(base, {"vary": vary}), workers=1).responses
-    for (i, stiffness), (j, gap) in itertools.product(enumerate([50e3, 200e3]), enumerate([-1e-4, 1e-4])):
-        changes = {"snubbers.tip.stiffness": stiffness, "snubbers.tip.gap": gap, "run.convergence": "off"}
-        alone = beamsim.run(load_scenario(base, changes)).summary
+    for at in itertools.product(range(2), repeat=3):
+        changes = {path: values[k] for (path, values), k in zip(varied.items(), at, strict=True)}
+        alone = beamsim.run(load_scenario(base, {**changes, "run.convergence": "off"})).summary
         for response, figure in (
-            ("snubbers/tip/peak_force", "peak_force_n"), ("probes/tip/peak_displacement", "peak_displacement_m"),
+            ("snubbers/tip/peak_force", "peak_force_n"), ("snubbers/tip/largest_gap", "largest_gap_m"),
+            ("probes/tip/peak_displacement", "peak_displacement_m"),
+            ("probes/tip/peak_acceleration", "peak_acceleration_g"), ("bending_stress", "largest_bending_stress_pa"),
+            ("bending_stress_position", "largest_bending_stress_position_m"), ("energy_error", "energy_error"),
         ):  # fmt: skip
-            assert found[response].values[i, j] == pytest.approx(alone[figure]["tip"], rel=1e-10)
-            assert alone[figure]["tip"] > 0
+            expected = alone[figure]["tip"] if isinstance(alone[figure], dict) else alone[figure]
+            scale = STANDARD_GRAVITY if figure.endswith("_g") else 1.0
+            assert found[response].values[at] == pytest.approx(expected * scale, rel=1e-10), response
+        assert alone["peak_force_n"]["tip"] > 0
+
+
+def test_the_largest_stress_is_searched_for_once_along_the_beam(monkeypatch):
+    """A case asks for no other peak than the largest: stations that stay below it are not searched."""
+    evaluations = {}
+    whole = Trajectory.extrema
+    for each, name in ((beamsim.run, "run"), (beamsim.design_study, "study")):
+
+        def counted(*args, name=name, **options):
+            found = whole(*args, **options)
+            evaluations[name] = evaluations.get(name, 0) + found.evaluations
+            return found
+
+        monkeypatch.setattr(Trajectory, "extrema", counted)
+        vary = {} if name == "run" else {"vary": {"kind": "grid", "responses": ["bending_stress"], "parameters": [
+            {"path": "excitation.level", "values": [19.6]}]}}  # fmt: skip
+        each(load_scenario(BASE, {"beam.elements": 100, "run.convergence": "off", **vary}))
+    assert evaluations["study"] < 0.5 * evaluations["run"]

@@ -41,9 +41,12 @@ def needs_recovery(asked: Collection[str]) -> bool:
 
 
 def _values(asked: Collection[str]) -> list[Value]:
-    """The values among the entries, with the stress where its place is asked for."""
-    needed = {*asked, "largest_bending_stress_pa"} if _PLACE in asked else asked
-    return [value for value in VALUES if value.entry in needed]
+    """The values among the entries, with the stress where its place is asked for, and displacements of probes where
+    round-off is told by them."""
+    found = [value for value in VALUES if value.entry in asked]
+    needed = [BY_ENTRY["largest_bending_stress_pa"]] * (_PLACE in asked)
+    needed += [BY_ENTRY["peak_displacement_m"]] * any(value.section in ("probes", "outputs") for value in found)
+    return found + needed
 
 
 def asked_figures(

@@ -14,7 +14,6 @@ from beamsim.analyses.run.motion import Histories, RunMotion, memory_of, reached
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.values import (
     ACCELERATION,
-    BY_ENTRY,
     STRESS,
     VALUES,
     Extreme,
@@ -119,7 +118,7 @@ def exact_motion_of(
     system, settings : of the run.
     times : (nt,) s, at which it is asked for.
     progress, stop : see `beamsim.flow.transient.simulate`.
-    values : that are asked for beside displacements of probes, and nothing else; by default all that a run reports.
+    values : that are asked for, and nothing else; by default all that a run reports.
 
     Returns
     -------
@@ -251,7 +250,7 @@ class StretchFigures:
     system, settings : of the run.
     flow : of the motion.
     times : (nt,) s, all output times.
-    values : that are asked for, and nothing else; by default all.
+    values : that are asked for, and nothing else; by default all, with the stress at every station.
     """
 
     def __init__(
@@ -264,11 +263,11 @@ class StretchFigures:
     ) -> None:
         self.balance, self.extremes = EnergyBalance(), dict[Key, Extreme]()
         self.low_passed = None
-        channels = searched(system.channels, VALUES if values is None else (BY_ENTRY["peak_displacement_m"], *values))
+        channels = searched(system.channels, VALUES if values is None else values)
         if values is None and settings.low_pass is not None:  # extremes of accelerations are those behind the filter
             channels = channels.without(ACCELERATION)
             self.low_passed = LowPassed(settings.low_pass, times, len(system.probes))
-        self._observed = Observed(flow, channels)
+        self._observed = Observed(flow, channels, None if values is None else STRESS)
         self._accelerations = Observed(flow, system.channels.of_keys(ACCELERATION)).linear
 
     def add(self, stretch: Trajectory) -> None:
