@@ -267,8 +267,8 @@ class StretchFigures:
         if values is None and settings.low_pass is not None:  # extremes of accelerations are those behind the filter
             channels = channels.without(ACCELERATION)
             self.low_passed = LowPassed(settings.low_pass, times, len(system.probes))
+            self._accelerations = Observed(flow, system.channels.of_keys(ACCELERATION)).linear
         self._observed = Observed(flow, channels, None if values is None else STRESS)
-        self._accelerations = Observed(flow, system.channels.of_keys(ACCELERATION)).linear
 
     def add(self, stretch: Trajectory) -> None:
         """Include the next stretch."""
