@@ -146,12 +146,6 @@ def in_gravities(curve: SweepCurve) -> str:
     return f" ({high:.3g} g)" if high - low <= 1e-3 * high else f" ({low:.3g} to {high:.3g} g)"
 
 
-def _method(result: RunResult, method: str) -> str:
-    time = result.time
-    first, last = time[0], time[-1]
-    return f"{method}, {first:g} to {last:g} s, {time.size} samples"
-
-
 def _memory(result: RunResult, memory: float) -> str:
     kept = result.summary.get("contact_states_kept")
     text = f"at most {amount(memory, 'B')} for the motion and its tables"
@@ -278,7 +272,9 @@ def _against(result: RunResult, compared: Mapping[str, Any]) -> list[dict[str, s
 RUN_VIEWS: Views = {
     "against": _against,
     "memory_bytes": _memory,
-    "method": _method,
+    "method": lambda result, method: (
+        f"{method}, {result.time[0]:g} to {result.time[-1]:g} s, {result.time.size} samples"
+    ),
     "peak_force_n": together("peak_force_n"),
     "peak_displacement_m": together("peak_displacement_m", "min_displacement_m", "max_displacement_m"),
     "peak_acceleration_g": together("peak_acceleration_g"),

@@ -121,20 +121,10 @@ def _special(result: NormalModeResult, drawn: Sequence[tuple[Floats, Floats]]) -
     return places
 
 
-def plot_mode_shapes(result: NormalModeResult, ax: Axes) -> None:
-    """The motion at its extremes, over the linear mode."""
-    branch, (first, second) = _shown_branch(result), result.motion.at_rest
-    word = "at rest" if branch.least_kinetic[result.motion_point] == 0.0 or branch.kind == "backbone" else "slowest"
-    linear: tuple[str, Floats, dict[str, Any]] = (f"linear mode {result.mode}", result.linear_shape, {})
+def plot_shapes(result: NormalModeResult, ax: Axes, shapes: Sequence[tuple[str, Floats]]) -> None:
+    """Deflected shapes (nx,), m, with their names."""
     ax.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
-    draw_along(ax, result.stations, "Deflection", [(f"{word}, t = 0", first, {}), ("t = T/2", second, {}), linear])
-
-
-def plot_deflected_shapes(result: NormalModeResult, ax: Axes) -> None:
-    """The deflected shape at two instants underway."""
-    first, second = result.motion.underway
-    ax.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
-    draw_along(ax, result.stations, "Deflection", [("t = T/8", first, {}), ("t = 3T/8", second, {})])
+    draw_along(ax, result.stations, "Deflection", [(name, shape, {}) for name, shape in shapes])
 
 
 def _shown_branch(result: NormalModeResult) -> ModeBranch:
@@ -204,9 +194,14 @@ def orbit_spectrum(result: NormalModeResult) -> Chart:
 
 def nnm_figures(result: NormalModeResult) -> dict[str, Picture]:
     """Every picture of a nonlinear mode, by name."""
+    branch, motion = _shown_branch(result), result.motion
+    word = "at rest" if branch.least_kinetic[result.motion_point] == 0.0 or branch.kind == "backbone" else "slowest"
+    at_rest = [*zip((f"{word}, t = 0", "t = T/2"), motion.at_rest, strict=True)]
+    at_rest.append((f"linear mode {result.mode}", result.linear_shape))
+    underway = list(zip(("t = T/8", "t = 3T/8"), motion.underway, strict=True))
     of_motion: dict[str, list[Any]] = {
-        "mode_shapes": [partial(plot_mode_shapes, result)],
-        "deflected_shapes": [partial(plot_deflected_shapes, result)],
+        "mode_shapes": [partial(plot_shapes, result, shapes=at_rest)],
+        "deflected_shapes": [partial(plot_shapes, result, shapes=underway)],
         "motion": motions(result),
         "phase_portrait": [phase_portrait(result)],
         "configuration": [configuration(result)],

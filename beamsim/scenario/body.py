@@ -296,10 +296,8 @@ class MovedSupport(Schema):
         """Quantities that its levels may have, the default first."""
         return ROTATION_TAKES if self.rotates else TRANSLATION_TAKES
 
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """None: it acts on no free point."""
-        return ()
+    places: ClassVar[tuple[AtPlace, ...]] = ()
+    """None: it acts on no free point."""
 
 
 class MovedStop(Schema):

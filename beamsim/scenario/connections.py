@@ -98,10 +98,8 @@ class CubicSpring(Schema):
     stiffness: q.CubicStiffness
     """Stiffness; negative softens."""
 
-    @property
-    def linear_stiffness(self) -> float:
-        """N/m, of the linear model: it has no part in it."""
-        return 0.0
+    linear_stiffness: ClassVar[float] = 0.0
+    """N/m, of the linear model: it has no part in it."""
 
 
 class PiecewiseLinearSpring(Schema):
@@ -637,10 +635,8 @@ class OfHinge(Schema):
         """Those of the hinge."""
         return self._places
 
-    @property
-    def probed_places(self) -> tuple[AtPlace, ...]:
-        """None: a probe records displacements."""
-        return ()
+    probed_places: ClassVar[tuple[AtPlace, ...]] = ()
+    """None: a probe records displacements."""
 
     def placed(self, name: str, places: tuple[AtPlace, ...]) -> Self:
         """The same under a name, at the places of its hinge."""
@@ -722,10 +718,8 @@ class RigidJoint(Joint):
     kind: Literal["rigid"] = "rigid"
     """Holds deflection and slope."""
 
-    @property
-    def turns_against(self) -> bool:
-        """Always."""
-        return True
+    turns_against: ClassVar[bool] = True
+    """Always."""
 
 
 class _Turning(Joint):

@@ -153,10 +153,8 @@ class DistributedLoad(Schema):
 
     acts_on: ClassVar[str] = ""
 
-    @property
-    def places(self) -> tuple[AtPlace, ...]:
-        """None: it acts at no point."""
-        return ()
+    places: ClassVar[tuple[AtPlace, ...]] = ()
+    """None: it acts at no point."""
 
     @property
     def ends(self) -> tuple[WrittenPosition, WrittenPosition] | None:

@@ -416,10 +416,8 @@ class Shock(Driven):
         """How often its level may be integrated from an acceleration of the base without jumps of the velocity."""
         return 0
 
-    @property
-    def shock(self) -> bool:
-        """It is one."""
-        return True
+    shock: ClassVar[bool] = True
+    """It is one."""
 
     @property
     def highest_frequency_hz(self) -> float:
@@ -664,10 +662,8 @@ class RandomInput(Driven):
         if isinstance(self.seed, str) and self.amplitudes != "random":
             raise Unfit("blends inputs of random amplitudes", "write amplitudes: random", ("seed",))
 
-    @property
-    def stationary(self) -> bool:
-        """It is."""
-        return True
+    stationary: ClassVar[bool] = True
+    """It is."""
 
     @property
     def highest_frequency_hz(self) -> float:
@@ -702,10 +698,8 @@ class MatchedInput(Driven):
     seed: q.NotNegativeWhole = 0
     """Seed of the times and signs of its wavelets: the same seed gives the same record."""
 
-    @property
-    def shock(self) -> bool:
-        """It leaves a free motion."""
-        return True
+    shock: ClassVar[bool] = True
+    """It leaves a free motion."""
 
     @property
     def highest_frequency_hz(self) -> float:

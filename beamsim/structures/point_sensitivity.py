@@ -132,7 +132,8 @@ def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -
             along = {(*base, *path)}
             if len(path) == 1 and path[0] in body.sides:
                 along |= _at_edge(scenario, body.name, body.sides.index(str(path[0])))
-                along |= {(*base, *bound) for bound in _bounds(scenario.all_bodies[body.name])}
+                segments = getattr(scenario.all_bodies[body.name], "segments", ())
+                along |= {(*base, "segments", i, key) for i, _ in enumerate(segments) for key in ("from", "to")}
             yield (*base, *path), along
     for place, path in zip(contact.item.places, contact.item.place_paths, strict=True):
         for axis in range(len(sides[place.body or contact.body])):
@@ -165,10 +166,6 @@ def _numbers(section: Any) -> Iterator[Path]:
                 bound = "segments" in place and place[-1] in ("from", "to")
                 if isinstance(number, (float, Share)) and number not in (0.0, Share(0.0)) and not bound:
                     yield place
-
-
-def _bounds(section: Any) -> list[Path]:
-    return [("segments", i, key) for i, _ in enumerate(getattr(section, "segments", ())) for key in ("from", "to")]
 
 
 def _mode(model: Structure, row: Floats, squared: float) -> tuple[Floats, float]:
