@@ -244,10 +244,6 @@ class PlacedForce(Sited):
     """The force, positive upwards (towards positive displacement)."""
 
 
-class ConstantForce(PlacedForce):
-    """A dead load at a point."""
-
-
 Translation = Literal["acceleration", "velocity", "displacement"]
 Rotation = Literal["angular_acceleration", "angular_velocity", "rotation"]
 

@@ -446,7 +446,7 @@ class FrictionCoefficients(Schema):
     """Coefficient up to which the contact sticks."""
     sliding: q.Ratio
     """Coefficient while it slides; not above the static one."""
-    stribeck_speed: Annotated[float, q.Quantity(units.VELOCITY, above=0.0)] | None = None
+    stribeck_speed: q.Speed | None = None
     """Speed of sliding from which on the coefficient is that; it falls to it in a straight line from the static one. By
     default it falls at once."""
 

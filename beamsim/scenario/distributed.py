@@ -8,7 +8,7 @@ from pydantic import Field, Tag
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants
-from beamsim.scenario.body import AtPlace, Body, ConstantForce, WrittenPosition
+from beamsim.scenario.body import AtPlace, Body, PlacedForce, WrittenPosition
 
 Row = Annotated[tuple[q.Coefficient, ...], Field(min_length=1)]
 Grid = Annotated[tuple[Row, ...], Field(min_length=1)]
@@ -222,7 +222,4 @@ class DeadPressure(AreaLoad):
     """Pressure, positive upwards; with a shape its factor."""
 
 
-AnyDeadLoad = Annotated[
-    ConstantForce | DeadLineLoad | DeadPressure,
-    BY_FORM,
-]
+AnyDeadLoad = Annotated[PlacedForce | DeadLineLoad | DeadPressure, BY_FORM]

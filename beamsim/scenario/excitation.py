@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
@@ -12,7 +11,6 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
-from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedStop, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
@@ -671,9 +669,8 @@ class RandomInput(Driven):
         return self.psd[-1].frequency
 
 
-PositiveAcceleration = Annotated[float, q.Quantity(replace(units.ACCELERATION, example="20 g"), above=0.0)]
 ShockCurve = Annotated[
-    Annotated[tuple[tuple[q.Frequency, PositiveAcceleration], ...], AtLeastTwo] | q.FileName, BY_FORM
+    Annotated[tuple[tuple[q.Frequency, q.PositiveAcceleration], ...], AtLeastTwo] | q.FileName, BY_FORM
 ]  # fmt: skip
 
 
@@ -691,7 +688,7 @@ class MatchedInput(Driven):
     srs: ShockCurve
     """Maximax absolute acceleration over natural frequency: pairs, [[100 Hz, 20 g], [2 kHz, 500 g]], or a CSV file with
     two columns; log-log interpolation between them."""
-    quality: Annotated[float, q.Quantity(replace(units.NUMBER, example="10"), above=0.5)] = 10.0
+    quality: q.Quality = 10.0
     """Quality factor Q = 1 / (2 damping ratio) of the oscillators of the curve, above that of critical damping."""
     duration: q.Duration
     """Duration of the record, at least 1.5 cycles of the lowest frequency; it begins and ends at rest."""

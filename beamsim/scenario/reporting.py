@@ -10,7 +10,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants, within
 from beamsim.scenario.body import Body, Sited
-from beamsim.scenario.excitation import About, AtLeastTwo, PositiveAcceleration, ShockCurve, check_curve, point_of
+from beamsim.scenario.excitation import About, AtLeastTwo, ShockCurve, check_curve, point_of
 from beamsim.scenario.units import Dimension
 
 
@@ -147,7 +147,7 @@ OutputLimit = Annotated[
 ForceLimit = Annotated[q.PositiveForce | dict[q.Name, q.PositiveForce], BY_FORM]
 MomentLimit = Annotated[q.PositiveMoment | dict[q.Name, q.PositiveMoment], BY_FORM]
 LengthLimit = Annotated[q.Length | dict[q.Name, q.Length], BY_FORM]
-AccelerationLimit = Annotated[PositiveAcceleration | dict[q.Name, PositiveAcceleration], BY_FORM]
+AccelerationLimit = Annotated[q.PositiveAcceleration | dict[q.Name, q.PositiveAcceleration], BY_FORM]
 RatioLimit = Annotated[PositiveRatio | dict[q.Name, PositiveRatio], BY_FORM]
 LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.FORCE_PSD, units.MOMENT_PSD)}
 PositiveDensity = Annotated[

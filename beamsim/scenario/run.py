@@ -148,7 +148,7 @@ class ShockSpectrumSettings(FrequencyRange):
     suitable: ClassVar[str] = "give a range, from 10 Hz to 2 kHz"
     where_it_falls: ClassVar[str] = "exchange the two"
 
-    quality: Annotated[float, q.Quantity(replace(units.NUMBER, example="10"), above=0.5)] = 10.0
+    quality: q.Quality = 10.0
     """Quality factor Q = 1 / (2 damping ratio) of the oscillators, above that of critical damping."""
     per_octave: q.Count = 12
     """Oscillators per octave."""
@@ -170,7 +170,7 @@ class SensitiveParameter(Schema):
     """Path of the number, for example snubbers.tip.gap."""
     also: tuple[q.Text, ...] = ()
     """Other paths that take the same value, such as a probe that moves with a snubber."""
-    tolerance: Annotated[float | str, q.NumberOrText(words=True)] = "1 %"
+    tolerance: q.AnyValue = "1 %"
     """Deviation for which the change of the values is told: in percent of the number, or in the quantity's own unit."""
 
 

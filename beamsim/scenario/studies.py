@@ -15,8 +15,7 @@ from beamsim.scenario.body import Ratios
 from beamsim.scenario.excitation import Excitation, FrequencyRange
 from beamsim.scenario.run import Start
 
-AnyValue = Annotated[float | str, q.NumberOrText(words=True)]
-Aim = Annotated[q.Text | tuple[q.Text, ...] | dict[q.Text, AnyValue], BY_FORM]
+Aim = Annotated[q.Text | tuple[q.Text, ...] | dict[q.Text, q.AnyValue], BY_FORM]
 Spacing = Literal["linear", "logarithmic"]
 LEAST_DATA = 10  # measured values of a number of which a distribution is made
 
@@ -35,7 +34,7 @@ class ListedParameter(_Parameter):
 
     known_by: ClassVar[tuple[str, ...]] = ("values",)
 
-    values: Annotated[tuple[AnyValue, ...], Field(min_length=1)]
+    values: Annotated[tuple[q.AnyValue, ...], Field(min_length=1)]
     """The values, with or without unit; or choices, such as supports."""
 
 
@@ -61,9 +60,9 @@ class _Ranged(_Parameter):
 
     known_by: ClassVar[tuple[str, ...]] = ("from",)
 
-    from_: AnyValue = Field(alias="from")
+    from_: q.AnyValue = Field(alias="from")
     """First value."""
-    to: AnyValue
+    to: q.AnyValue
     """Last value."""
     spacing: Spacing = "linear"
     """Whether the values or their logarithms are evenly spaced, or sampled uniformly."""
@@ -74,7 +73,7 @@ class _Toleranced(_Parameter):
 
     known_by: ClassVar[tuple[str, ...]] = ("tolerance",)
 
-    tolerance: AnyValue
+    tolerance: q.AnyValue
     """Deviation to either side: in percent of the scenario's value, or in the quantity's own unit."""
 
 
@@ -108,7 +107,7 @@ class Scattered(_Parameter):
 
     known_by: ClassVar[tuple[str, ...]] = ("deviation",)
 
-    deviation: AnyValue
+    deviation: q.AnyValue
     """Standard deviation: in percent of the scenario's value, or in the quantity's own unit."""
     distribution: Literal["normal", "lognormal"] = "normal"
     """Lognormal of what cannot be negative, such as a stiffness."""
@@ -119,7 +118,7 @@ class Measured(_Parameter):
 
     known_by: ClassVar[tuple[str, ...]] = ("data",)
 
-    data: Annotated[Annotated[tuple[AnyValue, ...], Field(min_length=LEAST_DATA)] | q.FileName, BY_FORM]
+    data: Annotated[Annotated[tuple[q.AnyValue, ...], Field(min_length=LEAST_DATA)] | q.FileName, BY_FORM]
     """The values, with or without unit; or a file with columns, relative to the scenario's folder, whose headings may
     have units."""
     column: q.Text = "1"
@@ -544,7 +543,7 @@ class MeasuredPeak(Schema):
     """Where it was measured; by default the probe of the test."""
     frequency: q.Frequency | None = None
     """Where in the sweep it was; not given where it is at the jump."""
-    absolute_acceleration: q.PeakAcceleration | None = None
+    absolute_acceleration: q.PositiveAcceleration | None = None
     """How large it is: of an accelerometer."""
     displacement: q.Length | None = None
     """Or, of the displacement relative to the base."""

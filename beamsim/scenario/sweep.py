@@ -423,7 +423,7 @@ class BasePulse(Schema):
 
     kind: Literal["base_pulse"] = "base_pulse"
     """Change of the base's velocity."""
-    to: Annotated[float, q.Quantity(units.VELOCITY, above=0.0)]
+    to: q.Speed
     """Largest change that is tried, either way."""
 
     probe: ClassVar[str] = ""
