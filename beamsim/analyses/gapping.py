@@ -25,7 +25,7 @@ import numpy as np
 from beamsim.analyses.values import of_angles
 from beamsim.fields import dataset, declared
 from beamsim.system.structural import ContactUnits, StructuralSystem
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 _FREQUENCY = ("frequency_hz",)
 AT_ONCE = 1e-6  # levels of contacts that change together, relative
@@ -89,8 +89,7 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None
     """
     contacts, omega = system.dynamics.contacts, 2 * np.pi * np.asarray(frequency_hz)
     phases = contacts.start if phases is None else phases
-    assert system.sine is not None
-    per_unit = system.sine.at(omega) @ system.forcing.load
+    per_unit = not_none(system.sine).at(omega) @ system.forcing.load
     if system.base_acceleration is not None:
         base = -1.0 / omega[:, None] ** 2
         pushed = contacts.dynamic_stiffness(phases, omega)

@@ -30,7 +30,7 @@ from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fit_curve, loop_wid
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasurementError
 from beamsim.system.force_tables import LOOP, read_forces
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,10 +90,7 @@ def pad(
             points = tuple(zip(fitted.deflection.tolist(), fitted.force.tolist(), strict=True))
         loss_factor = of_loop if loss_factor is None else loss_factor
     else:
-        assert modulus is not None
-        assert area is not None
-        assert height is not None
-        stiffness = modulus * (1.0 + 2.0 * shape_factor**2) * area / height
+        stiffness = not_none(modulus) * (1.0 + 2.0 * shape_factor**2) * not_none(area) / not_none(height)
     dashpot = 0.0
     if loss_factor is not None and frequency is not None:
         dashpot = loss_factor * stiffness / (2.0 * math.pi * frequency)

@@ -22,7 +22,7 @@ from beamsim.scenario.connections import (
     has_own_law,
 )
 from beamsim.scenario.distributed import AnyDeadLoad
-from beamsim.scenario.excitation import Excitation, NoExcitation
+from beamsim.scenario.excitation import Excitation, NoExcitation, Sine
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
@@ -93,6 +93,12 @@ class ScenarioParts(Schema):
     def study(self) -> Vary | Optimise | None:
         """The section that asks for many cases."""
         return self.vary or self.optimise
+
+    @property
+    def sine(self) -> Sine:
+        """The excitation of what follows sines."""
+        assert isinstance(self.excitation, Sine)
+        return self.excitation
 
     @property
     def sample_rate(self) -> float:

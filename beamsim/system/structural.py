@@ -13,6 +13,7 @@ from beamsim.contacts.snubbers import SpringInfo
 from beamsim.fields import attribute, declared, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
+from beamsim.scenario import Scenario
 from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.places import Place
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
@@ -115,6 +116,11 @@ class StructuralSystem:
         """(probes,) absolute motion of each for a unit motion of the base; zeros where it is at rest."""
         moving = self.base_acceleration is not None
         return np.array([probe.base_influence if moving else 0.0 for probe in self.probes])
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that it was built from."""
+        return self.assessment.parts.scenario
 
     @property
     def modes(self) -> ModeTable:

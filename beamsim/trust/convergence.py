@@ -29,7 +29,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInStretches
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.scenario import Scenario
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats, Ints, not_none
 
 FREQUENCIES = 6  # natural frequencies that are compared
 SMALLEST_SCALE = 1e-9  # of the largest value of its kind, which a smaller one is compared with
@@ -386,9 +386,8 @@ def _doubtful(result: Result, checked: Convergence, parts: Sequence[Outcome]) ->
 
 def _diverged(result: Result, checked: Convergence) -> Outcome:
     """Which values depend on the motion after the sequences of contacts diverge, and why they do."""
-    times, time, run = checked.sensitivity, checked.diverged_s, result.scenario.run
+    times, time, run = checked.sensitivity, checked.diverged_s, not_none(result.scenario.run)
     figures = tuple(dict.fromkeys(figure_in_words(x.partition(".")[0]) for x in checked.after))
-    assert run is not None
     if not times.sensitive:
         return Outcome.of(
             OutcomeKind.COMPLETE, "contacts_diverge",

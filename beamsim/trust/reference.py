@@ -17,6 +17,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind, never
 from beamsim.system.build import build_system
 from beamsim.trust.convergence import ContactEvents, divergence, places
+from beamsim.typing import not_none
 
 RTOL, ATOL = 1e-8, 1e-12  # by default
 COMPARED = (  # entry of the summary, its name in the comparison and its unit, empty where each place has its own
@@ -65,8 +66,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
     if result.outcome.ended_early:
         return _without(result, f"the run is {result.status}")
     system = build_system(result.scenario)
-    settings = result.scenario.run
-    assert settings is not None
+    settings = not_none(result.scenario.run)
     # where the run itself is integrated, a method of another family
     integrator = "LSODA" if steps_in_time(system, settings) else "DOP853"
     stepped = settings.model_copy(

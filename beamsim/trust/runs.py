@@ -78,7 +78,7 @@ from beamsim.trust.convergence import (
     unchanged,
     with_convergence,
 )
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none, of_kind
 
 WINDOWS = 8  # parts of the motion after the sequences have diverged
 COUNTED = ("contact_share", "contacts")  # of the whole motion; all other values of motions are extremes
@@ -124,8 +124,7 @@ class Model:
         Extremes are those of the continuous motion: a force that a dashpot or a stiff stop makes for an instant lies
         between samples, and chance would decide which part has it.
         """
-        trajectory, system, behind = self.motion.trajectory, self.system, self._filtered
-        assert trajectory is not None
+        trajectory, system, behind = not_none(self.motion.trajectory), self.system, self._filtered
         part, channels = trajectory.between(begin, end), searched(system.channels)
         channels = channels if behind is None else channels.without(ACCELERATION)
         extremes = Observed(part.flow, channels).extremes(part)
@@ -144,8 +143,7 @@ class Model:
     def until(self, end: float) -> Values:
         """The values of the motion up to a time; shares are those of the whole motion's time."""
         values = self.between(0.0, end)
-        shares = values["contact_share"]
-        assert isinstance(shares, dict)
+        shares = of_kind(dict, values["contact_share"])
         return {**values, "contact_share": {name: share * end / self.events.end for name, share in shares.items()}}
 
     @property
@@ -176,8 +174,7 @@ def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> Ru
     """
     begin, shared = clock.perf_counter(), SharedBuilds()
     solution = solved(scenario, progress, stop, shared)
-    assert scenario.run is not None
-    if scenario.run.convergence == "off":
+    if not_none(scenario.run).convergence == "off":
         return with_convergence(solution.result, Convergence(reason=NOT_ASKED))
     result = solution.result
     if not solution.motion.outcome.complete or result.outcome.interrupted:
@@ -206,8 +203,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     -------
     Convergence
     """
-    begin, scenario, settings = processor_time(), solution.scenario, solution.scenario.run
-    assert settings is not None
+    begin, scenario, settings = processor_time(), solution.scenario, not_none(solution.scenario.run)
     first, derived = Model(settings, solution.motion), DerivedValues.of(solution.result)
     disturbed = None if first.motion.trajectory is None else partial(_disturbed, first, stop)
     modes = first.system.kept_modes
@@ -331,9 +327,11 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     ----------
     solution, shared, stop : as of `convergence_of`.
     """
-    scenario, settings, compared_s = solution.scenario, solution.scenario.run, solution.motion.compared_s
-    assert settings is not None
-    assert compared_s is not None
+    scenario, settings, compared_s = (
+        solution.scenario,
+        not_none(solution.scenario.run),
+        not_none(solution.motion.compared_s),
+    )
     same = scenario.excitation.model_copy(
         update={"period": getattr(scenario.excitation, "period", None) or settings.duration}
     )
@@ -476,10 +474,10 @@ class DerivedValues:
             for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
         if self.shock is not None:
-            shock = _of_shock(shock_response(self.scenario, system, motion))
+            shock = _of_shock(shock_response(system, motion))
             for figures in of_parts:
                 figures |= shock
-        ratios = finite(gapping_ratios(gapping_of_sine(self.scenario, system))) if self.gapping else {}
+        ratios = finite(gapping_ratios(gapping_of_sine(system))) if self.gapping else {}
         return [{**figures, "gapping_ratio": ratios} for figures in of_parts]
 
     def parts(self, most: int) -> int:
@@ -502,7 +500,7 @@ class DerivedValues:
             yield {key: SampledRecord(motion.time[inside], x, rate) for key, x in zip(keys, samples.T, strict=True)}
             return
         span = s.start_s, min(s.start_s + s.duration_s, motion.end)
-        records = records_of(self.scenario, system, motion, channels, span)
+        records = records_of(system, motion, channels, span)
         if parts == 1:
             yield dict(zip(keys, records, strict=True))
             return
@@ -513,14 +511,14 @@ class DerivedValues:
     def _statistics(
         self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
     ) -> Iterator[dict[str, float]]:
-        assert self.random is not None
+        random = not_none(self.random)
         channels = system.channels.of_keys(ACCELERATION, DISPLACEMENT, FORCE)
         if isinstance(motion, Histories):
             times, values = motion.time, np.hstack([motion.of(key) for key in (ACCELERATION, DISPLACEMENT, FORCE)])
         else:
             times = self.times[self.times <= motion.end]
             values = Observed(motion.flow, channels).values(motion, times)
-        after = times >= self.random.start_s
+        after = times >= random.start_s
         rate = (times.size - 1) / float(times[-1] - times[0])
         names = (f"{channel.name} {channel.quantity}" for channel in channels.channels)
         signals = dict(zip(names, values[after].T, strict=True))

@@ -242,7 +242,7 @@ def stopped(gap: float, **run: object) -> dict:
 def test_linear_predictions_are_those_of_the_oscillators():
     """Open 10 Hz at 5 %, closed 24.6 Hz with both dashpots; the integral is right to 1e-6."""
     case = load_scenario(stopped(1e-4))
-    predicted = linear_responses(case, build_system(case), np.linspace(0.0, 50.0, 401))
+    predicted = linear_responses(build_system(case), np.linspace(0.0, 50.0, 401))
     of_open, of_closed = ({of: x[f"linear_{state}"] for of, x in predicted.items()} for state in ("open", "closed"))
     for found, stiffness, dashpot in ((of_open, 3947.84, 6.2832), (of_closed, 3947.84 + 2e4, 9.2832)):
         displacement, acceleration = oscillator_deviations(stiffness, dashpot)
@@ -254,13 +254,13 @@ def test_linear_predictions_are_those_of_the_oscillators():
 
 def test_there_is_no_prediction_without_stops_with_cubic_springs_or_undamped():
     plain = load_scenario(OSCILLATOR)
-    assert linear_responses(plain, build_system(plain), np.arange(3.0)) == {}
+    assert linear_responses(build_system(plain), np.arange(3.0)) == {}
     case = stopped(1e-4)
     cubic = {**case["chain"], "springs_to_ground": [{"mass": 1, "kind": "cubic", "stiffness": 1e9}]}
     undamped = {key: value for key, value in case["chain"].items() if key != "dashpots"}
     for chain in (cubic, undamped):
         scenario = load_scenario({**case, "chain": chain})
-        assert linear_responses(scenario, build_system(scenario), np.arange(3.0)) == {}
+        assert linear_responses(build_system(scenario), np.arange(3.0)) == {}
 
 
 def test_crossings_of_levels():

@@ -26,7 +26,7 @@ from beamsim.orbits.steady import largest_exponent, settle, stepper_on, velocity
 from beamsim.outcomes import COMPLETE, Stop, interruption, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts
-from beamsim.typing import Floats
+from beamsim.typing import Floats, of_kind
 
 REACH = 1.15  # how far beyond the frequencies branches are followed, as a ratio
 NEAR = 100.0  # times the tolerance at which motions count as settled: nearer states are of one motion
@@ -81,8 +81,7 @@ class Marches:
     @property
     def settings(self) -> Coexisting:
         """The section."""
-        assert isinstance(self.scenario.sweep, Coexisting)
-        return self.scenario.sweep
+        return of_kind(Coexisting, self.scenario.sweep)
 
     @cached_property
     def model(self) -> ResponseModel:
@@ -94,8 +93,7 @@ class Marches:
     @cached_property
     def flow(self) -> PeriodicFlow:
         """Of that structure at the first of these frequencies."""
-        problem = self.model.problem(self.model.levels[0])
-        assert isinstance(problem, ForcedOrbits)
+        problem = of_kind(ForcedOrbits, self.model.problem(self.model.levels[0]))
         return problem.flow
 
     def flow_at(self, hz: float) -> PeriodicFlow:

@@ -23,7 +23,7 @@ from beamsim.analyses.sweep.result import Envelope, OutputEnvelope, SweepCurve, 
 from beamsim.measurements.channels import unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints, not_none
 
 Detector = Literal["peak", "fundamental", "rms"]
 
@@ -196,8 +196,8 @@ def _channel(
 
 def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, tracking: Tracking) -> MeasuredSignal:
     """What a detector shows of each cycle of a time history; with phases where the excitation was recorded."""
-    assert tracking.begin is not None
-    of = track(curve, signal, tracking.begin)
+    begin = not_none(tracking.begin)
+    of = track(curve, signal, begin)
     if detector != "fundamental":
         if tracking.cycles > 1:
             raise unusable(
@@ -207,7 +207,7 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
         return replace(signal, x=of.frequency_hz, y=of.peak if detector == "peak" else of.rms, of_frequency=True)
     y = of.fundamental
     if tracking.reference is not None:
-        excitation = track(curve, tracking.reference, tracking.begin)
+        excitation = track(curve, tracking.reference, begin)
         some = np.isin(excitation.frequency_hz, of.frequency_hz)
         turned = excitation.fundamental[some]
         # the sweep's excitation is a sine: -i as the amplitude of a cosine

@@ -59,7 +59,7 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Whe
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, HarmonicBalance
 from beamsim.system.equations import ChannelSet
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats, Ints, not_none, of_kind
 
 NO_STABLE_MOTION = "no_stable_motion"
 
@@ -92,8 +92,7 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     """
     begin, processor = clock.perf_counter(), processor_time()
     model = response_model(scenario)
-    settings = scenario.sweep
-    assert isinstance(settings, Continuation)
+    settings = of_kind(Continuation, scenario.sweep)
     grown = progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else 0.8  # of the progress
     branches, folds, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share), stop)
@@ -140,8 +139,7 @@ def _follow_levels(
     KeyboardInterrupt
         Where it was time to stop before any was found.
     """
-    settings = model.scenario.sweep
-    assert isinstance(settings, Continuation)
+    settings = of_kind(Continuation, model.scenario.sweep)
     levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
     branches: list[ResponseBranch] = []
     folds: list[FoldBranch] = []
@@ -168,8 +166,7 @@ def _follow_levels(
 def _warnings(model: ResponseModel, branches: list[ResponseBranch]) -> tuple[str, ...]:
     """What is doubtful in a scenario, its system and the motions."""
     scenario, system = model.scenario, model.system
-    assert isinstance(scenario.sweep, Continuation)
-    by_balance = isinstance(scenario.sweep.method, HarmonicBalance)
+    by_balance = isinstance(of_kind(Continuation, scenario.sweep).method, HarmonicBalance)
     uncertified = by_balance and system.cubic.count and system.dynamics.contacts.count
     return (
         *scenario.warnings,
@@ -181,8 +178,7 @@ def _warnings(model: ResponseModel, branches: list[ResponseBranch]) -> tuple[str
 
 def _outcome(model: ResponseModel, branches: list[ResponseBranch], remarks: Sequence[Outcome]) -> Outcome:
     """How it ended, by the first remark on what is incomplete, and how sure the motions are."""
-    remarks, settings = list(remarks), model.scenario.sweep
-    assert isinstance(settings, Continuation)
+    remarks, settings = list(remarks), of_kind(Continuation, model.scenario.sweep)
     if isinstance(settings.method, HarmonicBalance):
         remarks += _doubt(branches, settings.method, model.followed.unit)
     worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
@@ -246,8 +242,7 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
         parts.append(uncovered)
     failed = [f.shown(part) for t in traced for part in t.outcome.all_of(SEARCH_FAILED)]
     parts += [part for part in failed if not any(part in known.parts for known in parts)]
-    settings = model.scenario.sweep
-    assert isinstance(settings, Continuation)
+    settings = of_kind(Continuation, model.scenario.sweep)
     incomplete = bool(gaps) or settings.side_branches == "required"
     exceeded = budget.exceeded(incomplete=incomplete)
     if exceeded is not None:
@@ -313,10 +308,9 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop
     ResponseBranch
     """
     f, system, problem = model.followed, model.system, traced.problem
-    settings, limits = model.scenario.sweep, model.scenario.limits
-    assert isinstance(settings, Continuation)
+    settings, limits = of_kind(Continuation, model.scenario.sweep), model.scenario.limits
     channels = measured(system, () if limits is None else limits.model_fields_set)
-    measurement = Measurement(system, model.excitation, channels, settings.stored_harmonics)
+    measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics)
     traced, motions = with_maxima(
         traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels), stop
     )
@@ -394,8 +388,7 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
     """Peak displacement of every probe; where there are limits, what they limit, of stable motions."""
 
     def largest_of(value: Value, columns: Ints) -> Callable[[MeasuredMotion], float]:
-        none, of = np.zeros(columns.size), value.of
-        assert of is not None
+        none, of = np.zeros(columns.size), not_none(value.of)
         return lambda m: float(of(np.array([m.low[columns], none, m.high[columns], none])).max())
 
     displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits

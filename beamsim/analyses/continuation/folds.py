@@ -31,7 +31,7 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.special_points import lowest
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.structures.assembly import snubber_site
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none
 
 SecondParameter = Literal["level"] | Callable[[float], tuple[PeriodicFlow, ContactDirection]]
 SETTINGS = Settings(tolerance=1e-9, most_points=600)  # of one curve, in each direction
@@ -216,16 +216,13 @@ def _grazing_at(branch: OrbitBranch, fold: SpecialPoint) -> SpecialPoint | None:
 
 def _present(model: ResponseModel, level: float) -> float:
     """The scenario's own value of the second parameter."""
-    second = model.second
-    assert second is not None
+    second = not_none(model.second)
     if second.kind == "level":
         return level
-    assert second.moved is not None
+    index = not_none(second.moved).index
     if second.kind == "position":
-        index = second.moved.index
         return snubber_site(model.scenario.located_snubbers[index]).coordinate
     contacts = model.system.dynamics.contacts
-    index = second.moved.index
     return float(contacts.gap[index]) if second.kind == "gap" else contacts.laws[index].stiffness
 
 
@@ -251,8 +248,7 @@ def _curve(
     branch: int,
     budget: Budget,
 ) -> FoldBranch:
-    second = model.second
-    assert second is not None
+    second = not_none(model.second)
     present = _present(model, level)
     path: Any = "level" if second.kind == "level" else second.path(orbits.flow)
     low, high = sorted((second.inward(second.first), second.inward(second.last)))
@@ -282,7 +278,7 @@ def _curve(
     # what was followed comes first, so that its points are kept
     followed = joined(*sorted(halves, key=lambda half: not half.points))
     names = [p.name for p in model.system.probes]
-    measurement = Measurement(model.system, model.excitation, model.system.channels.of_keys(DISPLACEMENT))
+    measurement = Measurement(model.system, model.scenario.sine, model.system.channels.of_keys(DISPLACEMENT))
     motions = [measurement.of(followed.problem, point) for point in followed.points]
     peak = np.array([motion.peak for motion in motions]).reshape(-1, len(names))
     points = followed.points

@@ -12,6 +12,7 @@ from beamsim.errors import ScenarioError
 from beamsim.outcomes import Progress, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, FrequencyPath, SweptSine
+from beamsim.typing import not_none, of_kind
 
 
 def swept_overlay(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> dict[str, OverlayCurve] | None:
@@ -33,14 +34,12 @@ def swept_overlay(scenario: Scenario, progress: Progress = None, stop: Stop = ne
     ScenarioError
         Where the structure or the rate cannot be swept, or the sweep ends early.
     """
-    settings = scenario.sweep
-    assert isinstance(settings, Continuation)
-    assert settings.overlay is not None
-    path = settings.parameter
-    assert isinstance(path, FrequencyPath)  # no other is overlaid
+    settings = of_kind(Continuation, scenario.sweep)
+    asked = not_none(settings.overlay)
+    path = of_kind(FrequencyPath, settings.parameter)
     low, high = sorted((path.from_, path.to))
     swept = SweptSine.model_construct(
-        from_=low, to=high, levels=settings.levels, rate=settings.overlay.rate, direction=settings.overlay.direction
+        from_=low, to=high, levels=settings.levels, rate=asked.rate, direction=asked.direction
     )
     result = sweep(scenario.model_copy(update={"sweep": swept, "limits": None}), progress, stop=stop)
     if result.outcome.interrupted:

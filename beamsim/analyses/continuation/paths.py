@@ -26,14 +26,14 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.checks import in_metres, snubber_index
-from beamsim.scenario.excitation import Forces, Harmonic, Sine
+from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, SnubberPath
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
 from beamsim.system.build import build_system, build_with_moving_point
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none, of_kind
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,7 @@ class FollowedParameter:
         """The systems by the unknown, of which a flow is one, and their derivatives by it."""
 
         def at(unknown: float) -> tuple[PeriodicFlow, ContactDirection]:
-            assert self.moved is not None
-            contacts, rates = self.moved(self.outward(unknown))
+            contacts, rates = not_none(self.moved)(self.outward(unknown))
             step = self.last - self.first
             by_unknown = ContactDirection(
                 step * rates.stiffness, step * rates.dashpot, step * rates.gap, step * rates.shape
@@ -101,12 +100,6 @@ class ResponseModel:
     frequency_hz: float  # of the excitation, where it is held
     levels: tuple[float, ...]
 
-    @property
-    def excitation(self) -> Sine:
-        """What drives the motions."""
-        assert isinstance(self.scenario.excitation, Harmonic | Forces)
-        return self.scenario.excitation
-
     def problem(self, level: float) -> ForcedOrbits | ForcedBalance:
         """Motions along the parameter, by the method that is asked for.
 
@@ -114,8 +107,7 @@ class ResponseModel:
         ------
         ScenarioError : where the snubbers' law is beyond harmonic balance, or does not go with cubic springs.
         """
-        f, settings = self.followed, self.scenario.sweep
-        assert isinstance(settings, Continuation)
+        f, settings = self.followed, of_kind(Continuation, self.scenario.sweep)
         hz = f.first if f.kind == "frequency" else self.frequency_hz
         parameter: Literal["frequency", "level"] = "frequency" if f.kind == "frequency" else "level"
         if isinstance(settings.method, HarmonicBalance):
@@ -189,10 +181,8 @@ def response_model(scenario: Scenario) -> ResponseModel:
     shape_at = None
     if moving:
         ends = [x for p in moving for x in (p.from_, p.to)]
-        index = snubber_index(scenario, moving[0])
-        assert index is not None
-        site = snubber_site(scenario.located_snubbers[index])
-        assert isinstance(site, Place)
+        index = not_none(snubber_index(scenario, moving[0]))
+        site = of_kind(Place, snubber_site(scenario.located_snubbers[index]))
         system, shape_at = build_with_moving_point(
             forced, replace(site, point=min(ends)), replace(site, point=max(ends))
         )
@@ -215,8 +205,7 @@ def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, 
     points_at = tuple(map(float, path.points_at))
     if not isinstance(path, SnubberPath):
         return FollowedParameter(path.kind, first, last, unit or scenario.level_unit or "1", points_at)
-    index = snubber_index(scenario, path)
-    assert index is not None
+    index = not_none(snubber_index(scenario, path))
     snubber: Any = scenario.all_snubbers[index]
     damping = snubber.damping
     ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
@@ -248,18 +237,16 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
 
     The excitation's own quantity is what stays the same: a base acceleration held moves the base by ``A / omega^2``.
     """
-    excitation = scenario.excitation
-    assert isinstance(excitation, Harmonic | Forces)
-    assert system.sine is not None
+    excitation, factors = scenario.sine, not_none(system.sine)
     omega, held = 2 * np.pi * excitation.frequency, power_of(excitation.quantity)
     sine = sine_of(excitation, omega, 1.0)
-    force = system.forcing.load * (sine * system.sine.at(np.array([omega]))[0])[:, None]
+    force = system.forcing.load * (sine * factors.at(np.array([omega]))[0])[:, None]
     moves = system.forcing.base_displacement is not None
     count, base = force.shape[0], int(moves)  # the base moves with a load of its own, which is no force
     return PeriodicForcing(
         np.ones(count + base, dtype=np.int64),
         np.pad(force, ((0, base), (0, 0))),
-        np.append(held + system.sine.power, np.zeros(base)),
+        np.append(held + factors.power, np.zeros(base)),
         np.append(np.zeros(count), np.full(base, -sine / omega**2)),
         np.append(np.zeros(count), np.full(base, held - 2.0)),
         omega,
@@ -308,8 +295,7 @@ class MovedContact:
                 raise ArithmeticError("the stiffness became negative")
             stiffness, rates.stiffness[i] = value, 1.0
         else:
-            assert self.shape_at is not None
-            shape[i], rates.shape[i] = self.shape_at(value)
+            shape[i], rates.shape[i] = not_none(self.shape_at)(value)
         if self.damping_ratio is not None and self.quantity != "gap":
             omega, k, phi = np.sqrt(self.omega_squared), stiffness, shape[i]
             c_i = dashpot_from_ratio(self.damping_ratio, k, omega, phi, self.rigid)

@@ -131,7 +131,7 @@ class CaseSolver:
         if analysis == "run" and gives_figures(scenario):
             asked = entries_of(self.study.asked, scenario)
             system = build_system(scenario, self.shared, recovered=needs_recovery(asked))
-            figures, outcome = asked_figures(system, scenario, asked, self.stop)
+            figures, outcome = asked_figures(system, asked, self.stop)
             return run_responses(figures), outcome, {}
         kind = analysis if analysis in KINDS else "sweep"
         result: Any = named(KINDS[kind].analysis)(scenario, stop=self.stop)

@@ -23,7 +23,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import Unfit, path_text
 from beamsim.scenario.parameters import VariedParameter, read_as
 from beamsim.scenario.studies import LEAST_DATA, Measured, RandomParameter, Reliability, Scattered
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Bools, Floats, of_kind
 
 FAILED = -1.0  # of the limit state: a history without result counts as one that exceeds the limits
 SHIFT = 1e-4  # of a standard deviation, for derivatives
@@ -111,8 +111,7 @@ class Exceedance:
     """
 
     def __init__(self, plan: DesignPlan, evaluate: Evaluator) -> None:
-        vary = plan.scenario.vary
-        assert isinstance(vary, Reliability)
+        vary = of_kind(Reliability, plan.scenario.vary)
         self.plan, self.vary, self.scatter = plan, vary, Scatter(plan, vary)
         self.noise = plan.scenario.excitation.kind == "random"
         self.method = vary.method or ("subset" if self.noise else "importance_sampling")

@@ -20,7 +20,7 @@ from beamsim.errors import ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.parameters import Value
 from beamsim.scenario.studies import Optimise
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none
 
 BY_EVOLUTION = 0.75  # of the cases that are allowed; the rest is for the local search
 STARTS = 4  # of the local search, from the best designs that lie apart
@@ -42,8 +42,7 @@ def search(plan: DesignPlan, evaluate: Evaluator) -> Outcome:
     Outcome
         Complete, or why the best design is in doubt.
     """
-    settings = plan.scenario.optimise
-    assert settings is not None
+    settings = not_none(plan.scenario.optimise)
     first = evaluate([plan.cases[0].values])[0][0]
     for name in (name for aim in objectives(plan.scenario) for name, _ in aim.terms):
         if first.outcome.complete and not any(means(name, known) for known in first.values):

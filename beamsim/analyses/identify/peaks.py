@@ -38,7 +38,7 @@ from beamsim.scenario.loading import describe
 from beamsim.scenario.studies import SweepTest
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
-from beamsim.typing import Floats
+from beamsim.typing import Floats, of_kind
 
 _EXACT = Settings(iterations=15)
 _NEAR = 2e-2  # of a known feature, likewise, within which one of a neighbouring model is looked for
@@ -276,9 +276,7 @@ class SweptPeaks(Test):
 
     def case(self, scenario: Scenario) -> Scenario:
         """The scenario at the level of this test."""
-        harmonic, test = scenario.excitation, fit_of(scenario).tests[self.number]
-        assert isinstance(harmonic, Harmonic)
-        assert isinstance(test, SweepTest)
+        harmonic, test = of_kind(Harmonic, scenario.excitation), of_kind(SweepTest, fit_of(scenario).tests[self.number])
         level = self.test.level if test.file else test.level
         return scenario.model_copy(update={"excitation": harmonic.at(test.to, level), "run": None})
 
@@ -295,16 +293,14 @@ class SweptPeaks(Test):
             numbers += [] if peak.frequency is None else [top.point.parameter / (2 * np.pi)]
             numbers.append(float(curve.heights(top.point)[k]))
         multipliers, (flow, passage) = curve.orbits.multipliers(tops[0].point), curve.orbits.cycle(tops[0].point)
-        assert isinstance(flow, VariationalFlow)
         bandwidth = -float(np.log(np.abs(multipliers).max())) / (np.pi * passage.duration)
-        touching, motion = passage.event_time.size > 0, motion_on(flow.exact, passage)
+        touching, motion = passage.event_time.size > 0, motion_on(of_kind(VariationalFlow, flow).exact, passage)
         system = curve.measurement.system
         return SweepPrediction(system, motion, touching, curve, jump, tops, np.array(numbers), bandwidth)
 
     def _curve(self, case: Scenario, shared: SharedBuilds) -> _Curve:
         """The branch of a case and what is measured along it."""
-        system, harmonic = build_system(case, shared, recovered=False), case.excitation
-        assert isinstance(harmonic, Harmonic)
+        system, harmonic = build_system(case, shared, recovered=False), of_kind(Harmonic, case.excitation)
         if system.cubic.count:
             raise UnpredictableError("cubic springs have no exact flow")
         omega, loads = 2 * np.pi * harmonic.frequency, periodic_forcing(case, system)

@@ -35,7 +35,7 @@ from beamsim.scenario.studies import NonlinearFit, TransientTest
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none, of_kind
 
 MOST_EVENTS = 20_000  # of a transient, in a fit
 SOUGHT_SHARE = 0.1  # of the compared duration, by which a motion may begin sooner or later than stated
@@ -187,8 +187,7 @@ class Transient(Test):
 
     def case(self, scenario: Scenario) -> Scenario:
         """The scenario under the excitation and from the start of this test."""
-        test, run = fit_of(scenario).tests[self.number], scenario.run
-        assert isinstance(test, TransientTest)
+        test, run = of_kind(TransientTest, fit_of(scenario).tests[self.number]), scenario.run
         start = test.start or ("static_equilibrium" if run is None else run.start)
         excitation = scenario.excitation if test.excitation is None else test.excitation
         case = scenario.model_copy(update={"excitation": excitation, "run": Run(duration=self.duration, start=start)})
@@ -292,7 +291,4 @@ class Transient(Test):
 
 def fit_of(scenario: Scenario) -> NonlinearFit:
     """The section with the tests, where there is one."""
-    section = scenario.identify_stiffness
-    assert section is not None
-    assert section.nonlinear is not None
-    return section.nonlinear
+    return not_none(not_none(scenario.identify_stiffness).nonlinear)

@@ -39,7 +39,7 @@ from beamsim.structures.secular import SpringPoint
 from beamsim.structures.structure import LoadPattern
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none
 
 _HZ = 2 * np.pi
 _NARROWEST = 1e-3  # the curves cover the identified stiffness times this factor to divided by it
@@ -610,8 +610,8 @@ def _table_slope(
             "below, and a vibration is on both"
         )
     path, _, item, _ = scenario.located_snubber(snubber)
-    assert item.table is not None
-    table = item.table.model_copy(update={"scale": factor * item.table.scale})
+    table = not_none(item.table)
+    table = table.model_copy(update={"scale": factor * table.scale})
     scaled = with_values(scenario, {(*path, "force_deflection"): table})
     if 0.0 < stiffness < np.inf:
         rest = _rest_on_table(scaled, snubber)

@@ -55,7 +55,7 @@ from beamsim.scenario.studies import IdentifyStiffness, NonlinearFit, SteadyTest
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
 from beamsim.system.parts import SharedBuilds
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, not_none, of_kind
 
 
 def fit_nonlinear(
@@ -87,8 +87,7 @@ def fit_nonlinear(
         or there is no steady vibration with the initial values of the scenario.
     """
     begin = processor_time()
-    nonlinear = section.nonlinear
-    assert nonlinear is not None
+    nonlinear = not_none(section.nonlinear)
     tests = _tests(scenario, nonlinear, signals)
     scenario = _prepared(scenario, tests)
     vibrations = _Vibrations(tests, scenario, sought_numbers(scenario, nonlinear.estimate)[0])
@@ -261,9 +260,10 @@ class _Steady(Test):
 
     def case(self, scenario: Scenario) -> Scenario:
         """The scenario under the excitation of this test."""
-        harmonic, test = scenario.excitation, fit_of(scenario).tests[self.number]
-        assert isinstance(harmonic, Harmonic)
-        assert isinstance(test, SteadyTest)
+        harmonic, test = (
+            of_kind(Harmonic, scenario.excitation),
+            of_kind(SteadyTest, fit_of(scenario).tests[self.number]),
+        )
         return scenario.model_copy(update={"excitation": harmonic.at(self.frequency_hz, test.level), "run": None})
 
     def predicted(self, case: Scenario, near: Any, shared: SharedBuilds) -> SteadyVibration:
@@ -668,9 +668,8 @@ def steady_vibration(
     system = build_system(scenario, shared, recovered=False)
     if system.cubic.count:
         raise UnpredictableError("cubic springs have no exact flow")
-    assert isinstance(scenario.excitation, Harmonic)
-    omega = 2 * np.pi * scenario.excitation.frequency
-    flow = VariationalFlow(system.dynamics, periodic_forcing(scenario, system), omega, scenario.excitation.level)
+    omega = 2 * np.pi * scenario.sine.frequency
+    flow = VariationalFlow(system.dynamics, periodic_forcing(scenario, system), omega, scenario.sine.level)
     problem = ForcedOrbits(flow, "level", multiple=multiple)
     try:
         fits = guess is not None and guess.size == flow.size
@@ -708,11 +707,10 @@ def _unreached(scenario: Scenario, numbers: Sequence[Sought], penetration: Float
     for index, number in enumerate(numbers):
         if len(number.places) > 1 or number.places[0][-3:-1] != ("force_deflection", "segment_factors"):
             continue
-        *path, _, _, segment = number.places[0]
+        *path, _, _, last = number.places[0]
+        segment = of_kind(int, last)
         contacts = [j for j, located in enumerate(scenario.located_snubbers) if located.path == tuple(path)]
-        curve = curves_of(scenario)[contacts[0]]
-        assert curve is not None
-        assert isinstance(segment, int)
+        curve = not_none(curves_of(scenario)[contacts[0]])
         if curve.slopes[segment] == 0.0:
             raise ScenarioError.at(
                 "identify_stiffness.nonlinear.estimate",

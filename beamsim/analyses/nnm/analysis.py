@@ -42,6 +42,7 @@ from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.sweep import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
+from beamsim.typing import not_none
 
 RequestedPoint = tuple[int, Wanted, BranchPoint]  # number of its branch, what was asked for, and the point
 
@@ -118,8 +119,7 @@ def nnm(
         work.left_out.append("the search for special points")
     branches = _branches(system, job, work, special)
     branches, shown, point = _with_motion(system, branches, work.full_period or followed)
-    motion = branches[shown].motion
-    assert motion is not None
+    motion = not_none(branches[shown].motion)
     resonance = None
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):
         resonance = hold_mode(
@@ -176,17 +176,17 @@ class _MethodResults:
 
 
 def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
-    assert scenario.nnm is not None
+    settings = not_none(scenario.nnm)
     for name in compare:
         if name not in COMPARISONS:
             raise ValueError(f"no comparison with {name}; there are {', '.join(COMPARISONS)}")
-        if scenario.nnm.continue_in.kind != "stiffness_factor":
+        if settings.continue_in.kind != "stiffness_factor":
             raise ScenarioError.at(
                 "nnm.continue_in.kind",
-                f"= {scenario.nnm.continue_in.kind}, but {name} goes in the stiffness factor",
+                f"= {settings.continue_in.kind}, but {name} goes in the stiffness factor",
                 "use continue_in: {kind: stiffness_factor, from: 0, to: 1}, or leave out the comparison",
             )
-    if scenario.nnm.method.kind == "multiple_scales" and "relaxed_minimisation" in compare:
+    if settings.method.kind == "multiple_scales" and "relaxed_minimisation" in compare:
         raise ScenarioError.at(
             "nnm.method",
             "= multiple_scales follows no backbone to compare relaxed minimisation with",
@@ -203,8 +203,8 @@ def _followed(
     stop: Stop,
 ) -> _MethodResults:
     """Exact motions first, then what is compared with them."""
-    assert scenario.nnm is not None
-    solver = scenario.nnm.method
+    settings = not_none(scenario.nnm)
+    solver = settings.method
     begin = processor_time()
     if solver.kind == "multiple_scales":
         return _near_expansion(scenario, system, job)
@@ -222,7 +222,7 @@ def _followed(
             job, work.followed, work.processor_time_s, steps, system.deflection, progress, stop
         )
     if "multiple_scales" in compare and work.goes_on("the expansion", stop):
-        path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
+        path = expansion_path(system, job.mode + 1, settings.energy, largest=job.last)
         work.expansion = compare_expansion(system, path, exact_points(system, path, work.followed))
     return work
 
@@ -231,8 +231,7 @@ def _with_points(
     scenario: Scenario, job: ModePath, followed: ModeBranches
 ) -> tuple[ModeBranches, list[RequestedPoint]]:
     """The branches with points at the energies and frequencies asked for; the outcome names what none passes."""
-    settings = scenario.nnm
-    assert settings is not None
+    settings = not_none(scenario.nnm)
     if not (settings.energies or settings.frequencies):
         return followed, []
     problem = followed.problem
@@ -285,8 +284,7 @@ def _requested(result: NormalModeResult, work: _MethodResults) -> list[dict[str,
 
 def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath) -> _MethodResults:
     """The expansion at small factors and the exact motions beside it, from the linear mode on."""
-    assert scenario.nnm is not None
-    path = expansion_path(system, job.mode + 1, scenario.nnm.energy, largest=job.last)
+    path = expansion_path(system, job.mode + 1, not_none(scenario.nnm).energy, largest=job.last)
     begin = processor_time()
     orbits, exact = exact_points(system, path)
     linear = solve_at(orbits, linear_mode(orbits, job.mode, 0.0, job.away_from), Settings(), 0.0)

@@ -22,7 +22,7 @@ from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, never,
 from beamsim.scenario import Scenario
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none
 
 POINTS = 100  # of a backbone
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
@@ -338,8 +338,7 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
     ScenarioError
         Where the mode doesn't exist, or nothing would change along the path.
     """
-    settings = scenario.nnm
-    assert settings is not None
+    settings = not_none(scenario.nnm)
     mode = flexible_mode(system, settings.mode)
     contacts = system.dynamics.contacts.split()
     parameter = settings.continue_in

@@ -45,7 +45,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none, of_kind
 
 SCALED_POINTS = 25  # of a backbone whose motions are all alike
 ATTEMPTS = 8  # at other levels, to come to one by way of them
@@ -231,11 +231,8 @@ def hold_mode(
     ScenarioError
         Where the force acts at a node, nothing is damped, or a level lies beyond the backbone.
     """
-    settings, excitation = scenario.nnm, scenario.excitation
-    assert settings is not None
-    assert isinstance(excitation, Harmonic)
-    section = settings.phase_resonance
-    assert section is not None
+    settings, excitation = not_none(scenario.nnm), of_kind(Harmonic, scenario.excitation)
+    section = not_none(settings.phase_resonance)
     damped = build_system(scenario.model_copy(update={"run": None}))
     factor = orbits.split(points[-1].u)[2]
     loads, unit = periodic_forcing(scenario, damped), scenario.level_unit or "1"

@@ -27,7 +27,7 @@ from beamsim.fields import (
 from beamsim.outcomes import Outcome
 from beamsim.structures.stations import Stations
 from beamsim.system.modes import ModeTable
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 SAFELY = 3.0  # factors this much below the expansion's reach count as small
 UNITS = {"stiffness_factor": "1", "energy": "J", "frequency": "Hz"}
@@ -315,8 +315,7 @@ class NormalModeResult(Result):
     @property
     def motion(self) -> OrbitMotion:
         """The motion that is drawn."""
-        motion = self.branches[self.motion_branch].motion
-        assert motion is not None
+        motion = not_none(self.branches[self.motion_branch].motion)
         return motion
 
     @property

@@ -36,7 +36,7 @@ from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none
 
 if TYPE_CHECKING:
     from beamsim.scenario.run import ShockSpectrumSettings
@@ -110,26 +110,26 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
             left_out.append(to)
         return not left_out
 
-    spectra = spectra_of(scenario, system, motion) if goes_on("the spectra") else {}
+    spectra = spectra_of(motion) if goes_on("the spectra") else {}
     result = RunResult(
         scenario=scenario,
         method=motion.method,
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
-        contact=contact_instant(system, motion),
+        contact=contact_instant(motion),
         base_unit="rad" if any(each.on_base and each.rotates for _, each in scenario.excitation.items) else "m",
         events=motion.events,
         spectra=spectra,
-        **history_fields(scenario, system, motion, histories),
-        **bodies_of_run(scenario, system, motion),
+        **history_fields(motion, histories),
+        **bodies_of_run(motion),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
     )
-    warnings = _warnings(scenario, system, motion)
+    warnings = _warnings(motion)
     warnings += coverage_notes(system, spectra, closed_form=motion.trajectory is not None)
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
-    summary = summary_of_run(scenario, system, motion, spectra, stop)
-    warnings += jump_warnings(scenario, system, motion, summary["peak_acceleration_g"])
+    summary = summary_of_run(motion, spectra, stop)
+    warnings += jump_warnings(motion, summary["peak_acceleration_g"])
     fields, notes = _asked_for(result, settings, system, motion, histories, goes_on, shared)
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     if left_out and result.complete:
@@ -150,8 +150,9 @@ def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, Run, Str
     return scenario, scenario.run, build_system(scenario, shared)
 
 
-def _warnings(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> list[str]:
+def _warnings(motion: RunMotion) -> list[str]:
     """What is doubtful in a scenario, its system and the motion."""
+    system, scenario = motion.system, motion.system.scenario
     probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes.get(DISPLACEMENT, NO_EXTREMES))
     snubbers = [snubber.name for snubber in system.snubbers]
     compression = by_name(snubbers, motion.extremes[PENETRATION][2]) if snubbers else {}
@@ -159,7 +160,7 @@ def _warnings(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -
         *scenario.warnings,
         *system.warnings,
         *motion.warnings,
-        *pull_warnings(scenario, system, motion),
+        *pull_warnings(motion),
         *compressed_beyond_tables(scenario, compression),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
     ]
@@ -202,14 +203,14 @@ def _asked_for(
         fields["fatigue"] = damage
         notes += fatigue_doubts(damage, settings.fatigue)
     if settings.srs is not None and goes_on("shock response spectra"):
-        fields["srs"] = shock_response(scenario, system, motion.trajectory or histories)
+        fields["srs"] = shock_response(system, motion.trajectory or histories)
         notes += [] if closed_form else _coarse_samples(histories.time, settings.srs)
     if settings.sensitivities and goes_on("sensitivities"):
         from beamsim.analyses.run.sensitivities import sensitivities_of
 
         fields["sensitivities"], said = sensitivities_of(scenario, system, motion, shared)
         notes += said
-    fields["matched"] = matched_spectrum(scenario, system)
+    fields["matched"] = matched_spectrum(system)
     if (matched := fields["matched"]) is not None and (worst := float(np.abs(matched.misfit_db).max())) > MISFIT_DB:
         notes.append(
             f"excitation.srs: the record is up to {worst:.1f} dB from the curve: give another seed, another duration, "
@@ -229,22 +230,20 @@ def _coarse_samples(time: Floats, settings: ShockSpectrumSettings) -> list[str]:
     ]
 
 
-def jump_warnings(
-    scenario: Scenario, system: StructuralSystem, motion: RunMotion, peak_g: Mapping[str, float]
-) -> list[str]:
+def jump_warnings(motion: RunMotion, peak_g: Mapping[str, float]) -> list[str]:
     """A warning for each probe at a dashpot whose acceleration jumps at touch-down by what grows with the modes.
 
     Parameters
     ----------
-    scenario, system, motion : of the run.
+    motion : of the run.
     peak_g : peak acceleration of every probe, g.
 
     Returns
     -------
     One sentence a probe and snubber.
     """
-    assert scenario.run is not None
-    if motion.trajectory is None or not scenario.has_mesh or scenario.run.low_pass is not None:
+    system, scenario = motion.system, motion.system.scenario
+    if motion.trajectory is None or not scenario.has_mesh or not_none(scenario.run).low_pass is not None:
         return []
     largest = None
     order = np.argsort(system.dynamics.stiffness, kind="stable")
@@ -272,8 +271,7 @@ def jump_warnings(
 
 def _touch_down_forces(motion: RunMotion) -> Floats:
     """(m,) N, the largest force with which each contact is made."""
-    trajectory = motion.trajectory
-    assert trajectory is not None
+    trajectory = not_none(motion.trajectory)
     made = trajectory.event_closing
     contact = trajectory.event_contact[made]
     forces = trajectory.sample(trajectory.event_time[made], trajectory.flow.contact_forces)

@@ -28,7 +28,7 @@ from beamsim.structures.stations import IN_PLANE, StationPart, Stations
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds, reduced_parts
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Floats, Ints, not_none
 
 PLATE_LINES, PLATE_POINTS = 5, 33
 FRAMES = 160
@@ -111,9 +111,8 @@ def frames_of_run(
     """
     scenario, (system, shared) = _solved(result, model)
     times, slow = instants(result)
-    assert scenario.run is not None
     until = {"duration": max(float(times[-1]), 1e-9), "low_pass": None, "srs": None}
-    motion = motion_of(system, scenario.run.model_copy(update=until), times, progress, never)
+    motion = motion_of(system, not_none(scenario.run).model_copy(update=until), times, progress, never)
     known = motion.sampled()
     times, slow = known.time, slow[: known.time.size]
     q = np.array([motion.state_at(float(t))[: system.dynamics.size] for t in times])

@@ -21,14 +21,14 @@ from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.system.structural import StructuralSystem
+from beamsim.typing import not_none
 
 _PLACE = "largest_bending_stress_position_m"
 
 
 def gives_figures(scenario: Scenario) -> bool:
     """Whether `asked_figures` finds the figures of a run: it is in closed form, unfiltered, and of this model alone."""
-    settings = scenario.run
-    assert settings is not None
+    settings = not_none(scenario.run)
     in_closed_form = settings.method != "reference" and all(s.item.kind != "cubic" for s in scenario.nonlinear_springs)
     of_curves = scenario.limits is not None and any(scenario.limits.given_curves())
     plain = settings.low_pass is None and settings.convergence != "on" and not of_curves
@@ -50,10 +50,7 @@ def _values(asked: Collection[str]) -> list[Value]:
 
 
 def asked_figures(
-    system: StructuralSystem,
-    scenario: Scenario,
-    asked: Collection[str],
-    stop: Stop = never,
+    system: StructuralSystem, asked: Collection[str], stop: Stop = never
 ) -> tuple[dict[str, Any], Outcome]:
     """Some entries of the summary of a run, and its outcome.
 
@@ -61,8 +58,7 @@ def asked_figures(
 
     Parameters
     ----------
-    system : of the scenario.
-    scenario : for which `gives_figures`.
+    system : of a scenario for which `gives_figures`.
     asked : entries of `beamsim.analyses.values.VALUES`; what the system does not have (a stress, snubbers) is left out.
     stop : asked between blocks of events whether to end.
 
@@ -76,37 +72,34 @@ def asked_figures(
     ScenarioError
         If the input has too many pieces, see `beamsim.analyses.run.exact_motion.motion_in_stretches`.
     """
-    settings = scenario.run
-    assert settings is not None
+    settings = not_none(system.scenario.run)
     motion = exact_motion_of(system, settings, np.zeros(0), None, stop, values=_values(asked))
     found = {**figures_of_motion(motion), "energy_error": motion.balance.error}
     if STRESS in motion.extremes and system.stress is not None:
         found[_PLACE] = float(system.stress.stations.position[largest(motion.extremes[STRESS]).argmax()])
     if motion.outcome.complete:
-        found |= _root_mean_squares(system, scenario, motion, asked)
+        found |= _root_mean_squares(motion, asked)
     if "gapping_ratio" in asked:
-        found["gapping_ratio"] = gapping_ratios(gapping_of_sine(scenario, system))
+        found["gapping_ratio"] = gapping_ratios(gapping_of_sine(system))
     return {entry: value for entry, value in found.items() if entry in asked}, motion.outcome
 
 
-def _root_mean_squares(
-    system: StructuralSystem, scenario: Scenario, motion: RunMotion, asked: Collection[str]
-) -> dict[str, Any]:
+def _root_mean_squares(motion: RunMotion, asked: Collection[str]) -> dict[str, Any]:
     """Those of samples without the first part of a run, as `beamsim.analyses.run.random_response` has them.
 
     Parameters
     ----------
-    system, scenario, motion : of the run.
+    motion : of the run.
     asked : entries, of which those of a stationary input count.
     """
     keys = {entry: value.key for entry, value in BY_ENTRY.items() if entry.startswith("rms_") and entry in asked}
-    assert scenario.run is not None
+    scenario = motion.system.scenario
     rate = scenario.sample_rate_up_to(highest_excited_hz(scenario))
-    number = samples_until(scenario.run.duration, rate)
+    number = samples_until(not_none(scenario.run).duration, rate)
     first = reached = int(SKIPPED * number)
     if not keys or number - first < LEAST_SAMPLES:
         return {}
-    observed = Observed(motion.marched.flow, system.channels.of_keys(*keys.values()))
+    observed = Observed(motion.marched.flow, motion.system.channels.of_keys(*keys.values()))
     squares = np.zeros(observed.channels.order.size)
     at_once = max(VALUES_AT_ONCE // max(squares.size, 1), 1)
     for stretch in motion.parts():

@@ -31,7 +31,7 @@ from beamsim.inputs.signal import StreamedSignal, common_record
 from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none
 
 BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
 STRETCH_SHARE = 0.064  # of the memory, for the pieces of a stretch
@@ -162,8 +162,7 @@ def exact_motion_of(
 
 def _kept_s(motion: MotionInStretches, settings: Run) -> float:
     """Length of a motion under this input that would fit into the memory, s."""
-    assert motion.flow.record is not None
-    return settings.memory / BYTES_A_PIECE * motion.flow.record.step
+    return settings.memory / BYTES_A_PIECE * not_none(motion.flow.record).step
 
 
 def _last_begin(motion: MotionInStretches, settings: Run) -> float:

@@ -37,14 +37,13 @@ from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
-from beamsim.scenario import Scenario
 from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
 from beamsim.structures.places import UPWARDS, Link
 from beamsim.structures.support_forces import supports_of
 from beamsim.system.parts import base_direction, exciting_forces, moving_base
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Complexes, Floats, Ints, not_none, of_kind
 
 NODES = 8
 LONGEST_TURN = 4.0  # of the fastest motion on a panel, rad: the rule's error is then below 1e-10
@@ -550,13 +549,12 @@ def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Sign
     return peaks
 
 
-def shock_response(scenario: Scenario, system: StructuralSystem, motion: Trajectory | Histories) -> ShockResponse:
+def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> ShockResponse:
     """Spectra of the base's acceleration, where it moves, and of the absolute ones of supports that move and of probes.
 
     Parameters
     ----------
-    scenario : of the run, with ``run.srs``, and the limits of the spectra.
-    system : with the probes.
+    system : of the run, with ``run.srs``; its probes, and the limits of the spectra.
     motion : in closed form; or at output times, between which a cubic spline joins the accelerations.
 
     Returns
@@ -571,9 +569,7 @@ def shock_response(scenario: Scenario, system: StructuralSystem, motion: Traject
     """
     from scipy.interpolate import CubicSpline
 
-    assert scenario.run is not None
-    assert scenario.run.srs is not None
-    settings = scenario.run.srs
+    settings = not_none(not_none(system.scenario.run).srs)
     along = geomspaced(settings.from_, settings.to, settings.per_octave)
     names, peaks = [(probe.name, MAIN_QUANTITY) for probe in system.probes], []
     if isinstance(motion, Trajectory):
@@ -591,7 +587,7 @@ def shock_response(scenario: Scenario, system: StructuralSystem, motion: Traject
         peaks.append(shock_spectra(along, settings.quality, until, summed, fastest))
     peaks.append(shock_spectra(along, settings.quality, times, responses, fastest))
     spectra = [_spectrum(*of, *signal) for of, signal in zip(names, np.concatenate(peaks), strict=True)]
-    limits = [limit_curve(scenario, "srs", s.name, "acceleration", along) for s in spectra]
+    limits = [limit_curve(system.scenario, "srs", s.name, "acceleration", along) for s in spectra]
     of_all = tuple(replace(s, limit=limit) for s, limit in zip(spectra, limits, strict=True))
     return ShockResponse(settings.quality, along, of_all)
 
@@ -621,20 +617,18 @@ def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tu
     yield from (((name, MAIN_QUANTITY), signals) for name, signals in moving.items())
 
 
-def matched_spectrum(scenario: Scenario, system: StructuralSystem) -> MatchedSpectrum | None:
+def matched_spectrum(system: StructuralSystem) -> MatchedSpectrum | None:
     """The spectrum of a base motion that was made for one; None of others.
 
     It is that of the motion in closed form, twelve points an octave and at the points of the curve.
     """
-    moving = moving_base(scenario)
+    moving = moving_base(system.scenario)
     if moving is None or not isinstance(moving[1], MatchedInput):
         return None
-    path, excitation = moving
-    assert isinstance(excitation, MatchedInput)
-    at, value = target_curve(excitation, scenario.folder_of(*path, "srs"))
+    path, excitation = moving[0], of_kind(MatchedInput, moving[1])
+    at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs"))
     frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
-    base = system.base_acceleration
-    assert base is not None
+    base = not_none(system.base_acceleration)
     peaks = shock_spectra(frequency, excitation.quality, base.start, lambda times: base(times)[:, None], 0.0)
     return MatchedSpectrum(excitation.quality, frequency, on_curve(frequency, at, value), peaks[0].max(axis=0))
 

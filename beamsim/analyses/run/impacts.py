@@ -27,7 +27,7 @@ from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.scenario.run import ImpactSettings, StressLife
 from beamsim.system.equations import Rows
 from beamsim.system.structural import SnubberInfo, StructuralSystem
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Floats, Ints, not_none
 
 SKIPPED = 0.1  # share of a run that is left out at its beginning
 CONFIDENCE = 0.95
@@ -376,8 +376,7 @@ def fatigue_of(
     -------
     By body.
     """
-    stress, rows = system.stress, system.channels.of_keys(STRESS).linear
-    assert stress is not None
+    stress, rows = not_none(system.stress), system.channels.of_keys(STRESS).linear
     fatigue, limit, across = {}, settings.endurance_limit or 0.0, stress.stations.across
     for name in dict.fromkeys(stress.bodies):
         station = max((k for k, body in enumerate(stress.bodies) if body == name), key=lambda k: largest[k])

@@ -42,13 +42,12 @@ from beamsim.contacts.laws import ContactLaw
 from beamsim.flow.channels import Observed
 from beamsim.flow.transient import simulate
 from beamsim.inputs.excitation import density
-from beamsim.scenario import Scenario
-from beamsim.scenario.excitation import Forces, Harmonic, RandomInput, Shock
+from beamsim.scenario.excitation import RandomInput, Shock
 from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.scenario.run import Run
 from beamsim.system.equations import SineLoads
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats, Ints, not_none
 
 NODES = 8
 NODES_OF_BINS = 3  # whose means are drawn
@@ -71,12 +70,12 @@ class LinearInput(NamedTuple):
     density: Floats  # (p,) SI
 
 
-def linear_input(scenario: Scenario, system: StructuralSystem) -> LinearInput | None:
+def linear_input(system: StructuralSystem) -> LinearInput | None:
     """The structure and its input; None where the input is not one random base motion or force.
 
     Nor where there is no snubber, or a nonlinear spring or friction beside them.
     """
-    excitation = scenario.excitation
+    excitation = system.scenario.excitation
     alone = system.base_acceleration is not None or system.forcing.load.shape[0] == 1
     linear = not system.cubic.count and not system.springs and not system.dynamics.contacts.ever_hold
     resting = system.forcing.influence is None  # stops move with the base alone
@@ -89,16 +88,14 @@ def linear_input(scenario: Scenario, system: StructuralSystem) -> LinearInput | 
     return LinearInput(replace(system, sine=sine), at, value)
 
 
-def linear_responses(
-    scenario: Scenario, system: StructuralSystem, frequency_hz: Floats
-) -> dict[tuple[str, str], dict[str, Any]]:
+def linear_responses(system: StructuralSystem, frequency_hz: Floats) -> dict[tuple[str, str], dict[str, Any]]:
     """Responses of the structures between which contact switches: every snubber always open, and always closed.
 
     A snubber with a table has the slope at its static penetration, or its first one.
 
     Parameters
     ----------
-    scenario, system : of the run.
+    system : of the run.
     frequency_hz : (F,) evenly spaced, Hz.
 
     Returns
@@ -106,7 +103,7 @@ def linear_responses(
     By name and quantity the fields of `SignalStatistics` about them, SI; densities are means about the frequencies.
     Empty where there is no `linear_input`, and where one of the two has an undamped resonance within the input's band.
     """
-    driven = linear_input(scenario, system)
+    driven = linear_input(system)
     if driven is None:
         return {}
     half = 0.5 * (frequency_hz[1] - frequency_hz[0])
@@ -211,18 +208,12 @@ def _nodes(panels: Floats, count: int) -> Iterator[tuple[Floats, Floats]]:
         yield frequency[begin : begin + BLOCK], weights[begin : begin + BLOCK]
 
 
-def gapping_of_run(
-    scenario: Scenario,
-    system: StructuralSystem,
-    motion: RunMotion,
-    summary: Mapping[str, Any],
-    stop: Callable[[], bool],
-) -> OfSnubbers:
+def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any], stop: Callable[[], bool]) -> OfSnubbers:
     """Where contact changes first, from the linear motion, for the summary.
 
     Parameters
     ----------
-    scenario, system, motion : of the run.
+    motion : of the run.
     summary : with the largest gaps.
     stop : asked whether to end a linear motion that is marched.
 
@@ -232,23 +223,22 @@ def gapping_of_run(
     or that a snubber presses, of snubbers whose law is more than a stiffness and a dashpot, and of a motion that does
     not start at equilibrium.
     """
-    contacts = system.dynamics.contacts
+    system, contacts = motion.system, motion.system.dynamics.contacts
     unknown = system.cubic.count or contacts.ever_hold or contacts.pressed.size or system.static_equilibrium is None
     if not system.snubbers or unknown or motion.outcome.interrupted:
         return {}
-    excitation = scenario.excitation
+    scenario, excitation = system.scenario, system.scenario.excitation
     if system.sine is not None:
-        of_snubber = gapping_of_sine(scenario, system)
+        of_snubber = gapping_of_sine(system)
     elif isinstance(excitation, RandomInput):
-        of_snubber = _of_random(scenario, system)
+        of_snubber = _of_random(system)
     else:
-        settings = scenario.run
-        assert settings is not None
+        settings = not_none(scenario.run)
         moved = settings.start != "static_equilibrium" or scenario.just_mounted
         if moved or excitation.kind == "none" or motion.trajectory is None:
             return {}
         level = float(excitation.level) if isinstance(excitation, Shock) else None
-        of_snubber = _of_motion(system, settings, motion, level, stop)
+        of_snubber = _of_motion(settings, motion, level, stop)
     names = [snubber.name for snubber in system.snubbers]
     for name, of in of_snubber.items():
         times = motion.events.time[motion.events.snubber == names.index(name)]
@@ -257,23 +247,21 @@ def gapping_of_run(
     return in_their_units(of_snubber, {snubber.name: snubber.gap_unit for snubber in system.snubbers})
 
 
-def gapping_of_sine(scenario: Scenario, system: StructuralSystem) -> OfSnubbers:
+def gapping_of_sine(system: StructuralSystem) -> OfSnubbers:
     """The level that changes contact at the frequency of a sine; of other inputs nothing."""
-    excitation = scenario.excitation
     if system.sine is None:
         return {}
-    assert isinstance(excitation, Harmonic | Forces)
+    excitation = system.scenario.sine
     frequency = np.array([excitation.frequency])
     levels = contact_levels(system, frequency)
     amplitude = acceleration_amplitude(abs(excitation.level), excitation.quantity, excitation.frequency)
     return gapping(levels, frequency, np.array([amplitude])) if levels else {}
 
 
-def _of_motion(
-    system: StructuralSystem, settings: Run, motion: RunMotion, level: float | None, stop: Callable[[], bool]
-) -> OfSnubbers:
+def _of_motion(settings: Run, motion: RunMotion, level: float | None, stop: Callable[[], bool]) -> OfSnubbers:
     """Factors of the input at which the linear motion changes contact, from its extremes."""
-    contacts, count = system.dynamics.contacts, len(system.snubbers)
+    system, count = motion.system, len(motion.system.snubbers)
+    contacts = system.dynamics.contacts
     penetration = static_penetration(system)
     resting, pressed = contacts.resting_phases(penetration), pressed_phases(system, penetration)
     unchanged = motion.work.events == 0 and motion.extremes.keys() >= {
@@ -378,9 +366,9 @@ def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints, stop: 
     return Observed(flow, linear.channels.of_keys(*_WATCHED)).extremes(trajectory)
 
 
-def _of_random(scenario: Scenario, system: StructuralSystem) -> OfSnubbers:
+def _of_random(system: StructuralSystem) -> OfSnubbers:
     """How many standard deviations of the stationary linear motion contact withstands."""
-    driven = linear_input(scenario, system)
+    driven = linear_input(system)
     if driven is None:
         return {}
     contacts = system.dynamics.contacts

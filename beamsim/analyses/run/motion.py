@@ -39,7 +39,7 @@ from beamsim.scenario.connections import OfHinge
 from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Bools, Floats, not_none
 
 ROUND_OFF = 1e-12  # relative, of the last output time
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
@@ -60,26 +60,25 @@ class Histories:
         return np.asarray(self.values[:, self.channels.places[key]])
 
 
-def history_fields(
-    scenario: Scenario, system: StructuralSystem, motion: RunMotion, histories: Histories
-) -> dict[str, Any]:
+def history_fields(motion: RunMotion, histories: Histories) -> dict[str, Any]:
     """Everything at the output times, as fields of the result.
 
     Parameters
     ----------
-    scenario, system, motion : of the run.
+    motion : of the run.
     histories : of the motion.
 
     Returns
     -------
     By field of `RunResult`.
     """
+    system = motion.system
     return {
         "time": histories.time,
-        "probes": _probes(system, motion, histories),
-        "snubbers": _snubbers(system, motion, histories),
+        "probes": _probes(motion, histories),
+        "snubbers": _snubbers(motion, histories),
         "springs": _springs(system, histories),
-        "friction": _friction(scenario, system, motion, histories),
+        "friction": _friction(motion, histories),
         "outputs": _outputs(system, histories),
         "base_acceleration": _signal(system.base_acceleration, histories.time),
         "base_displacement": _signal(system.base_displacement, histories.time),
@@ -153,9 +152,8 @@ def samples_until(end: float, rate: float) -> int:
 
 def output_times(scenario: Scenario) -> Floats:
     """(nt,) s, the times at which the motion of a run is asked for."""
-    assert scenario.run is not None
     rate = scenario.sample_rate_up_to(highest_excited_hz(scenario))
-    return np.asarray(np.arange(samples_until(scenario.run.duration, rate)) / rate)
+    return np.asarray(np.arange(samples_until(not_none(scenario.run).duration, rate)) / rate)
 
 
 def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:
@@ -164,25 +162,25 @@ def memory_of(flow: ExactFlow, settings: Run) -> dict[str, int]:
     return {"memory_bytes": round(settings.memory), **kept}
 
 
-def pull_warnings(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> list[str]:
+def pull_warnings(motion: RunMotion) -> list[str]:
     """A warning for each snubber whose dashpot pulls before the contact opens.
 
     Parameters
     ----------
-    scenario, system, motion : of the run.
+    motion : of the run.
 
     Returns
     -------
     One sentence a snubber.
     """
-    if not system.snubbers:
+    if not motion.system.snubbers:
         return []
     forces = motion.extremes[FORCE]
     pulls = largest_pulls(forces)
     return [
         f"{s.label}: its dashpot pulls with up to {pulls[j]:.3g} {s.item.units[1]} before the contact opens"
         + ("; law: no_tension opens it before" if not s.item.yields else "")
-        for j, s in enumerate(scenario.located_snubbers)
+        for j, s in enumerate(motion.system.scenario.located_snubbers)
         if pulls[j] > SMALLEST_PULL * forces[2][j] and not s.item.latch
     ]
 
@@ -199,8 +197,9 @@ def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
     return np.zeros(times.size) if signal is None else signal(times)
 
 
-def _probes(system: StructuralSystem, motion: RunMotion, histories: Histories) -> dict[str, ProbeHistory]:
+def _probes(motion: RunMotion, histories: Histories) -> dict[str, ProbeHistory]:
     """History of every probe."""
+    system = motion.system
     base, displacement = _signal(system.base_displacement, histories.time), histories.of(DISPLACEMENT)
     return {
         probe.name: ProbeHistory(
@@ -217,9 +216,9 @@ def _probes(system: StructuralSystem, motion: RunMotion, histories: Histories) -
     }
 
 
-def _snubbers(system: StructuralSystem, motion: RunMotion, histories: Histories) -> dict[str, SnubberHistory]:
+def _snubbers(motion: RunMotion, histories: Histories) -> dict[str, SnubberHistory]:
     """History of every snubber."""
-    crushed = _crushed(system, motion)
+    crushed = _crushed(motion)
     return {
         s.name: SnubberHistory(
             **{field.name: getattr(s, field.name) for field in fields(SnubberNumbers)},
@@ -232,20 +231,20 @@ def _snubbers(system: StructuralSystem, motion: RunMotion, histories: Histories)
             displacement=histories.of(("snubbers", "displacement"))[:, j],
             velocity=histories.of(("snubbers", "velocity"))[:, j],
         )
-        for j, s in enumerate(system.snubbers)
+        for j, s in enumerate(motion.system.snubbers)
     }
 
 
-def _crushed(system: StructuralSystem, motion: RunMotion) -> dict[int, float]:
+def _crushed(motion: RunMotion) -> dict[int, float]:
     """Residual crush at the end of the motion of the snubbers that yield, m, by their number; none by time stepping."""
-    contacts, trajectory = system.dynamics.contacts, motion.trajectory
-    yielding = [j for j in range(len(system.snubbers)) if contacts.laws[j].yields]
+    contacts, trajectory = motion.system.dynamics.contacts, motion.trajectory
+    yielding = [j for j in range(len(motion.system.snubbers)) if contacts.laws[j].yields]
     if trajectory is None or not yielding:
         return {}
     end = trajectory.final_y
     penetration, _ = trajectory.flow.penetrations
     delta = trajectory.sample(np.array([trajectory.end]), lambda _: penetration)[0]
-    phases, first = trajectory.phases_of(trajectory.state)[-1], 2 * system.dynamics.size + contacts.first
+    phases, first = trajectory.phases_of(trajectory.state)[-1], 2 * contacts.shape.shape[1] + contacts.first
     return {
         j: residual_crush(contacts.laws[j], int(phases[j]), float(delta[j]), float(end[first[j]])) for j in yielding
     }
@@ -259,9 +258,8 @@ def _springs(system: StructuralSystem, histories: Histories) -> dict[str, Spring
     return {s.name: SpringHistory(s.name, s.kind, s.masses, stretch[:, i], force[:, i]) for i, s in enumerate(springs)}
 
 
-def _friction(
-    scenario: Scenario, system: StructuralSystem, motion: RunMotion, histories: Histories
-) -> dict[str, FrictionHistory]:
+def _friction(motion: RunMotion, histories: Histories) -> dict[str, FrictionHistory]:
+    system, scenario = motion.system, motion.system.scenario
     contacts, number = [each.item for each in scenario.located_friction], friction_contacts(system)
     figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
     begin = 0.0 if scenario.run is None else scenario.run.from_
@@ -287,8 +285,9 @@ def _friction(
     }
 
 
-def contact_instant(system: StructuralSystem, motion: RunMotion) -> ContactInstant | None:
+def contact_instant(motion: RunMotion) -> ContactInstant | None:
     """The motion when a contact force is largest, for the sketch of several bodies; None without contact."""
+    system = motion.system
     if len(system.bodies) < 2 or not system.snubbers:
         return None
     forces, times = motion.extremes[FORCE][2:]
@@ -313,17 +312,18 @@ def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, Output
     return outputs
 
 
-def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[str, Any]:
+def bodies_of_run(motion: RunMotion) -> dict[str, Any]:
     """Results along each body that has a continuous axis, as fields of the result.
 
     Parameters
     ----------
-    scenario, system, motion : of the run.
+    motion : of the run.
 
     Returns
     -------
     By field of `RunResult`: the only body, or those that have names.
     """
+    system = motion.system
     stress = {} if system.stress is None else {part.body: part.stations for part in system.stress.stations}
 
     def peaks(of_body: slice, moments: int) -> Floats:
@@ -344,6 +344,6 @@ def bodies_of_run(scenario: Scenario, system: StructuralSystem, motion: RunMotio
         for body in system.bodies
         if body.axis.continuous
     }
-    if len(scenario.all_bodies) == 1 and set(bodies) <= {ONLY_BEAM}:
+    if len(system.scenario.all_bodies) == 1 and set(bodies) <= {ONLY_BEAM}:
         return {"only_body": bodies.get(ONLY_BEAM)}
     return {"only_body": None, "named_bodies": bodies}

@@ -15,7 +15,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.run import OrbitStart, Reduction
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none, of_kind
 
 SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice
 AT = "run.start.orbit"
@@ -130,10 +130,8 @@ def built_at_orbit(
     ScenarioError
         If there is no such point, or the scenario is another model than that of the file.
     """
-    settings = scenario.run
-    assert settings is not None
-    start = settings.start
-    assert isinstance(start, OrbitStart)
+    settings = not_none(scenario.run)
+    start = of_kind(OrbitStart, settings.start)
     orbit = read_orbit(start, scenario.folder_of("run", "start", "orbit"))
     scenario = _at_orbit(scenario, orbit, keep_excitation=start.keep_excitation)
     at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})

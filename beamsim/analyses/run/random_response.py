@@ -59,7 +59,7 @@ from beamsim.scenario.run import Run
 from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD, MOMENT_PSD
 from beamsim.system.parts import driven_supports, exciting_forces, moving_base
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, not_none
 
 _DENSITY_OF = {"m/s^2": ACCELERATION_PSD.name, "N": FORCE_PSD.name, "N m": MOMENT_PSD.name}
 SEGMENTS = 16  # of the record, overlapping by half
@@ -96,9 +96,8 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
     rate = (times.size - 1) / float(times[-1] - times[0])
     length = max(2 * count // (SEGMENTS + 1), LEAST_SAMPLES // 2)
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / rate), dtype=float)
-    linear = linear_responses(scenario, system, frequency)
-    assert scenario.run is not None
-    tested = scenario.run.test_duration or float(times[-1])
+    linear = linear_responses(system, frequency)
+    tested = not_none(scenario.run).test_duration or float(times[-1])
     beyond = _beyond_record(result, system, first, tested * rate)
 
     def statistics(name: str, quantity: str, unit: str, x: Floats) -> SignalStatistics:

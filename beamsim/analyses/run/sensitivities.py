@@ -39,7 +39,7 @@ from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet, Rows
 from beamsim.system.parts import Parts, SharedBuilds
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats, Ints, not_none
 
 STEP = 2.0**-11  # of a number, or of the tolerance of one that is zero, between the systems that are built
 SIDES = (1, -1, 2, -2)  # steps to systems that are built beside that of the run
@@ -101,8 +101,7 @@ def sensitivities_of(
     ScenarioError
         Where the motion is not known in closed form as a whole, or a number changes the size of the model.
     """
-    settings, whole = scenario.run, motion.trajectory
-    assert settings is not None
+    settings, whole = not_none(scenario.run), motion.trajectory
     if whole is None or whole.time[0] > 0.0:
         message = "need the whole motion in closed form"
         remedy = "use method: exact, piecewise_linear springs instead of cubic ones, and enough run.memory"
@@ -288,19 +287,19 @@ class _Along:
         """By name of a value: the value, its unit, and the factors of lowest and highest values of channels in it."""
         told: dict[str, tuple[float, str, dict[tuple[int, int], float]]] = {}
         for value in chosen:
-            assert value.of is not None
+            of = not_none(value.of)
             for channel, first in self.channels.located:
                 extreme = self.extremes[:, first : first + channel.columns]
                 if not value.takes(channel):
                     continue
-                numbers, size = value.of(extreme), 2.0**-20 * (np.abs(extreme[::2]).max() or 1.0)
+                numbers, size = of(extreme), 2.0**-20 * (np.abs(extreme[::2]).max() or 1.0)
                 best, name = int(np.argmax(numbers)), f"{value.section}/{channel.name}/{value.name}"
                 name = value.name if value.single else name
                 if name in told and told[name][0] >= numbers[best]:
                     continue
                 units = [size * np.eye(4)[:, [2 * high]] for high in (0, 1)]
                 apart = extreme + 4.0 * units[1]  # of two that are as large the highest counts
-                slopes = [(value.of(apart + u) - value.of(apart - u))[best] / (2.0 * size) for u in units]
+                slopes = [(of(apart + u) - of(apart - u))[best] / (2.0 * size) for u in units]
                 signs = [float(np.round(slope)) if numbers[best] else 0.0 for slope in slopes]
                 factors = {(first + best, high): sign for high, sign in enumerate(signs) if sign}
                 told[name] = float(numbers[best]), channel.unit, factors

@@ -18,7 +18,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.run import SpectrumSettings
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none
 
 SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency shown
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
@@ -46,20 +46,19 @@ def spectral(system: StructuralSystem) -> ChannelSet:
     return system.channels.of_keys(ACCELERATION, DISPLACEMENT, *dict.fromkeys(outputs))
 
 
-def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
+def spectra_of(motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
     """Spectra of every probe and output, whatever the output rate; of a time-stepped motion those of its samples.
 
     Parameters
     ----------
-    scenario, system : what was asked for, and of what.
-    motion : of which the last part is looked at.
+    motion : of which the last part is looked at; its scenario says what is asked for.
 
     Returns
     -------
     By name and quantity of the channel.
     """
-    assert scenario.run is not None
-    settings, excitation_hz = scenario.run.spectrum, system.excitation_frequency_hz
+    system = motion.system
+    settings, excitation_hz = not_none(system.scenario.run).spectrum, system.excitation_frequency_hz
     channels, trajectory = spectral(system), motion.trajectory
     labels = [(channel.name, channel.quantity, channel.unit) for channel in channels.channels]
     if trajectory is None or trajectory.end <= 0.0:
@@ -71,9 +70,9 @@ def spectra_of(scenario: Scenario, system: StructuralSystem, motion: RunMotion) 
     kept = system.kept_modes
     residual = (*system.open_frequencies_hz[kept:], *system.closed_frequencies_hz[kept:])
     spectra = {}
-    records = records_of(scenario, system, trajectory, channels, (begin, trajectory.end))
+    records = records_of(system, trajectory, channels, (begin, trajectory.end))
     for of, record in zip(labels, records, strict=True):
-        window = settings.window or _suited_window(scenario, record.x)
+        window = settings.window or _suited_window(system.scenario, record.x)
         if window == "rectangular":
             # both ends of the part are one sample of the periodic record
             record.x[0] = 0.5 * (record.x[0] + record.part.at_end()[record.column])
@@ -108,17 +107,13 @@ def coverage_notes(
 
 
 def records_of(
-    scenario: Scenario,
-    system: StructuralSystem,
-    trajectory: Trajectory,
-    channels: ChannelSet,
-    span: tuple[float, float],
+    system: StructuralSystem, trajectory: Trajectory, channels: ChannelSet, span: tuple[float, float]
 ) -> list[MotionRecord]:
     """Records of a part of a motion; samples cover the modes kept.
 
     Parameters
     ----------
-    scenario, system : what was asked for, and of what.
+    system : whose scenario says what is asked for.
     trajectory : the motion.
     channels : linear ones.
     span : s, begin and end of the part.
@@ -127,11 +122,10 @@ def records_of(
     -------
     A record of each channel.
     """
-    assert scenario.run is not None
-    begin, end = span
+    settings, (begin, end) = not_none(system.scenario.run).spectrum, span
     duration = end - begin
-    content = _highest_content(scenario, system, trajectory, duration)
-    highest = max(scenario.run.spectrum.to or content, *scenario.run.spectrum.frequencies, 0.0)
+    content = _highest_content(system, trajectory, duration)
+    highest = max(settings.to or content, *settings.frequencies, 0.0)
     rate = SAMPLES_OF_A_PERIOD * max(highest, content)
     size = _even_size(min(max(rate * duration, FEWEST_SAMPLES), MOST_SAMPLES))
     rate = size / duration
@@ -152,14 +146,16 @@ def _duration(settings: SpectrumSettings, available: float, excitation_hz: float
     return available
 
 
-def _highest_content(scenario: Scenario, system: StructuralSystem, trajectory: Trajectory, duration: float) -> float:
+def _highest_content(system: StructuralSystem, trajectory: Trajectory, duration: float) -> float:
     """Frequency, Hz, up to which the motion has a meaning: of the modes kept, and of the excitation."""
     kept = system.kept_modes
     if kept == system.dynamics.size:  # no static vectors
         structure = trajectory.flow.highest_frequency / (2.0 * np.pi)
     else:
         structure = float(system.closed_frequencies_hz[kept - 1]) if kept else 0.0
-    highest = max(1.05 * structure, structure + FLOOR_LINES / duration, 2.0 * scenario.excitation.highest_frequency_hz)
+    highest = max(
+        1.05 * structure, structure + FLOOR_LINES / duration, 2.0 * system.scenario.excitation.highest_frequency_hz
+    )
     if np.isfinite(system.excitation_frequency_hz):
         highest = max(highest, HIGHEST_ORDER * system.excitation_frequency_hz)
     pieces = np.diff(trajectory.flow.sources.start)

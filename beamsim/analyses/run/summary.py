@@ -32,7 +32,6 @@ from beamsim.analyses.values import (
 )
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.inputs.signal import common_record
-from beamsim.scenario import Scenario
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
@@ -123,17 +122,13 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
 
 
 def summary_of_run(
-    scenario: Scenario,
-    system: StructuralSystem,
-    motion: RunMotion,
-    spectra: dict[tuple[str, str], Spectrum],
-    stop: Callable[[], bool],
+    motion: RunMotion, spectra: dict[tuple[str, str], Spectrum], stop: Callable[[], bool]
 ) -> dict[str, Any]:
     """What does not repeat a field of the result.
 
     Parameters
     ----------
-    scenario, system, motion : of the run.
+    motion : of the run.
     spectra : by name and quantity; where they were left out, root mean squares are nan.
     stop : asked whether to end the linear motions that gapping is told from.
 
@@ -141,6 +136,7 @@ def summary_of_run(
     -------
     By entry, as `RunResult` declares them.
     """
+    system = motion.system
     probes = [p.name for p in system.probes]
     rms = defaultdict(lambda: math.nan, {key: spectrum.rms for key, spectrum in spectra.items()})
     summary: dict[str, Any] = {
@@ -169,7 +165,7 @@ def summary_of_run(
             summary["largest_bending_stress_across_m"] = float(system.stress.stations.across[where])
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
-    if of_snubbers := gapping_of_run(scenario, system, motion, summary, stop):
+    if of_snubbers := gapping_of_run(motion, summary, stop):
         summary["gapping"] = of_snubbers
     if system.sine is not None:
         summary["gapping_ratio"] = gapping_ratios(of_snubbers)

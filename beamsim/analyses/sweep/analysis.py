@@ -37,7 +37,7 @@ from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import limit_curve, read_profile
 from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
 from beamsim.scenario import Scenario
-from beamsim.scenario.excitation import Forces, Harmonic, holds_levels
+from beamsim.scenario.excitation import holds_levels
 from beamsim.scenario.reporting import BASE_FORCE, Limits
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
@@ -75,8 +75,7 @@ def sweep(
     ScenarioError
         If the scenario cannot be swept.
     """
-    settings, excitation = sweep_settings(scenario), scenario.excitation
-    assert isinstance(excitation, Harmonic | Forces)
+    settings, excitation = sweep_settings(scenario), scenario.sine
     begin = clock.perf_counter()
     system = sweep_system(scenario)
     levels = settings.levels or (1.0 if isinstance(settings, SweptSine) and settings.profile else excitation.level,)
@@ -170,11 +169,10 @@ def _result(
 
 def swept_scenario(scenario: Scenario) -> Scenario:
     """The scenario of whose system a sweep is: reduced for its highest frequency."""
-    assert isinstance(scenario.sweep, (SweptSine, SteppedSine))
-    assert isinstance(scenario.excitation, Harmonic | Forces)
-    highest = max(scenario.sweep.from_, scenario.sweep.to)
+    settings = sweep_settings(scenario)
+    highest = max(settings.from_, settings.to)
     # the sample rate of a run and the frequency of the excitation do not influence the reduction of a sweep
-    changed = {"run": None, "excitation": scenario.excitation.at(highest)}
+    changed = {"run": None, "excitation": scenario.sine.at(highest)}
     return with_limited_outputs(scenario.model_copy(update=changed))
 
 
@@ -229,8 +227,7 @@ def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
         raise ScenarioError.at("sweep.kind", f"= {settings.kind} belongs to another analysis", "")
     if not isinstance(settings, SweptSine) or settings.profile_file is None:
         return settings
-    assert isinstance(scenario.excitation, Harmonic | Forces)
-    points = read_profile(settings.profile_file, scenario.folder_of("sweep", "profile_file"), scenario.excitation.takes)
+    points = read_profile(settings.profile_file, scenario.folder_of("sweep", "profile_file"), scenario.sine.takes)
     return settings.model_copy(update={"profile": points, "between": "log_log"})
 
 

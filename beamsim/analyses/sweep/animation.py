@@ -14,7 +14,6 @@ from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.analyses.sweep.stepped import loads_at, steady_at, stepper_of, steps_of
 from beamsim.analyses.sweep.swept_sine import swept_march
 from beamsim.outcomes import Progress
-from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
@@ -41,10 +40,9 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
     ScenarioError
         If the model cannot be built again.
     """
-    settings, excitation = sweep_settings(result.scenario), result.scenario.excitation
+    settings, excitation = sweep_settings(result.scenario), result.scenario.sine
     if not result.curves:
         return None
-    assert isinstance(excitation, Harmonic | Forces)
     scenario, shared = swept_scenario(result.scenario), SharedBuilds()
     system = build_system(scenario, shared)
     curve = max(result.curves.values(), key=lambda each: float(np.max(_response(each))))

@@ -21,7 +21,7 @@ from beamsim.scenario.quantities import power_of
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none, of_kind
 
 ALLOWED_EXCESS = 0.05  # of a limit
 LEVEL_KNOWN = 1e-3  # relative, to which the table is the level that was followed
@@ -72,8 +72,7 @@ def limited_of(limits: Mapping[str, float], one: SweepLevel) -> tuple[Limited, .
     }
     limited = []
     for name, limit in limits.items():
-        of = limited_quantity(name, one.base_force)
-        assert of is not None
+        of = not_none(limited_quantity(name, one.base_force))
         limited.append(Limited(name, float(limit), of, columns[of]))
     return tuple(limited)
 
@@ -106,8 +105,7 @@ def notched_level(
     Notching
         The table of the level, in the quantity with which the sweep begins, without limits and ranges.
     """
-    system, settings, quantity = one.system, one.settings, one.quantity
-    assert isinstance(settings, SweptSine)
+    system, settings, quantity = one.system, of_kind(SweptSine, one.settings), one.quantity
     if settings.profile:
         quantity = settings.profile[0].quantity or ("acceleration" if power_of(quantity) else quantity)
     specification = continuous(profile, leg)

@@ -22,7 +22,7 @@ from beamsim.scenario.quantities import acceleration_amplitude, level_unit
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.equations import Forcing
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none, of_kind
 
 MOST_MEASURED = 240
 
@@ -38,8 +38,8 @@ def frequencies_of(settings: SteppedSine) -> Floats:
 
 def steps_of(one: SweepLevel) -> list[tuple[str, float]]:
     """Direction and frequency, Hz, of every step at a level."""
-    assert isinstance(one.settings, SteppedSine)
-    up, way = frequencies_of(one.settings).tolist(), one.settings.direction
+    settings = of_kind(SteppedSine, one.settings)
+    up, way = frequencies_of(settings).tolist(), settings.direction
     ways = {"up": up, "down": up[::-1]}
     return [(direction, f) for direction, of in ways.items() if way in (direction, "both") for f in of]
 
@@ -131,13 +131,12 @@ def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tup
     forcing : the loads, and the displacement of the base where contacts on the ground need it.
     observers : the base's acceleration; none where the base rests.
     """
-    assert system.sine is not None
 
     def signal(amplitude: complex) -> Signal:
         return Signal(np.zeros(1), np.array([1j * omega]), np.full((1, 1, 1), amplitude))
 
     forcing, moves = system.forcing, system.base_acceleration is not None
-    signals = tuple(signal(factor * sine) for factor in system.sine.at(np.array([omega]))[0])
+    signals = tuple(signal(factor * sine) for factor in not_none(system.sine).at(np.array([omega]))[0])
     base = None if forcing.base_displacement is None else signal(-sine / omega**2)
     return Forcing(forcing.load, signals, base), (signal(sine),) if moves else ()
 
@@ -168,8 +167,7 @@ def steady_at(
     ArithmeticError
         If the work exceeds that of the stepper.
     """
-    settings, (forcing, observers) = one.settings, loads_at(one, f)
-    assert isinstance(settings, SteppedSine)
+    settings, (forcing, observers) = of_kind(SteppedSine, one.settings), loads_at(one, f)
     stepper.use(stepper.flow.under(forcing, observers, 1.0 / f), 1.0 / f, motion)
     settled = settle(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,

@@ -23,7 +23,7 @@ from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.equations import Forcing
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none, of_kind
 
 MOST_CYCLES = 5_000_000
 CONTROL = 0.8  # share of the work of a notched sweep that chooses the level
@@ -54,8 +54,9 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
 
     def loads(windows: SweepWindows, carrier: float) -> tuple[Forcing, tuple[Signal, ...]]:
         if moves is None:
-            assert system.sine is not None
-            factors = system.sine.at(windows.omega)  # supports that move are known at constant frequency alone
+            factors = not_none(system.sine).at(
+                windows.omega
+            )  # supports that move are known at constant frequency alone
             sines = (replace(windows, coefficient=factor[:, None] * windows.coefficient) for factor in factors.T)
             return replace(forcing, signal=tuple(swept_signals(sine, carrier)[0] for sine in sines)), ()
         acceleration, _, displacement = swept_signals(windows, carrier)
@@ -68,8 +69,7 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
 
 def sweep_profile(one: SweepLevel) -> tuple[Profile, float]:
     """The level over frequency, a table of which the level is a factor, and the phase of the sine at the start."""
-    settings = one.settings
-    assert isinstance(settings, SweptSine)
+    settings = of_kind(SweptSine, one.settings)
     profile = make_profile(one.value, one.quantity, settings.profile, settings.between, settings.notches)
     return profile, one.excitation.phase + phase_of_acceleration(one.quantity, one.value, settings.profile)
 
@@ -102,8 +102,7 @@ def swept_march(
     ScenarioError
         Where the rate makes the sweep too long, or shorter than two cycles.
     """
-    system, settings = one.system, one.settings
-    assert isinstance(settings, SweptSine)
+    system, settings = one.system, of_kind(SweptSine, one.settings)
     legs, (profile, phase) = legs_of(settings), sweep_profile(one)
     if notching is not None:  # as the same table in a file would give it
         table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
@@ -135,8 +134,7 @@ def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) 
     ScenarioError
         Where the rate makes the sweep too long, or shorter than two cycles.
     """
-    system, settings = one.system, one.settings
-    assert isinstance(settings, SweptSine)
+    system, settings = one.system, of_kind(SweptSine, one.settings)
     report, beginning = progress or (lambda _: None), 0.0 if settings.notch_to is None else CONTROL
     notching: Notching | None = None
     notch_limits: tuple[Limited, ...] = ()
@@ -171,8 +169,7 @@ def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) 
 
 def _recorded(one: SweepLevel, march: SweptMotion) -> tuple[list[CycleRecord], SweepHistory | None]:
     """March, with what is recorded of each stretch's cycles, and the time history where one is asked for."""
-    settings, windows = one.settings, march.windows
-    assert isinstance(settings, SweptSine)
+    settings, windows = of_kind(SweptSine, one.settings), march.windows
     orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
     times = np.arange(0 if rate is None else samples_until(windows.duration, rate)) / (rate or 1.0)
     parts: list[CycleRecord] = []
@@ -194,8 +191,7 @@ def _recorded(one: SweepLevel, march: SweptMotion) -> tuple[list[CycleRecord], S
 
 def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
     """The curves of the legs that were reached."""
-    settings = one.settings
-    assert isinstance(settings, SweptSine)
+    settings = of_kind(SweptSine, one.settings)
     tracked = replace(record, harmonic=np.moveaxis(record.tracked((0.0, *settings.tracked_orders)), 0, 2))
     curves = []
     for index, leg in enumerate(legs_of(settings)):
