@@ -37,6 +37,12 @@ def part_of(progress: Progress, begin: float, end: float) -> Progress:
     return None if progress is None else lambda share: progress(begin + (end - begin) * share)
 
 
+def tell(progress: Progress, share: float) -> None:
+    """Tell who asked for it which share is done."""
+    if progress is not None:
+        progress(share)
+
+
 def until(points: Iterable[Point], stop: Stop) -> Iterator[Point]:
     """The points up to the first one after which ``stop`` is true.
 

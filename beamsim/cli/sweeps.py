@@ -8,8 +8,8 @@ from pathlib import Path
 from signal import SIGINT
 from typing import Any
 
+from beamsim.analyses.continuation.analysis import with_overlay
 from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
-from beamsim.analyses.continuation.overlay import with_overlay
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.designs.plan import check_cases, design, fingerprint_of, plan_designs
 from beamsim.analyses.designs.result import DesignsResult

@@ -17,7 +17,7 @@ from beamsim.flow.compiled import processor_time
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import too_many_events
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never, tell
 from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -123,8 +123,7 @@ def integrate(
     breaks = np.append(sources.start[(sources.start > 0) & (sources.start < duration)], duration)
 
     def stopped(t: float) -> bool:
-        if progress is not None:
-            progress(t / duration)
+        tell(progress, t / duration)
         return stop()
 
     while record.t < duration and outcome.complete:

@@ -29,7 +29,7 @@ from beamsim.flow.transient import Log, March, Motion, motion_of, start
 from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, windows_of_cycles
-from beamsim.outcomes import Outcome, never
+from beamsim.outcomes import Outcome, never, tell
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Floats, Ints
 
@@ -222,8 +222,7 @@ class LevelControl:
                 cycle.append(int(ahead[0]))
                 slope = self._slope(at, ahead, gain[-1], slope)
                 gain.append(min(gain[-1] + slope, 0.0))
-            if self.progress is not None:
-                self.progress(cycle[-1] / self._total)
+            tell(self.progress, cycle[-1] / self._total)
         return self._table(np.array(cycle), np.array(gain))
 
     def _step(self, cycle: int) -> int:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from beamsim.analyses.run.animation import Frames
 from beamsim.files import replacing
+from beamsim.outcomes import tell
 from beamsim.plots.sketch import BODY, HEIGHT, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
 from beamsim.plots.style import amount, round_length
 from beamsim.structures.places import Place, ends_of
@@ -140,8 +141,7 @@ def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None 
     pictures = []
     for k in range(scene.time.size):
         pictures.append(picture(k).quantize(palette=palette, dither=Image.Dither.NONE))
-        if progress is not None:
-            progress((k + 1) / scene.time.size)
+        tell(progress, (k + 1) / scene.time.size)
     with replacing(path) as temporary:
         pictures[0].save(
             temporary, format="GIF", save_all=True, append_images=pictures[1:], duration=MILLISECONDS, loop=0

@@ -24,7 +24,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 
@@ -91,8 +90,12 @@ SpectrumKey = tuple[str, str]  # probe and quantity
 class Model:
     """A model of a case with its motion."""
 
-    settings: Run
     motion: RunMotion
+
+    @property
+    def settings(self) -> Run:
+        """Of the run."""
+        return not_none(self.system.scenario.run)
 
     @property
     def system(self) -> StructuralSystem:
@@ -204,7 +207,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     Convergence
     """
     begin, scenario, settings = processor_time(), solution.scenario, not_none(solution.scenario.run)
-    first, derived = Model(settings, solution.motion), DerivedValues.of(solution.result)
+    first, derived = Model(solution.motion), DerivedValues(solution.result)
     disturbed = None if first.motion.trajectory is None else partial(_disturbed, first, stop)
     modes = first.system.kept_modes
 
@@ -212,7 +215,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
         system = build_system(case, shared)
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
-        return Model(settings, motion_of(system, again, output_times(case), None, stop))
+        return Model(motion_of(system, again, output_times(case), None, stop))
 
     if keeps_all(scenario, modes):
         changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
@@ -327,11 +330,8 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     ----------
     solution, shared, stop : as of `convergence_of`.
     """
-    scenario, settings, compared_s = (
-        solution.scenario,
-        not_none(solution.scenario.run),
-        not_none(solution.motion.compared_s),
-    )
+    scenario, compared_s = solution.scenario, not_none(solution.motion.compared_s)
+    settings = not_none(scenario.run)
     same = scenario.excitation.model_copy(
         update={"period": getattr(scenario.excitation, "period", None) or settings.duration}
     )
@@ -341,7 +341,7 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
         return Convergence(reason=part.motion.outcome.text)
     part = part._replace(result=replace(part.result, random=None, srs=None))
     checked = replace(convergence_of(part, shared, stop), compared_s=compared_s, lines={})
-    whole, times = Model(settings, solution.motion), checked.sensitivity
+    whole, times = Model(solution.motion), checked.sensitivity
     if not times.sensitive:
         times = sensitivity(whole.events, compared_s, partial(_disturbed, whole, stop))
     if not times.sensitive:
@@ -401,35 +401,24 @@ class DerivedValues:
 
     Parameters
     ----------
-    scenario : of the run.
-    spectra : by probe and quantity.
-    random : statistics of the response; None where the input is neither random nor sampled.
-    times : (nt,) s, output times.
-    shock : shock response spectra; None where they were not asked for.
-    still : probes and quantities that are 0 but for round-off.
-    gapping : of a sine by snubber the level over that at which the linear motion first changes contact.
+    result : of the run.
     """
 
-    scenario: Scenario
-    spectra: Mapping[SpectrumKey, Spectrum]
-    random: RandomResponse | None
-    times: Floats
-    shock: ShockResponse | None
-    still: frozenset[SpectrumKey]
-    gapping: Mapping[str, float]
+    result: RunResult
 
-    @classmethod
-    def of(cls, result: RunResult) -> Self:
-        """Those of a run."""
-        spectra = {key: s for key, s in result.spectra.items() if key[0] in result.probes}
-        still = frozenset(key for key in spectra if resting(*key, result.summary))
-        times = np.zeros(0) if result.random is None else result.time
-        gapping = finite(result.summary.get("gapping_ratio", {}))
-        return cls(result.scenario, spectra, result.random, times, result.srs, still, gapping)
+    @cached_property
+    def spectra(self) -> dict[SpectrumKey, Spectrum]:
+        """Those of probes, by probe and quantity."""
+        return {key: s for key, s in self.result.spectra.items() if key[0] in self.result.probes}
+
+    @property
+    def random(self) -> RandomResponse | None:
+        """Statistics of the response; None where the input is neither random nor sampled."""
+        return self.result.random
 
     def resting(self, probe: str, quantity: str) -> bool:
         """Whether a quantity of a probe is 0 but for round-off, of which root mean squares say nothing."""
-        return (probe, quantity) in self.still
+        return resting(probe, quantity, self.result.summary)
 
     def reported(self) -> Values:
         """The figures as they are in the result."""
@@ -442,9 +431,9 @@ class DerivedValues:
             figures["random"] = {
                 f"{s.name} {s.quantity} {key}": getattr(s, key) for s in self.random.signals for key in STATISTICS
             }
-        if self.shock is not None:
-            figures |= _of_shock(self.shock)
-        return figures | {"gapping_ratio": dict(self.gapping)}
+        if self.result.srs is not None:
+            figures |= _of_shock(self.result.srs)
+        return figures | {"gapping_ratio": finite(self.result.summary.get("gapping_ratio", {}))}
 
     def scatter(self) -> Changes:
         """How far statistics of the response that few peaks decide differ between records by chance."""
@@ -473,11 +462,12 @@ class DerivedValues:
         if self.random is not None:
             for figures, statistics in zip(of_parts, self._statistics(system, motion, parts), strict=True):
                 figures["random"] = statistics
-        if self.shock is not None:
+        if self.result.srs is not None:
             shock = _of_shock(shock_response(system, motion))
             for figures in of_parts:
                 figures |= shock
-        ratios = finite(gapping_ratios(gapping_of_sine(system))) if self.gapping else {}
+        known = self.result.summary.get("gapping_ratio")
+        ratios = finite(gapping_ratios(gapping_of_sine(system))) if known else {}
         return [{**figures, "gapping_ratio": ratios} for figures in of_parts]
 
     def parts(self, most: int) -> int:
@@ -516,7 +506,7 @@ class DerivedValues:
         if isinstance(motion, Histories):
             times, values = motion.time, np.hstack([motion.of(key) for key in (ACCELERATION, DISPLACEMENT, FORCE)])
         else:
-            times = self.times[self.times <= motion.end]
+            times = self.result.time[self.result.time <= motion.end]
             values = Observed(motion.flow, channels).values(motion, times)
         after = times >= random.start_s
         rate = (times.size - 1) / float(times[-1] - times[0])

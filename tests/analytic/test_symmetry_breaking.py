@@ -55,7 +55,7 @@ def test_where_they_leave_in_closed_form(cubic):
 def test_an_interruption_ends_the_search_for_where_they_leave():
     near = {"kind": "energy", "from": 0.5, "to": 0.7}  # about 136 / 225
     scenario = load_scenario({**CUBIC, "nnm": {**CUBIC["nnm"], "continue_in": near}})
-    job = mode_path(scenario, conservative_system(scenario))
+    job = mode_path(conservative_system(scenario))
     followed, asked = job.follow(None), count()
     points = len(followed.backbone.points)
     # once after every point over the whole period, once before the search, and after its first step

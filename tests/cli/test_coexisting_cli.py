@@ -13,7 +13,7 @@ import pytest
 from sampling import slow_after
 
 import beamsim
-from beamsim.analyses.coexisting.starts import Marches
+from beamsim.analyses.coexisting.analysis import Marches
 from beamsim.store.studies import journal_path
 from tests.helpers.commands import invoke
 

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamsim.analyses.continuation.analysis import continuation
-from beamsim.analyses.continuation.overlay import with_overlay
+from beamsim.analyses.continuation.analysis import continuation, with_overlay
 from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario

@@ -114,7 +114,7 @@ def test_an_unstable_motion_drifts_from_its_period(compared):
     """The twin: fifty periods of an unstable mode are not periodic, and the result says so."""
     scenario = load_scenario(ENERGY, {"nnm.continue_in.to": "65 uJ"})
     system = conservative_system(scenario)
-    followed = mode_path(scenario, system).follow(None)
+    followed = mode_path(system).follow(None)
     points = followed.backbone.points
     modes = [followed.problem.orbit(point) for point in points]
     growth = [np.abs(m.multipliers).max() for m in modes]

@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from beamsim.analyses.identify.analysis import identify_stiffness
-from beamsim.analyses.identify.peaks import SweptPeaks
+from beamsim.analyses.identify.records import SweptPeaks
 from beamsim.cli.measured import identification_screen
 from beamsim.errors import ScenarioError
 from beamsim.flow.channels import Observed

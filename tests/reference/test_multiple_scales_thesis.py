@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
-from beamsim.analyses.nnm.multiple_scales import compare_expansion, expansion_path
+from beamsim.analyses.nnm.comparisons import compare_expansion, expansion_path
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system

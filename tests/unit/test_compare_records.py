@@ -7,8 +7,7 @@ import pytest
 from scipy.signal import lsim
 
 import beamsim
-from beamsim.analyses.compare.analysis import compare, pair_channels
-from beamsim.analyses.compare.records import compare_records
+from beamsim.analyses.compare.analysis import compare, compare_records, pair_channels
 from beamsim.analyses.compare.sweeps import compare_sweep
 from beamsim.errors import ScenarioError
 from beamsim.measurements.signal import MeasuredSignal

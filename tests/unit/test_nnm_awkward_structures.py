@@ -24,7 +24,7 @@ def test_two_stops_that_touch_one_point_take_turns():
     }  # fmt: skip
     scenario = load_scenario(case)
     system = conservative_system(scenario)
-    followed = mode_path(scenario, system).follow(None)
+    followed = mode_path(system).follow(None)
     assert followed.backbone.outcome.complete
     for point in followed.backbone.points:
         passage = point.data.passage

@@ -1,6 +1,7 @@
 """``beamsim compare``: a computed and a measured motion, aligned in phase and compared harmonic by harmonic.
 
-The channels of a measurement are assigned to probes and snubbers by their names.
+The channels of a measurement are assigned to probes and snubbers by their names. Records that do not repeat are
+compared by peaks, scale, correlation and response spectra.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from beamsim.analyses.compare.records import compare_records
-from beamsim.analyses.compare.result import ChannelComparison, Comparison
+from beamsim.analyses.compare.result import ChannelComparison, Comparison, RecordComparison
+from beamsim.analyses.run.filters import PANELS_OF_OSCILLATOR, SAMPLES_OF_OSCILLATOR, geomspaced, shock_spectra
 from beamsim.analyses.run.records import project
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import amplitude_db, spectrum
@@ -26,7 +28,7 @@ from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si,
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.quantities import motion_dimension
-from beamsim.scenario.run import SpectrumSettings
+from beamsim.scenario.run import ShockSpectrumSettings, SpectrumSettings
 from beamsim.scenario.units import FORCE, MOMENT, Dimension
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -632,8 +634,6 @@ def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
         Start of the part, s, and the largest relative difference of its periods; of fewer than four periods the start
         of the history, and 0.
     """
-    from scipy.interpolate import CubicSpline
-
     count = int(np.floor((time[-1] - time[0]) / period * (1 + 1e-9)))
     if count < 4:
         return float(time[0]), 0.0
@@ -671,19 +671,66 @@ def best_phase(measured: Harmonics, predicted: Complexes, sigma: Floats) -> floa
     float
         rad.
     """
-    psi = np.arange(720) * (2 * np.pi / 720)  # so close that Newton's method converges
-    weight = np.conj(measured.value) * predicted / sigma**2
+    from scipy.optimize import brentq
 
-    gain = (np.exp(1j * np.multiply.outer(psi, measured.order)) @ weight).real
-    best = float(psi[int(np.argmax(gain))])
-    for _ in range(30):
-        turned = weight * np.exp(1j * measured.order * best)
-        slope = float(-np.sum(measured.order * turned.imag))
-        curvature = float(-np.sum(measured.order**2 * turned.real))
-        if curvature >= 0:
-            break
-        step = -slope / curvature
-        best += float(np.clip(step, -0.01, 0.01))
-        if abs(step) < 1e-14:
-            break
-    return best
+    step = 2 * np.pi / 720  # so close that the best one is between the neighbours of the best of these
+    weight = np.conj(measured.value) * predicted / sigma**2
+    gain = (np.exp(1j * np.multiply.outer(step * np.arange(720), measured.order)) @ weight).real
+    best = step * int(np.argmax(gain))
+
+    def slope(psi: float) -> float:
+        return float(-np.sum(measured.order * (weight * np.exp(1j * measured.order * psi)).imag))
+
+    around = best - step, best + step
+    return float(brentq(slope, *around, xtol=1e-15)) if slope(around[0]) > 0.0 > slope(around[1]) else best
+
+
+PARTS = 10  # of a record, left out one by one for the standard error of the scale
+MOST_PANELS = 100_000  # of an oscillator, which takes seconds: longer records have spectra up to a lower frequency
+
+
+def compare_records(
+    unit: str, predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats], settings: ShockSpectrumSettings | None
+) -> RecordComparison | None:
+    """What two aligned records have in common while both last.
+
+    Parameters
+    ----------
+    unit : of both.
+    predicted, measured : times (nt,), s, and values.
+    settings : range and quality of the oscillators; by default Q = 10 and six an octave over what the records resolve.
+
+    Returns
+    -------
+    RecordComparison
+        None where they overlap in less than twice as many samples as there are parts, or one is zero there.
+    """
+    begin, end = max(predicted[0][0], measured[0][0]), min(predicted[0][-1], measured[0][-1])
+    inside = (measured[0] >= begin) & (measured[0] <= end)
+    if np.count_nonzero(inside) < 2 * PARTS:
+        return None
+    time, y = measured[0][inside], measured[1][inside]
+    begin, end = float(time[0]), float(time[-1])
+    both = CubicSpline(*predicted), CubicSpline(*measured)
+    own = predicted[1][(predicted[0] >= begin) & (predicted[0] <= end)]
+    x = both[0](time)
+    if not (np.any(own) and np.any(y)):
+        return None
+    first = np.linspace(0, time.size, PARTS, endpoint=False).astype(int)
+    across, power, of_measured = (np.add.reduceat(product, first) for product in (x * y, x * x, y * y))
+    without = (power.sum() - power) / (across.sum() - across)
+    slowest = max(float(np.diff(t).max()) for t, _ in (predicted, measured))
+    highest = min(1 / (SAMPLES_OF_OSCILLATOR * slowest), MOST_PANELS / (PANELS_OF_OSCILLATOR * (end - begin)))
+    lowest, quality, per_octave = 2.0 / (end - begin), 10.0, 6
+    if settings is not None:
+        lowest, quality, per_octave = settings.from_, settings.quality, settings.per_octave
+        highest = min(highest, settings.to)
+    frequency = geomspaced(min(lowest, 0.5 * highest), highest, per_octave)
+    ends, values = np.array([begin, end]), lambda at: np.column_stack([spline(at) for spline in both])
+    spectra = shock_spectra(frequency, quality, ends, values, 0.0).max(axis=1)
+    scale, scatter = power.sum() / across.sum(), np.sqrt((PARTS - 1) * np.mean((without - without.mean()) ** 2))
+    correlation = across.sum() / np.sqrt(power.sum() * of_measured.sum())
+    return RecordComparison(
+        unit, float(np.abs(own).max()), float(np.abs(y).max()), float(scale), float(scatter), float(correlation),
+        quality, frequency, spectra[0], spectra[1],
+    )  # fmt: skip

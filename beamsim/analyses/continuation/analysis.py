@@ -1,11 +1,14 @@
-"""``beamsim sweep`` of kind continuation: curves of periodic motions against a parameter, stable and unstable."""
+"""``beamsim sweep`` of kind continuation: curves of periodic motions against a parameter, stable and unstable.
+
+Swept and stepped sines are overlaid on them: computed with them, or taken from stored sweeps.
+"""
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from itertools import pairwise
+from dataclasses import fields, replace
+from itertools import count, pairwise
 from typing import Any
 
 import numpy as np
@@ -25,20 +28,22 @@ from beamsim.analyses.continuation.branches import (
     coexisting_branches,
     coincides,
     gaps_between,
+    leavings,
     missing,
     progress_that_grows,
     reaches_of,
+    side_branches,
     trace_range,
 )
 from beamsim.analyses.continuation.folds import follow_folds
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
-from beamsim.analyses.continuation.overlay import swept_overlay
 from beamsim.analyses.continuation.paths import ResponseModel, response_model
 from beamsim.analyses.continuation.refinement import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
-from beamsim.analyses.continuation.side_branches import leavings, side_branches
 from beamsim.analyses.doubts import curve_warnings, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
+from beamsim.analyses.sweep.analysis import sweep
+from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.analyses.values import (
     DISPLACEMENT,
     LIMITED,
@@ -57,7 +62,7 @@ from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import STABLE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, part_of
 from beamsim.scenario import Scenario
-from beamsim.scenario.sweep import Continuation, HarmonicBalance
+from beamsim.scenario.sweep import Continuation, FrequencyPath, HarmonicBalance, SweptSine
 from beamsim.system.equations import ChannelSet
 from beamsim.typing import Floats, Ints, not_none, of_kind
 
@@ -92,7 +97,7 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     """
     begin, processor = clock.perf_counter(), processor_time()
     model = response_model(scenario)
-    settings = of_kind(Continuation, scenario.sweep)
+    settings = model.settings
     grown = progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else 0.8  # of the progress
     branches, folds, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share), stop)
@@ -139,7 +144,7 @@ def _follow_levels(
     KeyboardInterrupt
         Where it was time to stop before any was found.
     """
-    settings = of_kind(Continuation, model.scenario.sweep)
+    settings = model.settings
     levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
     branches: list[ResponseBranch] = []
     folds: list[FoldBranch] = []
@@ -151,7 +156,7 @@ def _follow_levels(
             settings.most_points, settings.longest_time, stop, settings.most_branch_points, settings.most_side_points,
             settings.most_branches,
         )  # fmt: skip
-        traced = _trace(model, settings, level, budget, part_of(report, index / len(levels), (index + 1) / len(levels)))
+        traced = _trace(model, level, budget, part_of(report, index / len(levels), (index + 1) / len(levels)))
         if not traced:
             if not branches:
                 raise KeyboardInterrupt
@@ -166,7 +171,7 @@ def _follow_levels(
 def _warnings(model: ResponseModel, branches: list[ResponseBranch]) -> tuple[str, ...]:
     """What is doubtful in a scenario, its system and the motions."""
     scenario, system = model.scenario, model.system
-    by_balance = isinstance(of_kind(Continuation, scenario.sweep).method, HarmonicBalance)
+    by_balance = isinstance(model.settings.method, HarmonicBalance)
     uncertified = by_balance and system.cubic.count and system.dynamics.contacts.count
     return (
         *scenario.warnings,
@@ -178,7 +183,7 @@ def _warnings(model: ResponseModel, branches: list[ResponseBranch]) -> tuple[str
 
 def _outcome(model: ResponseModel, branches: list[ResponseBranch], remarks: Sequence[Outcome]) -> Outcome:
     """How it ended, by the first remark on what is incomplete, and how sure the motions are."""
-    remarks, settings = list(remarks), of_kind(Continuation, model.scenario.sweep)
+    remarks, settings = list(remarks), model.settings
     if isinstance(settings.method, HarmonicBalance):
         remarks += _doubt(branches, settings.method, model.followed.unit)
     worst = next((remark for remark in remarks if not remark.complete), COMPLETE)
@@ -186,11 +191,9 @@ def _outcome(model: ResponseModel, branches: list[ResponseBranch], remarks: Sequ
     return reduction_checked(balanced(outcome, branches, model.followed.unit), model.scenario, model.system.modes)
 
 
-def _trace(
-    model: ResponseModel, settings: Continuation, level: float, budget: Budget, report: Progress
-) -> list[OrbitBranch]:
+def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress) -> list[OrbitBranch]:
     """The branches of one level, those of the excitation's own period first; none where it was time to end."""
-    f = model.followed
+    f, settings = model.followed, model.settings
     first, last = f.inward(f.first), f.inward(f.last)
     reach, beside = reaches_of(first, last, beyond=f.moved is None)
     tracer = Tracer(model.problem(level), reach)
@@ -242,12 +245,10 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
         parts.append(uncovered)
     failed = [f.shown(part) for t in traced for part in t.outcome.all_of(SEARCH_FAILED)]
     parts += [part for part in failed if not any(part in known.parts for known in parts)]
-    settings = of_kind(Continuation, model.scenario.sweep)
-    incomplete = bool(gaps) or settings.side_branches == "required"
-    exceeded = budget.exceeded(incomplete=incomplete)
+    exceeded = budget.exceeded(incomplete=bool(gaps) or model.settings.side_branches == "required")
     if exceeded is not None:
         parts.append(exceeded)
-    parts += _left_out(model, settings, traced)
+    parts += _left_out(model, traced)
     bands: list[tuple[float, float]] = []
     stable = [
         (min(a, b), max(a, b))
@@ -264,8 +265,9 @@ def _remarks(model: ResponseModel, traced: list[OrbitBranch], budget: Budget, le
     return [part.but(within=within) for part in parts]
 
 
-def _left_out(model: ResponseModel, settings: Continuation, traced: list[OrbitBranch]) -> Iterator[Outcome]:
+def _left_out(model: ResponseModel, traced: list[OrbitBranch]) -> Iterator[Outcome]:
     """What was not followed or sought because of the method or a setting."""
+    settings = model.settings
     by_balance = isinstance(settings.method, HarmonicBalance)
     reason = "sweep.side_branches is none" if settings.side_branches == "none" else "harmonic balance follows none"
     bifurcations = sum(len(leavings(branch, settings.longest_period)) for branch in traced)
@@ -308,7 +310,7 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop
     ResponseBranch
     """
     f, system, problem = model.followed, model.system, traced.problem
-    settings, limits = of_kind(Continuation, model.scenario.sweep), model.scenario.limits
+    settings, limits = model.settings, model.scenario.limits
     channels = measured(system, () if limits is None else limits.model_fields_set)
     measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics)
     traced, motions = with_maxima(
@@ -487,3 +489,83 @@ def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple
             values = best.displacement[probe.name].peak
             highest.append((best, probe.name, values, int(np.argmax(values))))
     return highest
+
+
+def swept_overlay(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> dict[str, OverlayCurve] | None:
+    """The swept sine that a continuation's ``overlay`` asks for, at the same levels.
+
+    Parameters
+    ----------
+    scenario : with an ``overlay`` in its continuation.
+    progress : called with the share of the sweep that is done.
+    stop : asked between cycles and levels.
+
+    Returns
+    -------
+    dict | None
+        The curves by name; None where the sweep is interrupted.
+
+    Raises
+    ------
+    ScenarioError
+        Where the structure or the rate cannot be swept, or the sweep ends early.
+    """
+    settings = of_kind(Continuation, scenario.sweep)
+    asked = not_none(settings.overlay)
+    path = of_kind(FrequencyPath, settings.parameter)
+    low, high = sorted((path.from_, path.to))
+    swept = SweptSine.model_construct(
+        from_=low, to=high, levels=settings.levels, rate=asked.rate, direction=asked.direction
+    )
+    result = sweep(scenario.model_copy(update={"sweep": swept, "limits": None}), progress, stop=stop)
+    if result.outcome.interrupted:
+        return None
+    if not result.complete:
+        raise ScenarioError.at("sweep.overlay", f"was not computed: {result.status}", "leave it out")
+    return {name: _overlaid(curve, result.title, "") for name, curve in result.curves.items()}
+
+
+def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -> ContinuationResult:
+    """The response with the curves of a stored sweep overlaid.
+
+    Parameters
+    ----------
+    result : in frequency.
+    stored : the sweep.
+    source : what it is called, such as the name of its file.
+
+    Returns
+    -------
+    ContinuationResult
+        With the new curves beside those that were overlaid before.
+
+    Raises
+    ------
+    ScenarioError
+        Where the two have nothing in common to draw.
+    """
+    if result.parameter != "frequency":
+        raise ScenarioError.at(
+            "--overlay",
+            f"overlays a sweep on a curve in frequency, and this one is in {result.parameter}",
+            "leave it out, or follow the frequency",
+        )
+    probes = {name for branch in result.branches for name in branch.displacement}
+    overlay = dict(result.overlay)
+    for curve in stored.curves.values():
+        if not probes & set(curve.displacement):
+            raise ScenarioError.at(
+                "--overlay",
+                f"{source} has the probes {', '.join(curve.displacement)}, and the curve has "
+                f"{', '.join(sorted(probes))}",
+                "give a sweep with a probe of the same name",
+            )
+        names = (f"{curve.direction}_{index}" for index in count(curve.level_index))
+        name = next(name for name in names if name not in overlay)
+        overlay[name] = replace(_overlaid(curve, stored.title, source), name=name)
+    return replace(result, overlay=overlay)
+
+
+def _overlaid(curve: SweepCurve, title: str, source: str) -> OverlayCurve:
+    values = {field.name: getattr(curve, field.name) for field in fields(curve)}
+    return OverlayCurve(**values, source=source, title=title)

@@ -100,6 +100,11 @@ class ResponseModel:
     frequency_hz: float  # of the excitation, where it is held
     levels: tuple[float, ...]
 
+    @property
+    def settings(self) -> Continuation:
+        """The section."""
+        return of_kind(Continuation, self.scenario.sweep)
+
     def problem(self, level: float) -> ForcedOrbits | ForcedBalance:
         """Motions along the parameter, by the method that is asked for.
 
@@ -107,7 +112,7 @@ class ResponseModel:
         ------
         ScenarioError : where the snubbers' law is beyond harmonic balance, or does not go with cubic springs.
         """
-        f, settings = self.followed, of_kind(Continuation, self.scenario.sweep)
+        f, settings = self.followed, self.settings
         hz = f.first if f.kind == "frequency" else self.frequency_hz
         parameter: Literal["frequency", "level"] = "frequency" if f.kind == "frequency" else "level"
         if isinstance(settings.method, HarmonicBalance):

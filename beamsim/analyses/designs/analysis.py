@@ -13,7 +13,7 @@ from beamsim.analyses.designs.reliability import Exceedance, asked, concluded
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.designs.search import search
 from beamsim.analyses.parallel import working
-from beamsim.outcomes import Outcome, Stop, never
+from beamsim.outcomes import Outcome, Stop, never, tell
 from beamsim.scenario import Scenario
 
 
@@ -69,11 +69,9 @@ def design_study(
     def solved(outcome: CaseOutcome) -> None:
         if each is not None:
             each(outcome)
-        if progress is not None:
-            progress(len(evaluate.outcomes) / total)
+        tell(progress, len(evaluate.outcomes) / total)
 
-    if progress is not None:
-        progress(len(known) / total)
+    tell(progress, len(known) / total)
     unknown, count = total - len(known), plan.study.realisations.count
     solving = working(partial(CaseSolver, plan.study), unknown, stop, workers=workers, scheduler=scheduler)
     with Evaluator(solving, most=plan.most, realisations=count, known=known, each=solved) as evaluate:

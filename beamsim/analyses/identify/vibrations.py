@@ -34,9 +34,17 @@ from beamsim.analyses.identify.fit import (
     varied,
     widening,
 )
-from beamsim.analyses.identify.peaks import SweptPeaks, sweeps_of
-from beamsim.analyses.identify.records import Compared, Misfit, Prediction, Test, Transient, fit_of
-from beamsim.analyses.identify.result import NonlinearEstimate, ParameterEstimate, SweepFit, TestFit, TransientFit
+from beamsim.analyses.identify.records import (
+    Compared,
+    Misfit,
+    Prediction,
+    SweptPeaks,
+    Test,
+    Transient,
+    fit_of,
+    sweeps_of,
+)
+from beamsim.analyses.identify.result import NonlinearEstimate, SweepFit, TestFit, TransientFit
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import fourier_integrals, outputs_of
 from beamsim.flow.compiled import processor_time
@@ -44,7 +52,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.variational import VariationalFlow, motion_on
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
-from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, together
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, tell, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import counted, path_text
@@ -93,28 +101,8 @@ def fit_nonlinear(
     vibrations = _Vibrations(tests, scenario, sought_numbers(scenario, nonlinear.estimate)[0])
     _check_count(vibrations.numbers, tests)
     search = _searched(vibrations, nonlinear, progress, stop)
-    found = _judged(vibrations, search, section.coverage)
-    interrupted = stop()
-    stopped = f"after {search.tried} of {nonlinear.starts} starts" if interrupted else None
-    profiled = nonlinear.profiles and not interrupted
-    return NonlinearEstimate(
-        outcome=_outcome(stopped, found),
-        parameters=found.parameters,
-        correlation=correlation_of(found.covariance),
-        tests=tuple(each for each in found.records if isinstance(each, TestFit)),
-        transients=tuple(each for each in found.records if isinstance(each, TransientFit)),
-        sweeps=tuple(each for each in found.records if isinstance(each, SweepFit)),
-        misfit_before=search.misfit_before,
-        misfit=found.best.misfit,
-        degrees_of_freedom=found.freedom,
-        starts=search.tried,
-        starts_agreeing=search.agreeing,
-        profiles=search.fit.profiles(found.best, found.covariance, found.scale, points=7) if profiled else (),
-        responses=vibrations.responses[0],
-        processor_time_s=processor_time() - begin,
-        coverage=section.coverage,
-        warnings=tuple(found.warnings),
-    )
+    found = _judged(vibrations, search, section, stop)
+    return replace(found, processor_time_s=processor_time() - begin)
 
 
 @dataclass(frozen=True)
@@ -163,37 +151,24 @@ def _searched(
     return _Search(fit, best, before, float(first @ first), tried, agreeing, warnings)
 
 
-@dataclass(frozen=True)
-class _Judgement:
-    """How sure an estimate is, and what every test says of it."""
-
-    best: Best  # parameters of which the tests say nothing have the scenario's values
-    parameters: tuple[ParameterEstimate, ...]
-    covariance: Floats  # (p, p)
-    scale: float  # factor in it
-    freedom: int
-    records: list[TestFit | TransientFit | SweepFit]
-    without_derivative: list[str]
-    warnings: list[str]
-
-
-def _judged(vibrations: _Vibrations, search: _Search, coverage: float) -> _Judgement:
+def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness, stop: Stop) -> NonlinearEstimate:
     """Intervals of parameters and delays from the derivatives at the estimate, and each test's part of the misfit.
 
     Parameters
     ----------
     vibrations : with the tests as the search left them.
-    search : where it ended.
-    coverage : probability of the intervals.
+    search : where it ended; parameters of which the tests say nothing get the scenario's values again.
+    section : with the probability of the intervals.
+    stop : asked before the profiles.
 
     Returns
     -------
-    _Judgement
+    NonlinearEstimate
     """
-    fit, best, tests, scenario = search.fit, search.best, vibrations.tests, vibrations.scenario
+    fit, best, tests, coverage = search.fit, search.best, vibrations.tests, section.coverage
     fit.residuals(best.x)
     penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.last])
-    unknown = _unreached(scenario, fit.numbers, penetration)
+    unknown = _unreached(vibrations.scenario, fit.numbers, penetration)
     best = replace(best, x=np.where([i in unknown for i in range(len(fit.numbers))], 0.0, best.x))
     jacobian, by_delay = vibrations.jacobian(best.x)
     jacobian[:, list(unknown)] = 0.0
@@ -208,29 +183,47 @@ def _judged(vibrations: _Vibrations, search: _Search, coverage: float) -> _Judge
     records = [t.fitted(p, b, a) for t, p, b, a in zip(tests, parts, search.before, predicted, strict=True)]
     warnings += [*remarks, *unknown.values()]
     both = zip(tests, vibrations.last, strict=True)
-    warnings += _yielding(scenario, fit.numbers) + [said for test, last in both for said in test.doubts(last)]
-    warnings += search.warnings
+    warnings += _yielding(vibrations.scenario, fit.numbers)
+    warnings += [said for test, last in both for said in test.doubts(last)]
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
-    return _Judgement(best, parameters, covariance, scale, freedom, records, without, warnings)
+    settings, interrupted = not_none(section.nonlinear), stop()
+    stopped = f"after {search.tried} of {settings.starts} starts" if interrupted else ""
+    profiled = settings.profiles and not interrupted
+    return NonlinearEstimate(
+        outcome=_outcome(stopped, best, without),
+        parameters=parameters,
+        correlation=correlation_of(covariance),
+        tests=tuple(each for each in records if isinstance(each, TestFit)),
+        transients=tuple(each for each in records if isinstance(each, TransientFit)),
+        sweeps=tuple(each for each in records if isinstance(each, SweepFit)),
+        misfit_before=search.misfit_before,
+        misfit=best.misfit,
+        degrees_of_freedom=freedom,
+        starts=search.tried,
+        starts_agreeing=search.agreeing,
+        profiles=fit.profiles(best, covariance, scale, points=7) if profiled else (),
+        responses=vibrations.responses[0],
+        processor_time_s=0.0,
+        coverage=coverage,
+        warnings=(*warnings, *search.warnings),
+    )
 
 
-def _outcome(stopped: str | None, found: _Judgement) -> Outcome:
+def _outcome(stopped: str, best: Best, without_derivative: Sequence[str]) -> Outcome:
     """How the fit ended: where it was stopped, and the parameters without a derivative."""
-    outcomes = []
-    if stopped is not None:
-        outcomes.append(interruption(stopped))
-    if not found.best.converged:
+    outcomes = [interruption(stopped)] if stopped else []
+    if not best.converged:
         outcomes.append(
             Outcome.of(
                 OutcomeKind.STOPPED, "fit_limit", f"the limit of {MOST_EVALUATIONS} evaluations of the fit is reached",
                 remedy="start from better values, or fit fewer parameters",
             )
         )  # fmt: skip
-    if found.without_derivative:
+    if without_derivative:
         outcomes.append(
             Outcome.of(
                 OutcomeKind.UNTRUSTED, "derivative_unknown",
-                f"no steady vibration was found close to the estimate of {', '.join(found.without_derivative)}: no "
+                f"no steady vibration was found close to the estimate of {', '.join(without_derivative)}: no "
                 "standard deviation is known",
                 remedy="start from other values, or leave out tests with irregular motion",
             )
@@ -527,8 +520,7 @@ def _from_starts(
             solutions.append(fits[-1].best(start))
         except UnpredictableError:
             continue
-        if progress is not None:
-            progress(tried / (settings.starts + 1))
+        tell(progress, tried / (settings.starts + 1))
         if stop():
             break
     if not solutions:

@@ -12,16 +12,16 @@ import numpy as np
 from beamsim.analyses.branch import ModeBranch, SpecialPointResult
 from beamsim.analyses.continuation.refinement import Wanted, with_points_at
 from beamsim.analyses.doubts import forces_beyond_tables, reduction_checked
-from beamsim.analyses.nnm.full_period import difference, follow_full_period
-from beamsim.analyses.nnm.multiple_scales import (
+from beamsim.analyses.nnm.comparisons import (
     compare_expansion,
+    compare_relaxed,
     exact_points,
     expansion_path,
 )
+from beamsim.analyses.nnm.full_period import difference, follow_full_period
 from beamsim.analyses.nnm.orbits import branch_result, mode_shape, orbit_motion, special_points
-from beamsim.analyses.nnm.paths import ModeBranches, ModePath, alike, mode_path
+from beamsim.analyses.nnm.paths import ModeBranches, ModePath, mode_path
 from beamsim.analyses.nnm.phase_resonance import hold_mode
-from beamsim.analyses.nnm.relaxed import compare_relaxed
 from beamsim.analyses.nnm.result import (
     BranchJump,
     ExpansionComparison,
@@ -111,20 +111,18 @@ def nnm(
     compare = [OLD_NAMES.get(name, name) for name in compare]
     _refuse_comparisons(scenario, compare)
     system = conservative_system(scenario)
-    job = mode_path(scenario, system)
-    work = _followed(scenario, system, job, compare, progress, stop)
+    job = mode_path(system)
+    work = _followed(job, compare, progress, stop)
     followed = work.followed
-    special, failed, given_up = special_points(system, job, followed, stop)
+    special, failed, given_up = special_points(job, followed, stop)
     if given_up and not followed.backbone.outcome.interrupted:
         work.left_out.append("the search for special points")
-    branches = _branches(system, job, work, special)
+    branches = _branches(job, work, special)
     branches, shown, point = _with_motion(system, branches, work.full_period or followed)
     motion = not_none(branches[shown].motion)
     resonance = None
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):
-        resonance = hold_mode(
-            scenario, followed.problem, followed.backbone.points, alike=alike(system), progress=progress, stop=stop
-        )
+        resonance = hold_mode(system, followed.problem, followed.backbone.points, progress, stop)
     outcome = job.ended(with_failed_searches(_outcome(work, resonance), failed))
     outcome = reduction_checked(balanced(outcome, branches, branches[0].unit), scenario, system.modes)
     result = NormalModeResult(
@@ -194,21 +192,13 @@ def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
         )
 
 
-def _followed(
-    scenario: Scenario,
-    system: StructuralSystem,
-    job: ModePath,
-    compare: Collection[str],
-    progress: Progress,
-    stop: Stop,
-) -> _MethodResults:
+def _followed(job: ModePath, compare: Collection[str], progress: Progress, stop: Stop) -> _MethodResults:
     """Exact motions first, then what is compared with them."""
-    settings = not_none(scenario.nnm)
-    solver = settings.method
+    system, solver = job.system, job.settings.method
     begin = processor_time()
     if solver.kind == "multiple_scales":
-        return _near_expansion(scenario, system, job)
-    followed, requested = _with_points(scenario, job, job.follow(progress, stop))
+        return _near_expansion(job)
+    followed, requested = _with_points(job, job.follow(progress, stop))
     work = _MethodResults(followed, 0.0, requested=requested)
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
     if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
@@ -218,20 +208,16 @@ def _followed(
     work.processor_time_s = processor_time() - begin
     if (work.relaxing or "relaxed_minimisation" in compare) and work.goes_on("relaxed minimisation", stop):
         steps = solver if isinstance(solver, RelaxedMinimisationMethod) else RelaxedMinimisationMethod()
-        work.relaxed = compare_relaxed(
-            job, work.followed, work.processor_time_s, steps, system.deflection, progress, stop
-        )
+        work.relaxed = compare_relaxed(job, work.followed, work.processor_time_s, steps, progress, stop)
     if "multiple_scales" in compare and work.goes_on("the expansion", stop):
-        path = expansion_path(system, job.mode + 1, settings.energy, largest=job.last)
+        path = expansion_path(system, job.mode + 1, job.settings.energy, largest=job.last)
         work.expansion = compare_expansion(system, path, exact_points(system, path, work.followed))
     return work
 
 
-def _with_points(
-    scenario: Scenario, job: ModePath, followed: ModeBranches
-) -> tuple[ModeBranches, list[RequestedPoint]]:
+def _with_points(job: ModePath, followed: ModeBranches) -> tuple[ModeBranches, list[RequestedPoint]]:
     """The branches with points at the energies and frequencies asked for; the outcome names what none passes."""
-    settings = not_none(scenario.nnm)
+    settings = job.settings
     if not (settings.energies or settings.frequencies):
         return followed, []
     problem = followed.problem
@@ -282,9 +268,10 @@ def _requested(result: NormalModeResult, work: _MethodResults) -> list[dict[str,
     return rows
 
 
-def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath) -> _MethodResults:
+def _near_expansion(job: ModePath) -> _MethodResults:
     """The expansion at small factors and the exact motions beside it, from the linear mode on."""
-    path = expansion_path(system, job.mode + 1, not_none(scenario.nnm).energy, largest=job.last)
+    system = job.system
+    path = expansion_path(system, job.mode + 1, job.settings.energy, largest=job.last)
     begin = processor_time()
     orbits, exact = exact_points(system, path)
     linear = solve_at(orbits, linear_mode(orbits, job.mode, 0.0, job.away_from), Settings(), 0.0)
@@ -313,9 +300,7 @@ def _near_expansion(scenario: Scenario, system: StructuralSystem, job: ModePath)
     return _MethodResults(ModeBranches(backbone), spent, expansion=comparison)
 
 
-def _branches(
-    system: StructuralSystem, job: ModePath, work: _MethodResults, special: tuple[SpecialPointResult, ...]
-) -> tuple[ModeBranch, ...]:
+def _branches(job: ModePath, work: _MethodResults, special: tuple[SpecialPointResult, ...]) -> tuple[ModeBranch, ...]:
     brake, full = work.followed.problem, work.full_period
     of_backbone: dict[str, Any] = {"special": special}
     if full is not None:
@@ -328,8 +313,8 @@ def _branches(
         of_backbone = {"special": (*special, *breakings), "half_period_difference": differences}
     backbone, *others = (full or work.followed).every
     return (
-        branch_result(system, job, brake, backbone, **of_backbone),
-        *(branch_result(system, job, brake, branch, special=()) for branch in others),
+        branch_result(job, brake, backbone, **of_backbone),
+        *(branch_result(job, brake, branch, special=()) for branch in others),
     )
 
 

@@ -22,7 +22,7 @@ from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, reached
 from beamsim.orbits.continuation import Branch, Settings, locate, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, never, until
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, never, tell, until
 from beamsim.scenario.sweep import FullPeriodMethod
 from beamsim.typing import Floats
 
@@ -201,8 +201,7 @@ def over_full_period(
             )  # fmt: skip
             break
         reached.append(new)
-        if report is not None:
-            report(len(reached) / len(points))
+        tell(report, len(reached) / len(points))
         if stop():
             outcome = INTERRUPTED
             break

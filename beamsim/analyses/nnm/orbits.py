@@ -46,13 +46,7 @@ def mode_shape(field: Floats, vector: Floats, like: Floats) -> Floats:
     )
 
 
-def branch_result(
-    system: StructuralSystem,
-    job: ModePath,
-    brake: BrakeOrbits,
-    branch: OrbitBranch,
-    **more: Any,
-) -> ModeBranch:
+def branch_result(job: ModePath, brake: BrakeOrbits, branch: OrbitBranch, **more: Any) -> ModeBranch:
     """A branch in SI numbers.
 
     Brake orbits, and those found over the whole period with their phase held, are given as they begin; a non-brake
@@ -60,8 +54,7 @@ def branch_result(
 
     Parameters
     ----------
-    system : of the motions.
-    job : the parameter of the branch, and the mode asked for.
+    job : the parameter of the branch, the structure and the mode asked for.
     brake : the problem of the backbone.
     branch : of brake orbits, or of motions found over the whole period.
     more : further fields of `ModeBranch`, its special points among them.
@@ -99,7 +92,7 @@ def branch_result(
         energy_error=np.array([energy_error(p.data.flow, p.data.passage) for p in branch.points]),
         **of_states(states, n),
         least_kinetic=least,
-        initial_displacement=states[:, :n] @ system.deflection.T,
+        initial_displacement=states[:, :n] @ job.system.deflection.T,
         stable=np.array([orbit.stable for orbit in orbits]),
         floquet_multipliers=np.array([orbit.multipliers for orbit in orbits]),
         **more,
@@ -107,13 +100,12 @@ def branch_result(
 
 
 def special_points(
-    system: StructuralSystem, job: ModePath, branches: ModeBranches, stop: Stop = never
+    job: ModePath, branches: ModeBranches, stop: Stop = never
 ) -> tuple[tuple[SpecialPointResult, ...], list[FailedSearch], bool]:
     """Folds, branch points and grazings along a backbone, but not across its jumps.
 
     Parameters
     ----------
-    system : whose contacts graze.
     job : the parameter of the backbone.
     branches : with the backbone.
     stop : asked before every step.
@@ -126,7 +118,7 @@ def special_points(
     """
     special: list[SpecialPointResult] = []
     failed: list[FailedSearch] = []
-    names, orbits = system.contact_names, branches.problem
+    names, orbits = job.system.contact_names, branches.problem
     settings = Settings(iterations=10)
     for a, b in pairwise(branches.backbone.points):
         if a.parameter in branches.gaps:

@@ -18,8 +18,8 @@ from beamsim.orbits.continuation import Branch, Settings, at_parameter, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, never, until
-from beamsim.scenario import Scenario
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, never, tell, until
+from beamsim.scenario.sweep import NonlinearMode
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
@@ -77,6 +77,7 @@ class ModeBranches:
 class ModePath:
     """A continuation parameter with its range, and the family of structures."""
 
+    system: StructuralSystem
     family: SpringFamily
     mode: int  # from 0
     parameter: str
@@ -85,6 +86,11 @@ class ModePath:
     energy: float
     basis: tuple[Floats, Floats] | None
     away_from: Floats | None
+
+    @property
+    def settings(self) -> NonlinearMode:
+        """The section."""
+        return not_none(self.system.scenario.nnm)
 
     def follow(self, progress: Progress, stop: Stop = never) -> ModeBranches:
         """The backbone, with what was found beside it, until its end or until ``stop`` returns True.
@@ -253,8 +259,7 @@ def _at_frequency(
 
 def _reporting(points: Iterable[BranchPoint], first: float, last: float, progress: Progress) -> Iterable[BranchPoint]:
     for point in points:
-        if progress is not None:
-            progress((point.parameter - first) / (last - first))
+        tell(progress, (point.parameter - first) / (last - first))
         yield point
 
 
@@ -330,15 +335,15 @@ def spring_family(system: StructuralSystem) -> SpringFamily:
     return SpringFamily(dynamics, rest if loaded else None, cubic=cubic)
 
 
-def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
-    """The path that a scenario requests, in its structure without damping and excitation.
+def mode_path(system: StructuralSystem) -> ModePath:
+    """The path that a scenario requests, from its structure without damping and excitation.
 
     Raises
     ------
     ScenarioError
         Where the mode doesn't exist, or nothing would change along the path.
     """
-    settings = not_none(scenario.nnm)
+    settings = not_none(system.scenario.nnm)
     mode = flexible_mode(system, settings.mode)
     contacts = system.dynamics.contacts.split()
     parameter = settings.continue_in
@@ -363,7 +368,7 @@ def mode_path(scenario: Scenario, system: StructuralSystem) -> ModePath:
     if away is not None and basis is not None:
         away = -away  # at rest with the contacts closed, where the closed structure's modes share out all the energy
     first = getattr(parameter, "from_", 0.0)
-    return ModePath(family, mode, parameter.kind, float(first), float(parameter.to), energy, basis, away)
+    return ModePath(system, family, mode, parameter.kind, float(first), float(parameter.to), energy, basis, away)
 
 
 def alike(system: StructuralSystem) -> bool:

@@ -18,6 +18,7 @@ from beamsim.analyses.continuation.branches import joined
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import periodic_flow, periodic_forcing
 from beamsim.analyses.nnm.orbits import RATE, amplitudes_of_lines, followed, line_frequencies
+from beamsim.analyses.nnm.paths import alike
 from beamsim.analyses.nnm.result import (
     HeldMotion,
     PhaseResonanceResult,
@@ -40,8 +41,7 @@ from beamsim.orbits.phase_resonance import (
     quadrature,
 )
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, together
-from beamsim.scenario import Scenario
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, tell, together
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
@@ -203,21 +203,14 @@ class _Levels:
 
 
 def hold_mode(
-    scenario: Scenario,
-    orbits: BrakeOrbits,
-    points: Sequence[BranchPoint],
-    *,
-    alike: bool,
-    progress: Progress = None,
-    stop: Stop = never,
+    system: StructuralSystem, orbits: BrakeOrbits, points: Sequence[BranchPoint], progress: Progress, stop: Stop
 ) -> PhaseResonanceResult:
     """Hold a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
 
     Parameters
     ----------
-    scenario : with ``nnm.phase_resonance`` and a harmonic excitation.
-    orbits, points : the backbone, of the structure without damping but built for this excitation.
-    alike : whether motions of all amplitudes are the same up to a factor (no gap, no load, no cubic spring).
+    system : without damping, of a scenario with ``nnm.phase_resonance`` and a harmonic excitation.
+    orbits, points : its backbone.
     progress : called with the share of the levels that is done.
     stop : asked after every level.
 
@@ -231,12 +224,13 @@ def hold_mode(
     ScenarioError
         Where the force acts at a node, nothing is damped, or a level lies beyond the backbone.
     """
+    scenario, scales = system.scenario, alike(system)
     settings, excitation = not_none(scenario.nnm), of_kind(Harmonic, scenario.excitation)
     section = not_none(settings.phase_resonance)
     damped = build_system(scenario.model_copy(update={"run": None}))
     factor = orbits.split(points[-1].u)[2]
     loads, unit = periodic_forcing(scenario, damped), scenario.level_unit or "1"
-    held = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, alike, unit)
+    held = _Levels(orbits, points, damped, excitation, loads, settings.mode - 1, factor, scales, unit)
     levels = [float(level) for level in section.levels] or [excitation.level]
     predicted, probe = _predicted(held, levels)
     motions = []
@@ -246,8 +240,7 @@ def hold_mode(
         if motion is None:
             raise ScenarioError(_beyond(held, predicted, level, at))
         motions.append(_resonance(held, motion, level, probe, section.span, section.periods))
-        if progress is not None:
-            progress((index + 1) / len(levels))
+        tell(progress, (index + 1) / len(levels))
         if stop():
             break
     return PhaseResonanceResult(
@@ -255,7 +248,7 @@ def hold_mode(
         quantity=str(excitation.quantity),
         unit=unit,
         probe=probe,
-        scales=alike,
+        scales=scales,
         predicted=predicted,
         motions=tuple(motions),
     )

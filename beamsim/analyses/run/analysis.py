@@ -101,7 +101,8 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
     begin = clock.perf_counter()
-    scenario, settings, system = _built(scenario, shared)
+    scenario, system = _built(scenario, shared)
+    settings = not_none(scenario.run)
     motion = motion_of(system, settings, output_times(scenario), progress, stop)
     histories, left_out = motion.sampled(), list[str]()
 
@@ -125,12 +126,11 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         work=motion.work,
         low_pass_hz=settings.low_pass,
     )
-    warnings = _warnings(motion)
-    warnings += coverage_notes(system, spectra, closed_form=motion.trajectory is not None)
+    warnings = _warnings(motion) + coverage_notes(system, spectra, closed_form=motion.trajectory is not None)
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
     summary = summary_of_run(motion, spectra, stop)
     warnings += jump_warnings(motion, summary["peak_acceleration_g"])
-    fields, notes = _asked_for(result, settings, system, motion, histories, goes_on, shared)
+    fields, notes = _asked_for(result, motion, histories, goes_on, shared)
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     if left_out and result.complete:
         fields["outcome"] = interruption(f"before {', '.join(left_out)}")
@@ -140,14 +140,13 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     return Solution(scenario, motion, result)
 
 
-def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, Run, StructuralSystem]:
-    """A scenario with what its start resolves to, the settings of its run, and its system."""
+def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
+    """A scenario with what its start resolves to, and its system."""
     if scenario.run is None:
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
     if isinstance(scenario.run.start, OrbitStart):
-        resolved, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared))
-        return resolved, scenario.run, system
-    return scenario, scenario.run, build_system(scenario, shared)
+        return built_at_orbit(scenario, shared)
+    return scenario, build_system(scenario, shared)
 
 
 def _warnings(motion: RunMotion) -> list[str]:
@@ -167,39 +166,31 @@ def _warnings(motion: RunMotion) -> list[str]:
 
 
 def _asked_for(
-    result: RunResult,
-    settings: Run,
-    system: StructuralSystem,
-    motion: RunMotion,
-    histories: Histories,
-    goes_on: Callable[[str], bool],
-    shared: SharedBuilds,
+    result: RunResult, motion: RunMotion, histories: Histories, goes_on: Callable[[str], bool], shared: SharedBuilds
 ) -> tuple[dict[str, Any], list[str]]:
     """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
 
     Parameters
     ----------
     result : of the motion.
-    settings, system, motion, histories : it came from.
+    motion, histories : it came from.
     goes_on : whether what is named is still computed, or left out.
     shared : keeps what systems are built from.
     """
-    scenario, closed_form = result.scenario, motion.trajectory is not None
-    stationary = scenario.excitation.stationary
+    scenario, system, closed_form = result.scenario, motion.system, motion.trajectory is not None
+    settings = not_none(scenario.run)
     fields: dict[str, Any] = {}
     notes: list[str] = []
-    if stationary and goes_on("densities and statistics"):
+    if scenario.excitation.stationary and goes_on("densities and statistics"):
         from beamsim.analyses.run.random_response import largest_known, random_response
 
         fields["random"] = random = random_response(result, system)
         fields["outcome"] = largest_known(result.outcome, random, settings)
     reached = settings.from_ < motion.marched.end or not settings.from_
     if settings.impacts is not None and closed_form and reached and goes_on("statistics of impacts"):
-        parts, begin = motion.parts(), settings.from_
-        fields["impacts"] = impacts_of(system, parts, settings.impacts, begin=begin, stationary=stationary)
+        fields["impacts"] = impacts_of(system, motion.parts())
     if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
-        peaks = largest(motion.extremes[STRESS])
-        damage = fatigue_of(system, motion.parts, motion.marched.end, peaks, settings.fatigue, stationary=stationary)
+        damage = fatigue_of(system, motion.parts, motion.marched.end, largest(motion.extremes[STRESS]))
         fields["fatigue"] = damage
         notes += fatigue_doubts(damage, settings.fatigue)
     if settings.srs is not None and goes_on("shock response spectra"):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from beamsim.analyses.run.analysis import motion_of
 from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import FORCE
-from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
@@ -327,12 +326,9 @@ def _rows(scenario: Scenario, places: Sequence[Place], shared: SharedBuilds) -> 
 
 def _solved(result: RunResult, model: BuiltModel | None) -> tuple[Scenario, BuiltModel]:
     """The scenario and the system that the run solved."""
-    scenario: Any = result.scenario
-    settings = scenario.run
-    if settings is None:
-        raise ScenarioError(Problem("run", "is missing", "animate the result of a run"))
-    if not isinstance(settings.start, OrbitStart):
+    scenario = result.scenario
+    if not isinstance(not_none(scenario.run).start, OrbitStart):
         return scenario, model or model_of(scenario)
     shared = model.shared if model else SharedBuilds()
-    scenario, system = built_at_orbit(scenario, lambda at_rest: build_system(at_rest, shared))
+    scenario, system = built_at_orbit(scenario, shared)
     return scenario, BuiltModel(system, shared)

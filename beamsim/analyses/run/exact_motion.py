@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance, energies, energies_of_segments, power_factors
 from beamsim.analyses.run.filters import LowPassed, filtered
-from beamsim.analyses.run.friction import friction_contacts
+from beamsim.analyses.run.impacts import friction_contacts
 from beamsim.analyses.run.motion import Histories, RunMotion, memory_of, reached, with_limit
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.values import (

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance
-from beamsim.analyses.run.friction import friction_contacts, sliding_figures
+from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
 from beamsim.analyses.run.result import (
     ONLY_BEAM,
     BodyResult,

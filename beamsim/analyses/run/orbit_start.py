@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
@@ -14,6 +13,8 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.run import OrbitStart, Reduction
+from beamsim.system.build import build_system
+from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
@@ -120,9 +121,7 @@ def _at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool =
     return scenario.model_copy(update=changed)
 
 
-def built_at_orbit(
-    scenario: Scenario, build: Callable[[Scenario], StructuralSystem]
-) -> tuple[Scenario, StructuralSystem]:
+def built_at_orbit(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
     """The scenario at the point that its run starts from, and its system with the state there.
 
     Raises
@@ -135,7 +134,7 @@ def built_at_orbit(
     orbit = read_orbit(start, scenario.folder_of("run", "start", "orbit"))
     scenario = _at_orbit(scenario, orbit, keep_excitation=start.keep_excitation)
     at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
-    return scenario, _started(build(at_rest), orbit, start.factor)
+    return scenario, _started(build_system(at_rest, shared), orbit, start.factor)
 
 
 def _started(system: StructuralSystem, orbit: StoredOrbit, factor: float = 1.0) -> StructuralSystem:

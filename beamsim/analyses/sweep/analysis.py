@@ -85,7 +85,8 @@ def sweep(
     runs: dict[int, LevelRun] = {}
 
     def done() -> SweepResult:
-        return _result(scenario, settings, system, runs, len(levels), clock.perf_counter() - begin)
+        result = _result(scenario, settings, system, runs, len(levels))
+        return replace(result, wall_time_s=clock.perf_counter() - begin)
 
     next_save = begin
     for index, level in enumerate(levels):
@@ -120,7 +121,6 @@ def _result(
     system: StructuralSystem,
     runs: dict[int, LevelRun],
     count: int,
-    wall_time_s: float,
 ) -> SweepResult:
     """The result of the levels computed so far, of ``count`` in all."""
     work = {index: run.work for index, run in runs.items()}
@@ -159,7 +159,6 @@ def _result(
             *([] if correction is None else correction.warnings(held=holds_levels(settings))),
             *curve_warnings(scenario, system.modes, list(curves.values())),
         ),
-        wall_time_s=wall_time_s,
     ).with_summary(
         **summary,
         **contact,

@@ -13,7 +13,7 @@ from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.analyses.sweep.stepped import loads_at, steady_at, stepper_of, steps_of
 from beamsim.analyses.sweep.swept_sine import swept_march
-from beamsim.outcomes import Progress
+from beamsim.outcomes import Progress, tell
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
@@ -88,8 +88,7 @@ def _stepped(one: SweepLevel, direction: str, f: float, progress: Progress) -> _
     period = 0
     for done, (_, hz) in enumerate(steps[:upto], 1):
         period = steady_at(one, hz, stepper, motion)[0].period
-        if progress is not None:
-            progress(done / upto)
+        tell(progress, done / upto)
     cycles = math.ceil(CYCLES_SHOWN / max(period, 1)) * max(period, 1)
     steady = stepper.trajectory(motion, cycles)
     times = np.linspace(0.0, steady.end, SAMPLES)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.energy import contact_losses
-from beamsim.analyses.run.friction import friction_contacts, sliding_speeds
+from beamsim.analyses.run.impacts import friction_contacts, sliding_speeds
 from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.analyses.sweep.peaks import bent
 from beamsim.analyses.sweep.result import (

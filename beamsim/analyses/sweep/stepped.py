@@ -16,7 +16,7 @@ from beamsim.flow.transient import Motion, start
 from beamsim.inputs.profiles import phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, Exponent, Settled, largest_exponent, settle
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, tell
 from beamsim.scenario.excitation import Sine
 from beamsim.scenario.quantities import acceleration_amplitude, level_unit
 from beamsim.scenario.sweep import SteppedSine
@@ -70,8 +70,7 @@ def step_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -
         except ArithmeticError as error:
             outcome = Outcome.of(OutcomeKind.STOPPED, "no_steady_state", str(error), at=Where(f, "Hz"))
             break
-        if progress is not None:
-            progress(done / len(steps))
+        tell(progress, done / len(steps))
     curves = [_curve(one, direction, of) for direction, of in points.items() if of]
     work = SweepWork(
         cycles=stepper.cycles,

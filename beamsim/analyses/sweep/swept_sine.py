@@ -18,7 +18,7 @@ from beamsim.inputs.drift import Correction, CorrectionSize, jumps
 from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
-from beamsim.outcomes import Progress, Stop, never
+from beamsim.outcomes import Progress, Stop, never, part_of
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.equations import Forcing
@@ -135,18 +135,16 @@ def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) 
         Where the rate makes the sweep too long, or shorter than two cycles.
     """
     system, settings = one.system, of_kind(SweptSine, one.settings)
-    report, beginning = progress or (lambda _: None), 0.0 if settings.notch_to is None else CONTROL
+    beginning = 0.0 if settings.notch_to is None else CONTROL
     notching: Notching | None = None
     notch_limits: tuple[Limited, ...] = ()
     if settings.notch_to is not None:
         notch_limits = limited_of(settings.notch_to, one)
         notching = notched_level(
             one, swept_loads(system), notch_limits, legs_of(settings)[0], *sweep_profile(one),
-            lambda part: report(CONTROL * part), stop,
+            part_of(progress, 0.0, CONTROL), stop,
         )  # fmt: skip
-    march, profile, corrections = swept_march(
-        one, notching, lambda part: report(beginning + (1.0 - beginning) * part), stop
-    )
+    march, profile, corrections = swept_march(one, notching, part_of(progress, beginning, 1.0), stop)
     windows = march.windows
     parts, history = _recorded(one, march)
     curves = _curves(one, profile, windows, CycleRecord.joined(parts)) if parts else ()
