@@ -20,9 +20,9 @@ more than other records of the same length would change them, too.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -91,6 +91,7 @@ class Model:
     """A model of a case with its motion."""
 
     motion: RunMotion
+    stop: Stop
 
     @property
     def settings(self) -> Run:
@@ -148,6 +149,16 @@ class Model:
         values = self.between(0.0, end)
         shares = of_kind(dict, values["contact_share"])
         return {**values, "contact_share": {name: share * end / self.events.end for name, share in shares.items()}}
+
+    def disturbed(self, share: float, end: float) -> ContactEvents:
+        """Events of the motion with the stiffness changed by a share of itself, up to a time."""
+        dynamics = replace(self.system.dynamics, stiffness=(1.0 + share) * self.system.dynamics.stiffness)
+        system, settings = replace(self.system, dynamics=dynamics), self.settings.model_copy(update={"duration": end})
+        most = 4 * self.motion.work.events + 1000
+        motion, _ = motion_in_stretches(system, settings, most_events=most, stop=self.stop)
+        for _ in motion.stretches():
+            pass
+        return ContactEvents.of(motion, len(system.snubbers))
 
     @property
     def sampled(self) -> Trajectory | Histories:
@@ -207,56 +218,47 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     Convergence
     """
     begin, scenario, settings = processor_time(), solution.scenario, not_none(solution.scenario.run)
-    first, derived = Model(solution.motion), DerivedValues(solution.result)
-    disturbed = None if first.motion.trajectory is None else partial(_disturbed, first, stop)
+    first, derived = Model(solution.motion, stop), DerivedValues(solution.result)
     modes = first.system.kept_modes
 
     def solve(case: Scenario) -> Model:
         system = build_system(case, shared)
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
-        return Model(motion_of(system, again, output_times(case), None, stop))
+        return Model(motion_of(system, again, output_times(case), None, stop), stop)
 
     if keeps_all(scenario, modes):
         changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
-        checked = _disturbed_alone(Convergence(changes, lines=lines), first, derived, disturbed)
+        checked = _disturbed_alone(Convergence(changes, lines=lines), first, derived)
     elif isinstance(settings.start, OrbitStart):
         reason = "the run starts from a state of this model, which a finer one does not share"
-        checked = _disturbed_alone(Convergence(reason=reason), first, derived, disturbed)
+        checked = _disturbed_alone(Convergence(reason=reason), first, derived)
     elif isinstance(second := solved_again(solve, scenario, modes, stop), Convergence):
         checked = second
     else:
-        checked = _compared_models(scenario, first, second, derived, disturbed)
+        checked = _compared_models(first, second, derived)
     return replace(checked, processor_time_s=processor_time() - begin)
 
 
-def _compared_models(
-    scenario: Scenario,
-    first: Model,
-    second: Model,
-    derived: DerivedValues,
-    disturbed: Callable[[float, float], ContactEvents] | None,
-) -> Convergence:
+def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Convergence:
     """The changes between two models of a run.
 
     Parameters
     ----------
-    scenario : the case.
     first, second : the models, the second one finer.
     derived : spectra and statistics of the first.
-    disturbed : see `sensitivity`; None of a motion from time stepping.
     """
     diverged, end = divergence(first.events, second.events), min(first.events.end, second.events.end)
     exact = first.motion.trajectory is not None
     early, windows, times, after = None, list[Values](), DivergenceTimes(), tuple[str, ...]()
     if diverged < end:
-        if disturbed is not None:
+        if exact:
             early, windows = first.until(diverged), first.windows(diverged, end)
-            times = sensitivity(first.events, diverged, disturbed)
+            times = sensitivity(first.events, diverged, first.disturbed)
         if times.sensitive or not exact:
             after = tuple(_after(first, early, windows, derived))
     scatter: Changes = {}
-    if scenario.lasting and early is not None and second.motion.trajectory is not None:
+    if first.system.scenario.lasting and early is not None and second.motion.trajectory is not None:
         later, parts = second.windows(diverged, end), derived.parts(WINDOWS)
         before = relative_changes([early], [second.until(diverged)], whole=first.values)
         changes = larger(before, relative_changes(windows, later))
@@ -286,33 +288,17 @@ def _compared_models(
     )
 
 
-def _disturbed(first: Model, stop: Stop, share: float, end: float) -> ContactEvents:
-    """Events of the motion with the stiffness changed by a share of itself, up to a time."""
-    dynamics = replace(first.system.dynamics, stiffness=(1.0 + share) * first.system.dynamics.stiffness)
-    system, settings = replace(first.system, dynamics=dynamics), first.settings.model_copy(update={"duration": end})
-    most = 4 * first.motion.work.events + 1000
-    motion, _ = motion_in_stretches(system, settings, most_events=most, stop=stop)
-    for _ in motion.stretches():
-        pass
-    return ContactEvents.of(motion, len(system.snubbers))
-
-
-def _disturbed_alone(
-    checked: Convergence,
-    first: Model,
-    derived: DerivedValues,
-    disturbed: Callable[[float, float], ContactEvents] | None,
-) -> Convergence:
+def _disturbed_alone(checked: Convergence, first: Model, derived: DerivedValues) -> Convergence:
     """What is known without a finer model: whether a small disturbance gives other contacts.
 
     Parameters
     ----------
     checked : what is known so far.
-    first, derived, disturbed : as of `_compared_models`.
+    first, derived : as of `_compared_models`.
     """
-    if disturbed is None or first.events.time.size == 0:
+    if first.motion.trajectory is None or first.events.time.size == 0:
         return checked
-    times = sensitivity(first.events, first.events.end / LONGER, disturbed)
+    times = sensitivity(first.events, first.events.end / LONGER, first.disturbed)
     if not times.sensitive:
         return checked
     windows = first.windows(times.small_s, first.events.end)
@@ -341,9 +327,9 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
         return Convergence(reason=part.motion.outcome.text)
     part = part._replace(result=replace(part.result, random=None, srs=None))
     checked = replace(convergence_of(part, shared, stop), compared_s=compared_s, lines={})
-    whole, times = Model(solution.motion), checked.sensitivity
+    whole, times = Model(solution.motion, stop), checked.sensitivity
     if not times.sensitive:
-        times = sensitivity(whole.events, compared_s, partial(_disturbed, whole, stop))
+        times = sensitivity(whole.events, compared_s, whole.disturbed)
     if not times.sensitive:
         return replace(checked, after=())
     known = static_figures(whole.system)

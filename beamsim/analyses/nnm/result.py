@@ -423,14 +423,15 @@ def _full_period(result: NormalModeResult) -> dict[str, Any]:
     }
 
 
+_SAME_OF_RELAXED = ("steps", "tolerance", "shooting_passages", "shooting_processor_time_s", "cost_ratio")
+
+
 def _relaxed(relaxed: RelaxedComparison) -> dict[str, Any]:
     """Relaxed minimisation: range, accuracy and cost."""
     known = np.isfinite(relaxed.frequency_difference)
-    spent = float(relaxed.processor_time_s.sum())
     return {
-        "steps": relaxed.steps,
+        **{name: getattr(relaxed, name) for name in _SAME_OF_RELAXED},
         "steps_reached": int(np.count_nonzero(relaxed.reached)),
-        "tolerance": relaxed.tolerance,
         "largest_functional": float(relaxed.functional.max(initial=0.0)),
         "end": {
             "parameter": float(relaxed.factor[-1]),
@@ -443,10 +444,7 @@ def _relaxed(relaxed: RelaxedComparison) -> dict[str, Any]:
         "followed": {fate: relaxed.fate.count(fate) for fate in dict.fromkeys(relaxed.fate)},
         "silent_jumps": relaxed.factor[relaxed.jumped].tolist(),
         "passages": int(relaxed.passages.sum()),
-        "shooting_passages": relaxed.shooting_passages,
-        "processor_time_s": spent,
-        "shooting_processor_time_s": relaxed.shooting_processor_time_s,
-        "cost_ratio": relaxed.cost_ratio,
+        "processor_time_s": float(relaxed.processor_time_s.sum()),
         "status": relaxed.outcome.text,
     }
 
@@ -488,6 +486,11 @@ def _order(orders: Floats, small: Bools) -> float:
     return float(orders[known][-1]) if np.any(known) else float("nan")
 
 
+_SAME_OF_LEVELS = (
+    "level", "predicted_frequency_hz", "found", "frequency_hz", "level_for_amplitude", "energy_error", "stable",
+)  # fmt: skip
+
+
 def _level_summaries(result: PhaseResonanceResult) -> Iterator[dict[str, Any]]:
     """Forced motions at phase resonance, level by level."""
     for m in result.motions:
@@ -496,16 +499,10 @@ def _level_summaries(result: PhaseResonanceResult) -> Iterator[dict[str, Any]]:
             k = int(np.argmax(m.curve.peak_displacement[result.probe]))
             peak, at = float(m.curve.peak_displacement[result.probe][k]), float(m.curve.frequency_hz[k])
         yield {
-            "level": m.level,
-            "predicted_frequency_hz": m.predicted_frequency_hz,
+            **{name: getattr(m, name) for name in _SAME_OF_LEVELS},
             "predicted_energy_j": m.predicted_energy,
             "predicted_amplitude_m": m.predicted_amplitude[result.probe],
-            "found": m.found,
-            "frequency_hz": m.frequency_hz,
             "amplitude_m": m.amplitude[result.probe],
-            "level_for_amplitude": m.level_for_amplitude,
-            "energy_error": m.energy_error,
-            "stable": m.stable,
             "peak_frequency_hz": at,
             "peak_amplitude_m": peak,
             "curve": "" if m.curve is None else m.curve.outcome.text,

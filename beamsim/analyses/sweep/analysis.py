@@ -20,7 +20,6 @@ from beamsim.analyses.gapping import (
     static_penetration,
     transfer,
 )
-from beamsim.analyses.sweep.notching import with_held_limits, with_limited_outputs
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import (
@@ -31,7 +30,7 @@ from beamsim.analyses.sweep.result import (
     SweepWork,
 )
 from beamsim.analyses.sweep.stepped import step_level
-from beamsim.analyses.sweep.swept_sine import sweep_level
+from beamsim.analyses.sweep.swept_sine import sweep_level, with_held_limits, with_limited_outputs
 from beamsim.analyses.values import ALWAYS, BY_ENTRY, OUTPUT, RESPONSE, VALUES, Margins, largest_along, margins_along
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import limit_curve, read_profile
