@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from beamsim.analyses.run.animation import BuiltModel, frames_of_orbit, frames_of_run, model_of
+from beamsim.analyses.run.animation import frames_of_orbit, frames_of_run
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.animation import frames_of_sweep
 from beamsim.analyses.sweep.result import SweepResult
@@ -114,7 +114,7 @@ def animate(given: Given) -> None:
     print_files(targets, json=given.json)
 
 
-def _scene(result: Any, model: BuiltModel | None, *, shown: bool) -> Scene | None:
+def _scene(result: Any, model: StructuralSystem | None, *, shown: bool) -> Scene | None:
     """The animation for a report, which does without where the model cannot be built again."""
     try:
         return scene_of(result, model, shown=shown)
@@ -127,26 +127,26 @@ def _sketch_of(scenario: Scenario, system: StructuralSystem) -> Sketch:
     return Sketch(scenario, system.stations, {stop.name: stop for stop in system.snubbers})
 
 
-def sketched(result: Any, model: BuiltModel | None) -> Sketch | None:
+def sketched(result: Any, model: StructuralSystem | None) -> Sketch | None:
     """The sketch of a result, with a run's own numbers; without one None where the model is not known."""
     if isinstance(result, RunResult):
         return Sketch(result.scenario.model_copy(update={"sweep": None}), result.modes.stations, result.snubbers)
-    return None if model is None else _sketch_of(result.scenario.model_copy(update={"run": None}), model.system)
+    return None if model is None else _sketch_of(result.scenario.model_copy(update={"run": None}), model)
 
 
-def _model(result: Any) -> BuiltModel | None:
+def _model(result: Any) -> StructuralSystem | None:
     """The model of the result's scenario; None where it has no bodies or cannot be built."""
     if not result.scenario.all_bodies:
         return None
     try:
-        return model_of(result.scenario)
+        return build_system(result.scenario)
     except BeamsimError as error:
         if not isinstance(result, RunResult):  # whose own numbers are sketched
             say(f"beamsim: the report has no sketch of the model: {error}")
         return None
 
 
-def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool, sweeps: bool = False) -> Scene | None:
+def scene_of(result: Any, model: StructuralSystem | None = None, *, shown: bool, sweeps: bool = False) -> Scene | None:
     """The animation of a run, of a stored periodic motion, or of the highest peak of a sweep.
 
     Parameters
@@ -173,13 +173,13 @@ def scene_of(result: Any, model: BuiltModel | None = None, *, shown: bool, sweep
             of_sweep = frames_of_sweep(result, progress) if sweeps else None
         if of_sweep is None:
             return None
-        model, frames = model or model_of(result.scenario), of_sweep
+        model, frames = model or build_system(result.scenario), of_sweep
     else:
         branches = getattr(result, "branches", ())
         motion = next((b.motion for b in branches if getattr(b, "motion", None) is not None), None)
         if motion is None:
             return None
-        model = model or model_of(result.scenario)
+        model = model or build_system(result.scenario)
         frames = frames_of_orbit(result.scenario, result.modes.stations, motion)
     sketch = sketched(result, model)
     return None if sketch is None or not frames.deflection.any() else animation.scene_of(frames, sketch, result.title)

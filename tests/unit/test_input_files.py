@@ -10,12 +10,12 @@ import pytest
 
 import beamsim
 from beamsim.analyses.designs.plan import plan_designs
-from beamsim.analyses.run.animation import model_of
 from beamsim.cli.html_report import sketched
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.scenario import named_files
 from beamsim.store.results import open_result
+from beamsim.system.build import build_system
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SHORT = ["run.duration=1 ms", "run.convergence='off'", "reduction.modes=2", "reduction.highest_frequency=null"]
@@ -47,7 +47,7 @@ def test_files_are_found_where_they_were_beside_the_result_and_in_the_current_fo
         assert {scenario.folder_of(*key).absolute() for key in KEYS} == {folder}
         if folder != matrices.parent:
             shutil.rmtree(folder / "matrices")
-    np.testing.assert_array_equal(model_of(scenario).system.modes.shapes, result.modes.shapes)
+    np.testing.assert_array_equal(build_system(scenario).modes.shapes, result.modes.shapes)
 
 
 def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_was_looked_for(
@@ -58,7 +58,7 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
     kept = matrices.rename(matrices.parent / "kept")
     try:
         with pytest.raises(ScenarioError) as caught:
-            model_of(open_result(file).scenario)
+            build_system(open_result(file).scenario)
         assert "bodies.panel.dofs = matrices/panel_dofs.csv is not found" in str(caught.value)
         assert all(str(folder) in str(caught.value) for folder in (tmp_path, file.parent, matrices.parent))
         sketch = sketched(open_result(file), None)  # from the result's own numbers
@@ -68,7 +68,7 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
         matrix = tmp_path / "matrices" / "panel.op4"
         matrix.write_text(matrix.read_text().replace("1", "2", 1))  # as long as it was
         with pytest.raises(ScenarioError, match=r"panel\.op4 in the current folder, .*: its content is another"):
-            model_of(open_result(file).scenario)
+            build_system(open_result(file).scenario)
     finally:
         kept.rename(matrices)
 

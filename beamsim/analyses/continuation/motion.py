@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.orbit_energy import balance_error, energy_error
+from beamsim.analyses.run.records import RECTANGULAR
 from beamsim.analyses.run.stepped_motion import SteppedChannels
 from beamsim.analyses.sweep.stepped import harmonic_loads, sine_of
 from beamsim.analyses.values import DISPLACEMENT, LIMITED
@@ -141,8 +142,8 @@ class Measurement:
         found = polynomial_extrema(values, edges[[0, -1]], edges, pieces).window(0)
         even = np.arange(SAMPLES) * (edges[-1] / SAMPLES)
         samples = values(even, even)[:, self.channels.places[DISPLACEMENT]]
-        spectrum = 2.0 / SAMPLES * np.fft.rfft(samples, axis=0).T[:, : self.harmonics + 1]
-        spectrum[:, 0] *= 0.5
+        lines = self.harmonics + 1
+        spectrum = np.array([RECTANGULAR.amplitudes(x)[:lines] for x in samples.T]).reshape(-1, lines)
         touching = flow.system.contacts.touching(phases)
         by_snubber = [touching[:, owner == j].any(axis=1) for j in range(len(self.system.snubbers))]
         share = np.array([np.diff(edges) @ touches / edges[-1] for touches in by_snubber])

@@ -11,6 +11,7 @@ from beamsim.analyses.branch import ModeBranch, OrbitMotion, SpecialPointResult,
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
+from beamsim.analyses.run.records import RECTANGULAR
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings
@@ -163,11 +164,6 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
     q, v = states[:, :n], states[:, n : 2 * n]
     delta = flow.penetration_of(states, time)[0]
     probes = {p.name: p.shape for p in system.probes}
-    harmonics = {}
-    for name, shape in probes.items():
-        c = 2.0 * np.fft.rfft(q[:-1] @ shape)[: HARMONICS + 1] / SAMPLES
-        c[0] *= 0.5
-        harmonics[name] = c
     over, last = followed(flow, start, period, PERIODS)
     w = np.concatenate([np.maximum(np.sqrt(flow.system.stiffness), 0.2 * np.pi / period), np.ones(n)])
     off = np.linalg.norm(w * (last.end - start)[: 2 * n]) / np.linalg.norm(w * start[: 2 * n])
@@ -178,10 +174,10 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
         velocity={name: v @ shape for name, shape in probes.items()},
         force={s.name: flow.system.contacts.laws[i].static_force(delta[:, i]) for i, s in enumerate(system.snubbers)},
         stations=q @ system.deflection.T,
-        harmonics=harmonics,
+        harmonics={name: RECTANGULAR.amplitudes(q[:-1] @ shape)[: HARMONICS + 1] for name, shape in probes.items()},
         periods=PERIODS,
         spectrum_frequency_hz=line_frequencies(period, PERIODS),
-        spectrum={name: amplitudes_of_lines(record @ shape) for name, shape in probes.items()},
+        spectrum={name: np.abs(RECTANGULAR.amplitudes(record @ shape)) for name, shape in probes.items()},
         drift=float(off),
     )
 
@@ -216,10 +212,3 @@ def followed(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> 
 def line_frequencies(period: float, periods: int) -> Floats:
     """(nf,) Hz, of the lines of what is followed over some periods."""
     return np.arange(periods * RATE // 2 + 1) / (periods * period)
-
-
-def amplitudes_of_lines(x: Floats) -> Floats:
-    """(nf,) amplitudes, zero to peak, of the lines of a record (nt,) of whole periods."""
-    c = np.abs(np.fft.rfft(x)) * (2.0 / x.size)
-    c[0] *= 0.5
-    return np.asarray(c)

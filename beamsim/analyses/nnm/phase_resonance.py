@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.analyses.continuation.branches import joined
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import periodic_flow, periodic_forcing
-from beamsim.analyses.nnm.orbits import RATE, amplitudes_of_lines, followed, line_frequencies
+from beamsim.analyses.nnm.orbits import RATE, followed, line_frequencies
 from beamsim.analyses.nnm.paths import alike
 from beamsim.analyses.nnm.result import (
     HeldMotion,
@@ -28,6 +28,7 @@ from beamsim.analyses.nnm.result import (
 )
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.run.orbit_energy import unbalanced
+from beamsim.analyses.run.records import RECTANGULAR
 from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
@@ -451,7 +452,7 @@ def _left_alone(held: _Levels, problem: ForcedOrbits, motion: _BackboneMotion, p
         time=np.arange(periods * RATE) * (T / RATE),
         displacement=displacement,
         frequency_hz=line_frequencies(T, periods),
-        amplitude={name: amplitudes_of_lines(x) for name, x in displacement.items()},
+        amplitude={name: np.abs(RECTANGULAR.amplitudes(x)) for name, x in displacement.items()},
         departure=departure,
         instants=(periods - 1) * T + rest,
         shapes=flow.states_at(last, rest)[:, :n] @ field.T,

@@ -7,9 +7,8 @@ periodic motion is in its result.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +17,14 @@ from beamsim.analyses.run.analysis import motion_of
 from beamsim.analyses.run.orbit_start import built_at_orbit
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import FORCE
-from beamsim.outcomes import never
+from beamsim.outcomes import Progress, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place, Site, ends_of
 from beamsim.structures.stations import IN_PLANE, StationPart, Stations
 from beamsim.system.build import build_system
-from beamsim.system.parts import SharedBuilds, reduced_parts
+from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints, not_none
 
@@ -66,37 +65,14 @@ class Frames:
     force: Mapping[str, Floats]  # by stop (nf,) N, positive when it pushes
 
 
-class BuiltModel(NamedTuple):
-    """The system of a scenario, and what of it other systems of the same structure can use."""
-
-    system: StructuralSystem
-    shared: SharedBuilds
-
-
-def model_of(scenario: Scenario) -> BuiltModel:
-    """Build the system of a scenario.
-
-    Raises
-    ------
-    ScenarioError
-        If it cannot be built.
-    """
-    shared = SharedBuilds()
-    return BuiltModel(build_system(scenario, shared), shared)
-
-
-def frames_of_run(
-    result: RunResult,
-    progress: Callable[[float], None] | None = None,
-    model: BuiltModel | None = None,
-) -> Frames:
+def frames_of_run(result: RunResult, progress: Progress = None, model: StructuralSystem | None = None) -> Frames:
     """A few periods around the largest contact force of a run; of a run without contact its last ones.
 
     Parameters
     ----------
     result : of the run.
     progress : called with the share of the motion that is done.
-    model : of the result's scenario, where it was built already.
+    model : the system of the result's scenario, where it was built already.
 
     Returns
     -------
@@ -106,25 +82,29 @@ def frames_of_run(
     Raises
     ------
     ScenarioError
-        If the result has no ``run`` section, the model cannot be built again, or its input has too many pieces.
+        If the model cannot be built again, or its input has too many pieces.
     """
-    scenario, (system, shared) = _solved(result, model)
+    settings, system = not_none(result.scenario.run), model
+    if isinstance(settings.start, OrbitStart):
+        shared = SharedBuilds() if model is None else model.assessment.parts.shared
+        _, system = built_at_orbit(result.scenario, shared)
+    system = system or build_system(result.scenario)
     times, slow = instants(result)
     until = {"duration": max(float(times[-1]), 1e-9), "low_pass": None, "srs": None}
-    motion = motion_of(system, not_none(scenario.run).model_copy(update=until), times, progress, never)
+    motion = motion_of(system, settings.model_copy(update=until), times, progress, never)
     known = motion.sampled()
     times, slow = known.time, slow[: known.time.size]
     q = np.array([motion.state_at(float(t))[: system.dynamics.size] for t in times])
     forces = known.of(FORCE) if system.snubbers else np.zeros((times.size, 0))
-    return frames_at(scenario, BuiltModel(system, shared), times, slow, q, forces)
+    return frames_at(system, times, slow, q, forces)
 
 
-def frames_at(scenario: Scenario, model: BuiltModel, times: Floats, slow: Bools, q: Floats, forces: Floats) -> Frames:
+def frames_at(system: StructuralSystem, times: Floats, slow: Bools, q: Floats, forces: Floats) -> Frames:
     """Frames of known coordinates.
 
     Parameters
     ----------
-    scenario, model : that moves.
+    system : that moves.
     times, slow : (nf,) s, and whether the instant is slow.
     q : (nf, n) coordinates of the model.
     forces : (nf, snubbers) N.
@@ -133,11 +113,11 @@ def frames_at(scenario: Scenario, model: BuiltModel, times: Floats, slow: Bools,
     -------
     Frames
     """
-    system, shared = model
-    lines = drawn_lines(system.stations, scenario)
+    scenario, parts = system.scenario, system.assessment.parts
+    lines = tuple(line for part in system.stations for line in _lines_of(system.stations, part, scenario))
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
-    shape = _shape_of(scenario, system, lines, shared)
-    at_stops = _rows(scenario, [end for site in sites.values() for end in ends_of(site)], shared)
+    of_lines = [parts.shapes(x.places) if x.stations is None else system.deflection[x.stations] for x in lines]
+    at_stops = parts.shapes([end for site in sites.values() for end in ends_of(site)])
     force = {name: forces[:, k] for k, name in enumerate(sites)}
     stations = [place for body in system.bodies for place in body.places]
     places = [
@@ -145,7 +125,7 @@ def frames_at(scenario: Scenario, model: BuiltModel, times: Floats, slow: Bools,
         for line in lines
         for place in (line.places if line.stations is None else [stations[number] for number in line.stations])
     ]
-    deflection = q @ shape.T + system.with_supports(places, times)
+    deflection = q @ np.vstack(of_lines).T + system.with_supports(places, times)
     return Frames(lines, times, slow, deflection, _of_stops(sites, q @ at_stops.T), force)
 
 
@@ -275,11 +255,6 @@ def _paced(first: float, last: float, contacts: Sequence[tuple[float, float]], m
     return times, slow[np.clip(np.searchsorted(fine, times), 0, fine.size - 1)]
 
 
-def drawn_lines(stations: Stations, scenario: Scenario) -> tuple[DrawnLine, ...]:
-    """The lines of all bodies, finer than the stations where the body is continuous."""
-    return tuple(line for part in stations for line in _lines_of(stations, part, scenario))
-
-
 def _lines_of(stations: Stations, part: StationPart, scenario: Scenario) -> list[DrawnLine]:
     bodies = list(scenario.all_bodies)
     name = part.body if part.body in bodies else bodies[0]  # one alone is called after its axis
@@ -305,30 +280,3 @@ def _of_nodes(stations: Stations, part: StationPart) -> list[Ints]:
         return [numbers]
     edges = [] if stations.lines is None else list(stations.lines[np.isin(stations.lines[:, 0], numbers)])
     return [*edges, *np.setdiff1d(numbers, np.concatenate(edges) if edges else [])[:, None]]
-
-
-def _shape_of(scenario: Scenario, system: StructuralSystem, lines: Sequence[DrawnLine], shared: SharedBuilds) -> Floats:
-    """(points, n) deflection for a unit of each coordinate: of the elements' shape functions, or at the stations."""
-    parts = []
-    for line in lines:
-        if line.stations is None:
-            parts.append(_rows(scenario, line.places, shared))
-        else:
-            parts.append(system.deflection[line.stations])
-    return np.vstack(parts)
-
-
-def _rows(scenario: Scenario, places: Sequence[Place], shared: SharedBuilds) -> Floats:
-    """(places, n) of the reduced model."""
-    parts = reduced_parts(scenario, shared=shared)
-    return np.asarray(parts.structure.rows(places) @ parts.basis.vectors) / math.sqrt(parts.structure.mass_scale)
-
-
-def _solved(result: RunResult, model: BuiltModel | None) -> tuple[Scenario, BuiltModel]:
-    """The scenario and the system that the run solved."""
-    scenario = result.scenario
-    if not isinstance(not_none(scenario.run).start, OrbitStart):
-        return scenario, model or model_of(scenario)
-    shared = model.shared if model else SharedBuilds()
-    scenario, system = built_at_orbit(scenario, shared)
-    return scenario, BuiltModel(system, shared)

@@ -76,7 +76,9 @@ def spectra_of(motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
         if window == "rectangular":
             # both ends of the part are one sample of the periodic record
             record.x[0] = 0.5 * (record.x[0] + record.part.at_end()[record.column])
-        spectra[of[:2]] = spectrum_of(record, window, excitation_hz, *of, residual, settings.frequencies)
+        spectra[of[:2]] = spectrum_of(
+            record, window, excitation_hz, *of, residual_hz=residual, chosen_hz=settings.frequencies
+        )
     return spectra
 
 
@@ -190,15 +192,7 @@ def amplitude_db(amplitude: Floats, peak: float) -> Floats:
     return level
 
 
-def spectrum(
-    time: Floats,
-    x: Floats,
-    settings: SpectrumSettings,
-    excitation_hz: float,
-    probe: str,
-    quantity: str,
-    unit: str,
-) -> Spectrum:
+def spectrum(time: Floats, x: Floats, settings: SpectrumSettings, excitation_hz: float, *of: str) -> Spectrum:
     """Spectrum of the last part of a record of samples, see `spectrum_of`.
 
     Samples are taken as they are: what they hold beyond half the sample rate has folded back, and shows up as lines of
@@ -207,10 +201,10 @@ def spectrum(
     Parameters
     ----------
     time : (n,) s, equally spaced.
-    x : (n,) the signal, in ``unit``.
+    x : (n,) the signal, in the unit.
     settings : part and window; a Hann window if it names none.
     excitation_hz : Hz, nan where there is no single excitation frequency.
-    probe, quantity, unit : labels of the result.
+    of : name of the probe, quantity and unit.
 
     Returns
     -------
@@ -228,21 +222,13 @@ def spectrum(
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
     length = _samples_analysed(time.size, rate, settings, excitation_hz)
     record = SampledRecord(time[-length:], x[-length:], rate)
-    return spectrum_of(
-        record, settings.window or "hann", excitation_hz, probe, quantity, unit, chosen_hz=settings.frequencies
-    )
+    return spectrum_of(record, settings.window or "hann", excitation_hz, *of, chosen_hz=settings.frequencies)
 
 
 def spectrum_of(
-    record: SampledRecord,
-    window: str,
-    excitation_hz: float,
-    probe: str,
-    quantity: str,
-    unit: str,
-    residual_hz: tuple[float, ...] = (),
+    record: SampledRecord, window: str, excitation_hz: float, *of: str, residual_hz: tuple[float, ...] = (),
     chosen_hz: tuple[float, ...] = (),
-) -> Spectrum:
+) -> Spectrum:  # fmt: skip
     r"""Single-sided peak-amplitude spectrum of a record, and its table of lines.
 
     With the window :math:`w` of the N samples of the record and :math:`\bar x` their weighted mean,
@@ -262,7 +248,7 @@ def spectrum_of(
     record : the part that is analysed.
     window : of the curve.
     excitation_hz : Hz, nan where there is no single excitation frequency.
-    probe, quantity, unit : labels of the result.
+    of : name of the probe, quantity and unit.
     residual_hz : Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
     chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
         excitation has this frequency; they replace what is nearer than a bin.
@@ -273,7 +259,7 @@ def spectrum_of(
         Up to the highest frequency that the record covers; the mean is the first line, the others follow by frequency.
         Without lines where the record is not finite.
     """
-    shape, x, rate = Window.named(window), record.x, record.rate
+    (probe, quantity, unit), shape, x, rate = of, Window.named(window), record.x, record.rate
     peak = float(np.max(np.abs(x)))
     kept = record.band(x.size // 2 + 1)
     amplitude = _windowed_amplitude(x, shape)[:kept]

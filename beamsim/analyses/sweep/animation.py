@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamsim.analyses.run.animation import CYCLES_SHOWN, BuiltModel, Frames, frames_at, paced_by_contact
+from beamsim.analyses.run.animation import CYCLES_SHOWN, Frames, frames_at, paced_by_contact
 from beamsim.analyses.sweep.analysis import sweep_settings, swept_scenario
 from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
@@ -16,7 +16,6 @@ from beamsim.analyses.sweep.swept_sine import swept_march
 from beamsim.outcomes import Progress, tell
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.build import build_system
-from beamsim.system.parts import SharedBuilds
 from beamsim.typing import Floats
 
 SAMPLES = 1200  # of the cycles shown, between which frames are interpolated
@@ -43,8 +42,7 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
     settings, excitation = sweep_settings(result.scenario), result.scenario.sine
     if not result.curves:
         return None
-    scenario, shared = swept_scenario(result.scenario), SharedBuilds()
-    system = build_system(scenario, shared)
+    system = build_system(swept_scenario(result.scenario))
     curve = max(result.curves.values(), key=lambda each: float(np.max(_response(each))))
     cycle = int(np.argmax(_response(curve)))
     one = SweepLevel(system, settings, excitation, curve.level, curve.level_index)
@@ -56,7 +54,7 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
         system = replace(system, forcing=loads_at(one, f)[0])  # supports follow it
     at, slow = paced_by_contact(times, forces)
     states, forces = (np.array([np.interp(at, times, x) for x in of.T]).T for of in (states, forces))
-    return frames_at(scenario, BuiltModel(system, shared), at, slow, states, forces)
+    return frames_at(system, at, slow, states, forces)
 
 
 _Sampled = tuple[Floats, Floats, Floats]  # (nt,) s, (nt, n) coordinates, (nt, snubbers) N
