@@ -217,7 +217,8 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     -------
     Convergence
     """
-    begin, scenario, settings = processor_time(), solution.scenario, not_none(solution.scenario.run)
+    begin, scenario = processor_time(), solution.result.scenario
+    settings = not_none(scenario.run)
     first, derived = Model(solution.motion, stop), DerivedValues(solution.result)
     modes = first.system.kept_modes
 
@@ -316,7 +317,7 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     ----------
     solution, shared, stop : as of `convergence_of`.
     """
-    scenario, compared_s = solution.scenario, not_none(solution.motion.compared_s)
+    scenario, compared_s = solution.result.scenario, not_none(solution.motion.compared_s)
     settings = not_none(scenario.run)
     same = scenario.excitation.model_copy(
         update={"period": getattr(scenario.excitation, "period", None) or settings.duration}

@@ -97,10 +97,10 @@ def test_a_sweep_that_is_not_finite_has_an_outcome():
         CASE.with_name("sweep_up_down.yaml"), ["sweep.from=60 Hz", "sweep.to=70 Hz", "sweep.rate=20 oct/min"]
     )
     system = sweep_system(scenario)
-    whole = sweep_level(SweepLevel(system, scenario.sweep, scenario.excitation, 1.0, 0))
+    whole = sweep_level(SweepLevel(system, scenario.sweep, 1.0, 0))
     assert whole.work.outcome.complete
     lost = replace(system, initial_state=np.nan * system.initial_state)
-    record = sweep_level(SweepLevel(lost, scenario.sweep, scenario.excitation, 1.0, 0))
+    record = sweep_level(SweepLevel(lost, scenario.sweep, 1.0, 0))
     assert record.work.outcome.code == "not_finite"
     assert record.curves == ()
 

@@ -49,9 +49,8 @@ SETTLED = 0.8  # of the sum over all modes, that the lower half of them reaches 
 class Solution(NamedTuple):
     """A run, and what it came from."""
 
-    scenario: Scenario  # with what its start resolves to
     motion: RunMotion
-    result: RunResult
+    result: RunResult  # whose scenario has what its start resolves to
 
 
 def motion_of(
@@ -130,14 +129,14 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
     summary = summary_of_run(motion, spectra, stop)
     warnings += jump_warnings(motion, summary["peak_acceleration_g"])
-    fields, notes = _asked_for(result, motion, histories, goes_on, shared)
+    fields, notes = _asked_for(result, motion, histories, goes_on)
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
     if left_out and result.complete:
         fields["outcome"] = interruption(f"before {', '.join(left_out)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))
     result = result.with_summary(**summary, **figures_of_parts(result, summary))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
-    return Solution(scenario, motion, result)
+    return Solution(motion, result)
 
 
 def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
@@ -166,7 +165,7 @@ def _warnings(motion: RunMotion) -> list[str]:
 
 
 def _asked_for(
-    result: RunResult, motion: RunMotion, histories: Histories, goes_on: Callable[[str], bool], shared: SharedBuilds
+    result: RunResult, motion: RunMotion, histories: Histories, goes_on: Callable[[str], bool]
 ) -> tuple[dict[str, Any], list[str]]:
     """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
 
@@ -175,7 +174,6 @@ def _asked_for(
     result : of the motion.
     motion, histories : it came from.
     goes_on : whether what is named is still computed, or left out.
-    shared : keeps what systems are built from.
     """
     scenario, system, closed_form = result.scenario, motion.system, motion.trajectory is not None
     settings = not_none(scenario.run)
@@ -199,7 +197,7 @@ def _asked_for(
     if settings.sensitivities and goes_on("sensitivities"):
         from beamsim.analyses.run.sensitivities import sensitivities_of
 
-        fields["sensitivities"], said = sensitivities_of(scenario, system, motion, shared)
+        fields["sensitivities"], said = sensitivities_of(scenario, motion)
         notes += said
     fields["matched"] = matched_spectrum(system)
     if (matched := fields["matched"]) is not None and (worst := float(np.abs(matched.misfit_db).max())) > MISFIT_DB:

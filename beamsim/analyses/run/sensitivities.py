@@ -81,16 +81,13 @@ class Peak(NamedTuple):
     later: int  # 0 where the segment ends, 1 where it begins or between
 
 
-def sensitivities_of(
-    scenario: Scenario, system: StructuralSystem, motion: RunMotion, shared: SharedBuilds
-) -> tuple[tuple[Derivative, ...], list[str]]:
+def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[tuple[Derivative, ...], list[str]]:
     """The derivatives of a run's values by the numbers that it names, and what is to be said of them.
 
     Parameters
     ----------
-    scenario, system : of the run.
-    motion : of the run; of one that is not complete there are none.
-    shared : keeps what systems are built from.
+    scenario : of the run.
+    motion : of it; of one that is not complete there are none.
 
     Returns
     -------
@@ -101,7 +98,7 @@ def sensitivities_of(
     ScenarioError
         Where the motion is not known in closed form as a whole, or a number changes the size of the model.
     """
-    settings, whole = not_none(scenario.run), motion.trajectory
+    settings, system, whole = not_none(scenario.run), motion.system, motion.trajectory
     if whole is None or whole.time[0] > 0.0:
         message = "need the whole motion in closed form"
         remedy = "use method: exact, piecewise_linear springs instead of cubic ones, and enough run.memory"
@@ -114,7 +111,7 @@ def sensitivities_of(
     numbers = [resolve_parameter(scenario, each) for each in settings.sensitivities]
     along = _Along(trajectory, _linear(system, chosen))
     plain = with_values(scenario, {("run", "sensitivities"): ()})
-    pairs = [_varied(plain, system, along, chosen, number, shared) for number in numbers]
+    pairs = [_varied(plain, system, along, chosen, number) for number in numbers]
     varied = [each for of in zip(*pairs, strict=True) for each in of]  # from both sides, then from one
     told = along.told(chosen)
     peaks = [along.peak(*key) for key in {key for *_, factors in told.values() for key in factors}]
@@ -192,9 +189,8 @@ def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
 
 
 def _varied(
-    scenario: Scenario, system: StructuralSystem, along: _Along, chosen: Sequence[Value], number: VariedParameter,
-    shared: SharedBuilds,
-) -> tuple[Varied, Varied]:  # fmt: skip
+    scenario: Scenario, system: StructuralSystem, along: _Along, chosen: Sequence[Value], number: VariedParameter
+) -> tuple[Varied, Varied]:
     """What a number changes, from systems that are built on both sides of it, and from those on one side alone.
 
     Parameters
@@ -202,8 +198,8 @@ def _varied(
     scenario, system, along : of the run.
     chosen : values of whose channels there are rows.
     number : from the scenario.
-    shared : keeps what systems are built from.
     """
+    shared = system.assessment.parts.shared
     own, step = along.outputs, STEP * (abs(float(number.nominal)) or 0.5 * (number.high - number.low))
     step /= max(1.0, _turned(own.flow, _beside(scenario, own.flow, number, step, shared)[1]) / STEP)
     rows = {own: along.channels.linear}
@@ -227,7 +223,7 @@ def _beside(
     ----------
     scenario, flow : of the run.
     number, change : from the scenario, and by how much it differs.
-    shared : keeps what systems are built from.
+    shared : what systems of the run are built from.
 
     Raises
     ------

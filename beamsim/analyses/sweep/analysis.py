@@ -37,7 +37,7 @@ from beamsim.inputs.measured import limit_curve, read_profile
 from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import holds_levels
-from beamsim.scenario.reporting import BASE_FORCE, Limits
+from beamsim.scenario.reporting import Limits
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
@@ -94,7 +94,7 @@ def sweep(
             runs[index] = earlier
             continue
         report = part_of(progress, index / len(levels), (index + 1) / len(levels))
-        one = SweepLevel(system, settings, excitation, level, index, limited, scenario.base_force or BASE_FORCE.name)
+        one = SweepLevel(system, settings, level, index, limited)
         runs[index] = (sweep_level if isinstance(settings, SweptSine) else step_level)(one, report, stop)
         if stop():
             break

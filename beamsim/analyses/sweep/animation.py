@@ -39,13 +39,13 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
     ScenarioError
         If the model cannot be built again.
     """
-    settings, excitation = sweep_settings(result.scenario), result.scenario.sine
+    settings = sweep_settings(result.scenario)
     if not result.curves:
         return None
     system = build_system(swept_scenario(result.scenario))
     curve = max(result.curves.values(), key=lambda each: float(np.max(_response(each))))
     cycle = int(np.argmax(_response(curve)))
-    one = SweepLevel(system, settings, excitation, curve.level, curve.level_index)
+    one = SweepLevel(system, settings, curve.level, curve.level_index)
     if isinstance(settings, SweptSine):
         times, states, forces = _swept(one, curve, cycle, progress)
     else:

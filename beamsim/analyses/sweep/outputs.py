@@ -29,7 +29,6 @@ from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
-from beamsim.scenario.excitation import Sine
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.equations import Channel, ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
@@ -54,26 +53,22 @@ class SweepLevel:
     system : displacements of its probes, forces of its snubbers and the outputs that are no energies are looked at.
     settings : whether the probes' accelerations are, too, and the rates and losses of impacts with the sliding speeds
         of friction contacts.
-    excitation : of the scenario.
     value : of the excitation; with a profile the factor applied to it.
     index : number of the level.
     limited : names of the limits: penetrations of the snubbers where it holds "gap", and the stress along the bodies
         where it holds "bending_stress".
-    base_force : name of the output that is the force of the base, if that is limited.
     """
 
     system: StructuralSystem
     settings: SweptSine | SteppedSine
-    excitation: Sine
     value: float
     index: int
     limited: Collection[str] = ()
-    base_force: str = ""
 
     @property
     def quantity(self) -> str:
         """What is prescribed."""
-        return self.excitation.quantity or "acceleration"
+        return self.system.scenario.sine.quantity or "acceleration"
 
     @cached_property
     def channels(self) -> ChannelSet:

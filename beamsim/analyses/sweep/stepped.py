@@ -94,7 +94,7 @@ def stepper_of(one: SweepLevel) -> tuple[CycleStepper, Motion]:
 def loads_at(one: SweepLevel, f: float) -> tuple[Forcing, tuple[Signal, ...]]:
     """The loads of a level at a frequency, Hz, see `harmonic_loads`."""
     omega = 2 * np.pi * f
-    return harmonic_loads(one.system, omega, sine_of(one.excitation, omega, one.value))
+    return harmonic_loads(one.system, omega, sine_of(one.system.scenario.sine, omega, one.value))
 
 
 def sine_of(excitation: Sine, omega: float, level: float) -> complex:

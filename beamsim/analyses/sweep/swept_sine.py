@@ -89,7 +89,7 @@ def sweep_profile(one: SweepLevel) -> tuple[Profile, float]:
     """The level over frequency, a table of which the level is a factor, and the phase of the sine at the start."""
     settings = of_kind(SweptSine, one.settings)
     profile = make_profile(one.value, one.quantity, settings.profile, settings.between, settings.notches)
-    return profile, one.excitation.phase + phase_of_acceleration(one.quantity, one.value, settings.profile)
+    return profile, one.system.scenario.sine.phase + phase_of_acceleration(one.quantity, one.value, settings.profile)
 
 
 class SweptMarch(NamedTuple):
@@ -272,9 +272,9 @@ def limited_of(limits: Mapping[str, float], one: SweepLevel) -> tuple[Limited, .
         LimitedQuantity(c.section, c.name, "" if c.section == "outputs" else c.quantity.removeprefix("absolute_")): k
         for c, k in one.channels.located
     }
-    limited = []
+    limited, base_force = [], one.system.scenario.base_force or BASE_FORCE.name
     for name, limit in limits.items():
-        of = not_none(limited_quantity(name, one.base_force))
+        of = not_none(limited_quantity(name, base_force))
         limited.append(Limited(name, float(limit), of, columns[of]))
     return tuple(limited)
 
