@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.analyses.branch import OrbitMotion
-from beamsim.analyses.run.analysis import motion_of
-from beamsim.analyses.run.orbit_start import built_at_orbit
+from beamsim.analyses.run.analysis import built_at_orbit, motion_of
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import FORCE
 from beamsim.outcomes import Progress, never
