@@ -151,8 +151,4 @@ def _summary(compared: Against) -> dict[str, Any]:
     for figure in compared.figures:
         values = {"exact": figure.exact, "stepped": figure.stepped, "unit": figure.unit}
         figures.setdefault(figure.figure.replace(" ", "_"), {})[figure.place] = values
-    names = (
-        "method", "evaluations", "agrees_until_s", "largest_state_difference", "largest_time_difference_s",
-        "processor_time_s", "exact_processor_time_s",
-    )  # fmt: skip
-    return {**{name: getattr(compared, name) for name in names}, "figures": figures}
+    return {**vars(compared), "figures": figures}
