@@ -203,7 +203,7 @@ def _static_correction(
     coordinates = basis.vectors.T @ (whole.mass @ u)
     coordinates[: basis.rigid] = 0.0
     missing = exact - moment @ coordinates
-    high = slice(_resolved(model, member, basis), None)
+    resolved = _resolved(model, member, basis)
     # The part of a motion along the static deflections, by projection in the energy norm. Of more loads than such modes
     # it is a fit, in which each weighs the same, whatever its level and however often it is listed.
     strain = basis.omega[:, None] * coordinates
@@ -215,11 +215,9 @@ def _static_correction(
     largest = np.max(np.abs(exact[:, bending] / size[bending]), initial=np.finfo(float).tiny)
     gram = np.vstack([unit, lacking / largest]).T @ np.vstack([unit, lacking / largest])
     apart = np.add.outer(np.diag(gram), np.diag(gram)) - 2 * np.abs(gram)  # squared
-    alike = np.tril(apart < 1e-12, -1).any(axis=1)
-    correction = np.zeros_like(moment)
-    fit = np.linalg.pinv(unit[high, ~alike], rcond=1e-9)
-    correction[:, high] = (lacking[:, ~alike] @ fit) * basis.omega[high]
-    return correction
+    once = ~np.tril(apart < 1e-12, -1).any(axis=1)
+    correction = lacking[:, once] @ np.linalg.pinv(unit[resolved:, once], rcond=1e-9) * basis.omega[resolved:]
+    return np.pad(correction, ((0, 0), (resolved, 0)))
 
 
 _DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
@@ -306,15 +304,14 @@ class BeamStructure(MeshedBody):
         # Free-free bounds every support from above (less is held, more modes below); beta_n ~ (n - 3/2) pi with
         # both rigid-body modes counted. Segments cut apart bound the beam in the same way, and so does the softest and
         # heaviest all along. A mass added lowers at most one more frequency past the limit, as does a rotary inertia.
-        beam, physical = self.section, omega * self.frequency_scale
-        stretches = beam.stretches
-        per_length = [
-            (physical**2 * stretch.mass_per_length / stretch.bending_stiffness) ** 0.25 / np.pi for stretch in stretches
-        ]
-        apart = sum(int(np.ceil(n * s.length)) + 2 for n, s in zip(per_length, stretches, strict=True))
-        heaviest = max(stretch.mass_per_length for stretch in stretches)
-        softest = min(stretch.bending_stiffness for stretch in stretches)
-        alike = int(np.ceil((physical**2 * heaviest / softest) ** 0.25 * beam.length / np.pi)) + 2
+        beam, squared = self.section, (omega * self.frequency_scale) ** 2
+
+        def count(line_mass: float, stiffness: float, length: float) -> int:
+            return int(np.ceil((squared * line_mass / stiffness) ** 0.25 / np.pi * length)) + 2
+
+        of_stretches = [(s.mass_per_length, s.bending_stiffness, s.length) for s in beam.stretches]
+        mass, stiffness, _ = zip(*of_stretches, strict=True)
+        apart, alike = sum(count(*each) for each in of_stretches), count(max(mass), min(stiffness), beam.length)
         rotary = sum(mass.rotary_inertia > 0.0 for mass in beam.point_masses)
         return min(apart, alike) + len(beam.point_masses) + rotary
 
