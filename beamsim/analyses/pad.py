@@ -20,12 +20,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.contacts.branches import driven_force, dynamic_stiffness, fit_loop, loop_frequency
+from beamsim.contacts.branches import driven_force, dynamic_stiffness, fit_loop, loop_frequency, turning_points
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fit_curve, loop_width
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasurementError
@@ -169,13 +170,12 @@ def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | Non
     except ValueError as error:
         remedy = "it needs a column of deflections and one of forces, from zero on"
         raise ScenarioError.at("--curve", f"= {file} cannot be used: {error}", remedy) from None
-    top = int(np.argmax(deflection))
+    turns = turning_points(deflection)
+    work = [_work(deflection[i : j + 1], force[i : j + 1]) for i, j in pairwise(turns)]
+    given, back = sum(work[::2]), -sum(work[1::2])
     loss_factor = None
-    if 0 < top < deflection.size - 1 and deflection[-1] < 0.5 * deflection[top]:
-        given = _work(deflection[: top + 1], force[: top + 1])
-        back = -_work(deflection[top:], force[top:])
-        if 0.0 < back <= given:
-            loss_factor = 4.0 * (given - back) / (math.pi * (given + back))
+    if 0.0 < back <= given and len(work) % 2 == 0:
+        loss_factor = 4.0 * (given - back) / (math.pi * (given + back))
     # 1e-12: misfit of a curve, over its largest force, that is round-off
     exact = misfit <= 1e-12 * float(np.abs(force).max())
     timed = time is not None and bool(np.all(np.diff(time) > 0.0)) and loop_width(deflection, force) > LOOP

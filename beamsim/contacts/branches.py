@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fitted_numbers, hinges, relaxed_part
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Complexes, Floats, Ints
 
 REACH = 10.0  # beyond the measured range, over which times are sought
 
@@ -143,10 +143,17 @@ def fit_loop(time: Floats, deflection: Floats, force: Floats, knots: Floats) -> 
     return _fit(matrix, force[held] / top, int(held.sum()), span, None, knots.size)
 
 
+def turning_points(deflection: Floats) -> Ints:
+    """Where a record of loops turns, farthest from half its largest deflection: noise at the half turns nothing."""
+    offset = deflection / float(deflection.max()) - 0.5
+    far = np.flatnonzero(np.abs(offset) > 0.1)
+    passed = np.split(far, 1 + np.flatnonzero(np.diff(offset[far] > 0.0)))
+    return np.array([there[np.argmax(np.abs(offset[there]))] for there in passed])
+
+
 def loop_frequency(time: Floats, deflection: Floats) -> float:
-    """Loops in a record over its duration, Hz: how often half the largest deflection is passed upwards."""
-    above = deflection > 0.5 * float(deflection.max())
-    return max(int(np.sum(above[1:] & ~above[:-1])), 1) / float(time[-1] - time[0])
+    """Loops in a record over its duration, Hz."""
+    return max(turning_points(deflection).size // 2, 1) / float(time[-1] - time[0])
 
 
 def driven_force(curve: ForceCurve, branches: tuple[MaxwellBranch, ...], time: Floats, deflection: Floats) -> Floats:

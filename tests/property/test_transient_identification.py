@@ -263,3 +263,13 @@ def test_what_is_wrong_with_a_test_is_said_of_its_keys(keys, path):
     with pytest.raises(ScenarioError) as caught:
         identify_stiffness(scenario, [MeasuredSignal("mass", times, np.sin(times), unit="m")])
     assert caught.value.problems[0].path == f"identify_stiffness.nonlinear.{path}"
+
+
+def test_a_tests_own_start_and_level_are_of_any_quantity():
+    """A displaced start was refused: "is a level of 0, and the excitation is of acceleration"."""
+    base = {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": "24 Hz"}
+    pulse = {"kind": "half_sine", "applied_to": {"mass": 1}, "level": "20 N", "duration": "10 ms"}
+    own = [transient(start={"displacement": ["-4 mm"]}), transient(excitation=pulse)]
+    given = load_scenario(case(*own, excitation=base)).identify_stiffness.nonlinear.tests
+    assert given[0].start.displacement == (-4e-3,)
+    assert given[1].excitation.level == 20.0
