@@ -90,7 +90,7 @@ def response_curves(result: DesignsResult, quantity: str) -> Chart:
         _write_words(ax, coordinate)
 
     up = (_words(quantity), _of(result, quantity)[0].unit)
-    return Chart((label, ""), up, curves, _limit_level(result, quantity), log=_log(coordinate), more=bands)
+    return Chart((label, ""), up, curves, _limit_level(result, quantity), log=_log(result, coordinate), more=bands)
 
 
 def _limit_level(result: DesignsResult, quantity: str) -> list[Guide]:
@@ -292,7 +292,7 @@ def response_scatter(result: DesignsResult, k: int, quantity: str) -> Chart:
     up = (_words(quantity), scale_for(_of(result, quantity)[0].unit, values))
     levels = [level._replace(label="") for level in _limit_level(result, quantity)]
     return Chart(
-        (label, ""), up, curves, levels, log=_log(coordinate), more=lambda ax, *_: _write_words(ax, coordinate)
+        (label, ""), up, curves, levels, log=_log(result, coordinate), more=lambda ax, *_: _write_words(ax, coordinate)
     )
 
 
@@ -349,7 +349,8 @@ def search_chart(result: DesignsResult, objective: Response) -> Chart:
     values, number, dots = objective.values, np.arange(1.0, result.cases + 1.0), {"linestyle": "none", "markersize": 3}
     meets = np.isfinite(values) & (True if result.passing is None else result.passing)
     largest = objective.long_name.startswith("largest")
-    best = (np.maximum if largest else np.minimum).accumulate(np.where(meets, values, -np.inf if largest else np.inf))
+    tried = np.where(meets & (number > 1.0), values, -np.inf if largest else np.inf)  # the first one is as it is
+    best = (np.maximum if largest else np.minimum).accumulate(tried)
     curves = [
         Curve("beyond a limit", number[~meets], values[~meets], {**dots, "marker": "x", "color": RED, "alpha": 0.5}),
         Curve("meets every limit", number[meets], values[meets], {**dots, "marker": "o", "color": PALE}),
@@ -542,10 +543,15 @@ def _value_text(coordinate: Coordinate, k: int) -> str:
     return f"{coordinate.values[k] * scale_for(coordinate.unit, coordinate.values.astype(float)).factor:.3g}"
 
 
-def _log(coordinate: Coordinate) -> str:
-    """The letter of the axis across, where the values are spread so that it is logarithmic."""
+def _log(result: DesignsResult, coordinate: Coordinate) -> str:
+    """The letter of the axis across, where the values are spread so that it is logarithmic; of a search those asked
+    for, as designs crowd where they are good."""
     if not coordinate.numeric:
         return ""
+    if (search := result.scenario.optimise) is not None:
+        return "x" * any(
+            (p.path, getattr(p, "spacing", "")) == (coordinate.path, "logarithmic") for p in search.parameters
+        )
     values = np.unique(coordinate.values.astype(float))
     if values.size < 3 or values[0] <= 0.0 or values[-1] / values[0] < 5.0:
         return ""

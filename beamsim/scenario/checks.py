@@ -1024,7 +1024,7 @@ def _each_once(items: Sequence[Any], section: Path, places_of: Callable[[Any], I
     taken: dict[Path, int] = {}
     for index, item in enumerate(items):
         try:
-            first = min(taken.setdefault(place, index) for place in places_of(item))
+            first = min((taken.setdefault(place, index) for place in places_of(item)), default=index)
         except Unfit as error:
             yield error.problem((*section, index))
             continue

@@ -118,6 +118,22 @@ def test_limited_quantities_come_first_and_their_limit_is_drawn():
     assert ax.get_xscale() == "log"
 
 
+def test_a_search_is_drawn_over_its_range_and_the_case_as_it_is_is_no_design():
+    """Designs that crowd at an end of a range are no reason for a logarithmic axis."""
+    text = "optimise: {minimise: peak_force, parameters: [{path: snubbers.tip.gap, from: 0 mm, to: 1 mm}]}"
+    plan = plan_designs(load_scenario(BASE + text))
+    gaps, forces = [0.0, *np.geomspace(9e-4, 1e-9, 11)], [5.0, *np.linspace(29.0, 10.0, 11)]
+    tried = {
+        k: CaseOutcome(k, {"snubbers/tip/peak_force": force, "snubbers/tip/largest_gap": gap, "bending_stress": 1e6},
+                       COMPLETE, 0.1, {}, (gap,))
+        for k, (gap, force) in enumerate(zip(gaps, forces, strict=True))
+    }  # fmt: skip
+    figures = gather(plan, tried, 1.0).plot()
+    assert {ax.get_xscale() for ax in figures["curves"].axes} == {"linear"}
+    best = next(line for line in figures["search"].axes[0].lines if line.get_drawstyle() == "steps-post")
+    np.testing.assert_array_equal(best.get_ydata(), [np.nan, *forces[1:]])
+
+
 # --- journal ----------------------------------------------------------------------------------------------------------
 
 

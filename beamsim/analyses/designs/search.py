@@ -22,7 +22,7 @@ from beamsim.scenario.parameters import Value
 from beamsim.scenario.studies import Optimise
 from beamsim.typing import Floats, not_none
 
-BY_EVOLUTION = 0.75  # of the cases that are allowed; the rest is for the local search
+BY_EVOLUTION = 0.75  # of the cases that are allowed; the rest is for the local search, of a front for a sample at first
 STARTS = 4  # of the local search, from the best designs that lie apart
 APART = 0.1  # of a range
 RESOLUTION = 1e-3  # of the ranges, to which the best design is located
@@ -143,8 +143,11 @@ def _best(designs: _Designs, settings: Optimise, limited: bool) -> Outcome:
 def _front(designs: _Designs, settings: Optimise, limited: bool) -> Outcome:
     """The non-dominated sorting genetic algorithm for two objectives, its population solved as one batch.
 
+    The best of a Latin hypercube are the first population: a part of the front that lies apart is seldom found later.
     Source: K. Deb et al., IEEE Transactions on Evolutionary Computation 6 (2002) 182-197.
     """
+    from scipy.stats.qmc import LatinHypercube
+
     try:
         nsga2, problem = import_module("pymoo.algorithms.moo.nsga2"), import_module("pymoo.core.problem")
         evaluator, static = import_module("pymoo.core.evaluator"), import_module("pymoo.problems.static")
@@ -155,9 +158,11 @@ def _front(designs: _Designs, settings: Optimise, limited: bool) -> Outcome:
             "pip install 'beamsim[optimise]', or add the objectives up: minimise: {peak_force: 40 N, ...}",
         ) from None  # fmt: skip
     size = min(40, max(12, settings.most_cases // 10))
-    generations = max(2, (settings.most_cases - 1) // size)
-    cube = problem.Problem(n_var=len(designs.plan.study.varied), n_obj=2, n_ieq_constr=int(limited), xl=0.0, xu=1.0)
-    algorithm = nsga2.NSGA2(pop_size=size)
+    count, first = len(designs.plan.study.varied), max(size, round((1.0 - BY_EVOLUTION) * settings.most_cases))
+    generations = max(2, 1 + (settings.most_cases - 1 - first) // size)
+    cube = problem.Problem(n_var=count, n_obj=2, n_ieq_constr=int(limited), xl=0.0, xu=1.0)
+    sample = LatinHypercube(count, rng=np.random.default_rng(settings.seed)).random(first)
+    algorithm = nsga2.NSGA2(pop_size=size, sampling=sample)
     algorithm.setup(cube, termination=("n_gen", generations), seed=settings.seed)
     fronts: list[Floats] = []
     while algorithm.has_next():
