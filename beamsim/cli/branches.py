@@ -16,7 +16,7 @@ from beamsim.cli.screens import SHOWN, Numbers, Screen, limit_lines, modes, roun
 from beamsim.cli.tables import Labelled, Views, ended, in_units, output_text
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
-from beamsim.plots.style import amount, extent, is_known, level_text, scale_for
+from beamsim.plots.style import amount, extent, is_known, scale_for
 from beamsim.scenario.base import counted
 
 # --- Continuation ----------------------------------------------------------------------------------------------------
@@ -113,7 +113,7 @@ def _branches(result: ContinuationResult, count: int) -> list[dict[str, Any]]:
 
 
 def _level(result: ContinuationResult, level: float) -> dict[str, str]:
-    return {"level": "" if np.isnan(level) else level_text(level, result.level_unit).removeprefix("level ")}
+    return {"level": "" if np.isnan(level) else amount(level, result.level_unit)}
 
 
 def _parameter(value: float, unit: str, digits: int = 6) -> str:
@@ -302,7 +302,7 @@ def _cause(record: Mapping[str, Any]) -> str:
 
 def _held(about: Mapping[str, Any], level: Mapping[str, Any]) -> dict[str, str]:
     """The row of a level: the resonance found beside the mode that it should hold."""
-    row = {"": level_text(level["level"], about["unit"]).removeprefix("level ")}
+    row = {"": amount(level["level"], about["unit"])}
     if level["found"]:
         row |= {
             "resonance": rounded(level["frequency_hz"], "Hz", 4),

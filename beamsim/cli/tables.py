@@ -19,7 +19,7 @@ from beamsim.cli.printing import aligned, lines, percent, table_text, told
 from beamsim.fields import words
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import OnLimit, Outcome
-from beamsim.plots.style import amount, is_known, level_text, margin_text, scale_for, shown_in
+from beamsim.plots.style import amount, is_known, margin_text, scale_for, shown_in
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of
 
@@ -269,9 +269,9 @@ def _level(result: Result, of: Mapping[str, Any]) -> str:
     quantity = getattr(result.scenario.excitation, "quantity", None) or "acceleration"
     level, beside = of["level"], ""
     if "frequency_hz" in of and power_of(quantity):
-        beside = f" ({level_text(level, amplitude_unit(quantity)).removeprefix('level ')})"
+        beside = f" ({amount(level, amplitude_unit(quantity))})"
         level /= acceleration_amplitude(1.0, quantity, of["frequency_hz"])
-    return f"{level_text(level, level_unit(quantity)).removeprefix('level ')}{beside}"
+    return f"{amount(level, level_unit(quantity))}{beside}"
 
 
 def _happened(of: Mapping[str, Any], past: str) -> Iterator[str]:

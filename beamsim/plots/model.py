@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from beamsim.outcomes import first_of
 from beamsim.plots.drawing import GREEN, Picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
-from beamsim.plots.style import amount, extent, level_text, round_length
+from beamsim.plots.style import amount, extent, round_length
 from beamsim.scenario import Scenario
 from beamsim.scenario.body import MovedStop, MovedSupport
 from beamsim.scenario.checks import in_metres
@@ -142,7 +142,7 @@ def _excitation_text(scenario: Scenario, part: Any, swept: str) -> str:
 
 def _level_text(part: Any, level: float) -> str:
     unit = LEVEL_DIMENSIONS[part.quantity].unit if part.quantity else ""
-    return level_text(level, unit).removeprefix("level ")
+    return amount(level, unit)
 
 
 def _depths(sketch: Sketch, ax: Axes) -> None:

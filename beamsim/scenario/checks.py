@@ -12,7 +12,7 @@ from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Unfit, counted, path_parts, path_text, problem, unknown, walk
 from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedStop, MovedSupport, OnSupport, Sited
 from beamsim.scenario.connections import HingeStop, PiecewiseLinearSpring, SpringToGround, placed
-from beamsim.scenario.distributed import DistributedLoad, LineLoad, TableShape
+from beamsim.scenario.distributed import DistributedLoad, TableShape
 from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, not_harmonic, sine_problems
 from beamsim.scenario.parameters import (
     bounds_of,
@@ -199,7 +199,7 @@ def _distributed(scenario: ScenarioParts, path: Path, load: DistributedLoad) -> 
     if name not in scenario.all_bodies:
         return
     body, where = scenario.all_bodies[name], scenario.body_path(name)
-    key = "line" if isinstance(load, LineLoad) else "area"
+    key = load.part
     if body.body_kind != load.acts_on:
         message = f"belongs to a {load.acts_on}, but {path_text(where)} is {body.called}"
         yield problem((*path, key), message, body.how_to_load)

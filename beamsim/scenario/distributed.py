@@ -152,6 +152,9 @@ class DistributedLoad(Schema):
     """Factor of the level over the loaded part: uniform (the default), linear, polynomial, sine, mode or table."""
 
     acts_on: ClassVar[str] = ""
+    """Kind of body."""
+    part: ClassVar[str] = ""
+    """Key of the loaded part."""
 
     places: ClassVar[tuple[AtPlace, ...]] = ()
     """None: it acts at no point."""
@@ -159,7 +162,8 @@ class DistributedLoad(Schema):
     @property
     def ends(self) -> tuple[WrittenPosition, WrittenPosition] | None:
         """The loaded part: its ends, or opposite corners; None for the whole body."""
-        raise NotImplementedError
+        given: Any = getattr(self, self.part)
+        return None if given == "whole" else given
 
     def check(self) -> None:
         """Demand a shape of as many directions as the body has."""
@@ -178,16 +182,12 @@ class LineLoad(DistributedLoad):
     known_by: ClassVar[tuple[str, ...]] = ("line",)
     takes: ClassVar[tuple[Literal["force_per_length"]]] = ("force_per_length",)
     acts_on: ClassVar[str] = "beam"
+    part: ClassVar[str] = "line"
 
     line: Annotated[Literal["whole"] | _Pair, Variants(
         "is not a part of a beam", "write whole, or both ends: [100 mm, 60 %]"
     )]  # fmt: skip
     """The loaded part of the beam: whole, or where it begins and ends, [100 mm, 60 %]."""
-
-    @property
-    def ends(self) -> tuple[WrittenPosition, WrittenPosition] | None:
-        """Both ends."""
-        return None if self.line == "whole" else self.line
 
 
 class AreaLoad(DistributedLoad):
@@ -196,16 +196,12 @@ class AreaLoad(DistributedLoad):
     known_by: ClassVar[tuple[str, ...]] = ("area",)
     takes: ClassVar[tuple[Literal["pressure"]]] = ("pressure",)
     acts_on: ClassVar[str] = "plate"
+    part: ClassVar[str] = "area"
 
     area: Annotated[Literal["whole"] | tuple[_Pair, _Pair], Variants(
         "is not a part of a plate", "write whole, or opposite corners: [[0, 0], [100 mm, 50 %]]"
     )]  # fmt: skip
     """The loaded part of the plate: whole, or its lower left and upper right corner, [[0, 0], [100 mm, 50 %]]."""
-
-    @property
-    def ends(self) -> tuple[WrittenPosition, WrittenPosition] | None:
-        """Both corners."""
-        return None if self.area == "whole" else self.area
 
 
 class DeadLineLoad(LineLoad):
