@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, overload
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, ValidationInfo
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
@@ -213,15 +213,15 @@ DEFAULT_NAMES = {
 """Lists whose items have a name by default: this and their number."""
 
 
-def numbered(key: str) -> BeforeValidator:
+def _numbered(items: Any, info: ValidationInfo) -> Any:
     """Read a list of `DEFAULT_NAMES` with names for the items that have none."""
+    if not isinstance(items, (list, tuple)):
+        return items
+    name = DEFAULT_NAMES[str(info.field_name)]
+    return [_named(item, f"{name}_{number}") for number, item in enumerate(items, start=1)]
 
-    def name(items: Any) -> Any:
-        if not isinstance(items, (list, tuple)):
-            return items
-        return [_named(item, f"{DEFAULT_NAMES[key]}_{number}") for number, item in enumerate(items, start=1)]
 
-    return BeforeValidator(name)
+NUMBERED = BeforeValidator(_numbered)
 
 
 def _named(item: Any, name: str) -> Any:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario.base import Path, Unfit, counted, problem
-from beamsim.scenario.body import AtPlace, Body, ChainDamping, numbered
+from beamsim.scenario.body import NUMBERED, AtPlace, Body, ChainDamping
 from beamsim.scenario.connections import AnySnubber, GroundSpring, LinkSpring
 from beamsim.scenario.quantities import Dashpot, Mass, NonNegativeStiffness, Share
 
@@ -32,11 +32,11 @@ class Chain(Body):
     """Dashpots parallel to the springs; none by default, otherwise as many as springs."""
     damping: ChainDamping | None = None
     """Damping of the chain as a whole, added to the dashpots."""
-    snubbers: Annotated[tuple[AnySnubber, ...], numbered("snubbers")] = ()
+    snubbers: Annotated[tuple[AnySnubber, ...], NUMBERED] = ()
     """One-sided stops on masses, and bumpers and cables between masses."""
-    springs_to_ground: Annotated[tuple[GroundSpring, ...], numbered("springs_to_ground")] = ()
+    springs_to_ground: Annotated[tuple[GroundSpring, ...], NUMBERED] = ()
     """Springs from masses to the ground, linear, cubic or piecewise linear."""
-    springs_between: Annotated[tuple[LinkSpring, ...], numbered("springs_between")] = ()
+    springs_between: Annotated[tuple[LinkSpring, ...], NUMBERED] = ()
     """Additional springs between any two masses, linear, cubic or piecewise linear."""
     kind: Literal["chain"] = "chain"
     """A chain of masses."""

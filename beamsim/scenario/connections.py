@@ -15,6 +15,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, PAIR, Path, Schema, Unfit, Variants, counted, demand_rising
 from beamsim.scenario.body import (
+    NUMBERED,
     AtPlace,
     BaseOrPlace,
     BetweenPlaces,
@@ -23,7 +24,6 @@ from beamsim.scenario.body import (
     OnSupport,
     Sited,
     TwoPlaces,
-    numbered,
     refuse_unlike_directions,
 )
 
@@ -747,7 +747,7 @@ class HingeJoint(_Turning):
     free_play: q.FreePlay = 0.0
     """Angle from one end of its play to the other, half of it to either side, within which the rotational stiffness
     does not act; none by default."""
-    stops: Annotated[tuple[HingeStop, ...], numbered("stops")] = ()
+    stops: Annotated[tuple[HingeStop, ...], NUMBERED] = ()
     """End stops, each met at an angle, with the laws of snubbers."""
     friction: HingeFrictionMoments | None = None
     """Dry friction; none by default."""

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, walk
 from beamsim.scenario.beam import AnyBeam
-from beamsim.scenario.body import AtPlace, Body, Located, Probe, WrittenPosition, numbered
+from beamsim.scenario.body import NUMBERED, AtPlace, Body, Located, Probe, WrittenPosition
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.connections import (
     AnyFriction,
@@ -48,15 +48,15 @@ class ScenarioParts(Schema):
     """The structure, if it is a chain of masses."""
     bodies: dict[Name, AnyBody] = Field(default_factory=dict)
     """The bodies by name, where there are several; beam or chain alone is short for one."""
-    joints: Annotated[tuple[AnyJoint, ...], numbered("joints")] = ()
+    joints: Annotated[tuple[AnyJoint, ...], NUMBERED] = ()
     """What joins two points of bodies, or a point and the base: rigid, hinge or spring."""
-    springs_to_ground: Annotated[tuple[GroundSpring, ...], numbered("springs_to_ground")] = ()
+    springs_to_ground: Annotated[tuple[GroundSpring, ...], NUMBERED] = ()
     """Springs from points of bodies to the ground: linear, cubic, piecewise linear (those of a chain may be in it)."""
-    springs_between: Annotated[tuple[LinkSpring, ...], numbered("springs_between")] = ()
+    springs_between: Annotated[tuple[LinkSpring, ...], NUMBERED] = ()
     """Springs between two points of bodies, linear, cubic or piecewise linear (those of a chain may be in it)."""
-    snubbers: Annotated[tuple[AnySnubber, ...], numbered("snubbers")] = ()
+    snubbers: Annotated[tuple[AnySnubber, ...], NUMBERED] = ()
     """One-sided stops on the bodies and between them (those of a chain may be listed in it)."""
-    friction: Annotated[tuple[AnyFriction, ...], numbered("friction")] = ()
+    friction: Annotated[tuple[AnyFriction, ...], NUMBERED] = ()
     """Dry friction at points of bodies, on the base or the ground, and between two points."""
     gravity: Annotated[Gravity | GravityVector, BY_FORM] = 0.0
     """Acceleration of gravity, towards negative displacement; or its components [x, y, z], [0, 0, -9.81]."""
