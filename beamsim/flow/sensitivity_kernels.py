@@ -91,16 +91,6 @@ def _fill_inputs(inputs, of, piece, t, work, now):
             now.moved[p, F + f] = (steady * of.order[1, f]).real + (rising.real if inputs.power[f] == 0 else 0.0)
 
 
-@kernel
-def _product(matrix, vector, out):
-    """The product of a matrix (k, n) and a vector (n,) into ``out`` (k,)."""
-    for i in range(out.size):
-        total = 0.0
-        for k in range(vector.size):
-            total += matrix[i, k] * vector[k]
-        out[i] = total
-
-
 @summing
 def _differentiate(after, m, now, S, out):
     """Changes of what follows from an Instant.
@@ -130,36 +120,27 @@ def _differentiate(after, m, now, S, out):
                 out[i, first + p] += after[0, m, i, N + k] * now.moved[p, k]
 
 
-@summing
-def _transit(tables, segment, first, free, S):
+@kernel
+def _transit(tables, segment, first, S):
     """Carry the change of a state over a segment, in place.
 
     Parameters
     ----------
     tables, segment : Tables, Segment.
     first : number of the first free amplitude.
-    free : (2, Z, C) room for changes of the free amplitudes.
     S : (N, C).
     """
-    s, (N, columns) = segment.state, S.shape
-    for z in range(tables.n_free[s]):
-        for j in range(columns):
-            free[0, z, j] = free[1, z, j] = 0.0
-        for k in range(N):
-            left = tables.projector[s, z, k]
-            for j in range(columns):
-                free[0, z, j] += left.real * S[k, j]
-                free[1, z, j] += left.imag * S[k, j]
-    for k in range(N):
-        for j in range(columns):
-            S[k, j] = 0.0
+    s, N, Z = segment.state, S.shape[0], tables.n_free[segment.state]
+    right = np.zeros((N, 2 * Z))  # of the real and the imaginary parts of the free amplitudes
     for q in range(tables.n_terms[s]):
         z = tables.term_source[s, q] - first
         if z >= 0:
             for k in range(N):
-                right = tables.term_vector[s, q, k] * segment.basis[tables.term_basis[s, q]]
-                for j in range(columns):
-                    S[k, j] += right.real * free[0, z, j] - right.imag * free[1, z, j]
+                value = tables.term_vector[s, q, k] * segment.basis[tables.term_basis[s, q]]
+                right[k, z] += value.real
+                right[k, Z + z] -= value.imag
+    left = np.concatenate((tables.projector[s, :Z].real, tables.projector[s, :Z].imag))
+    S[:] = np.dot(right, np.dot(left, S))
 
 
 @kernel
@@ -392,11 +373,7 @@ def differentiate(tables, inputs, log, of, S, end, kept):
     now, then = _make_instant(V, P, F), _make_instant(V, P, F)
     zeta, basis, rest = np.empty(F + Z, np.complex128), np.empty(B, np.complex128), np.empty(N)
     load, moments = np.empty((P, B + 2 * F, N), np.complex128), np.empty(2 * (B + F) + 2, np.complex128)
-    free, inner, work = (
-        np.empty((2, Z, columns)),
-        np.empty((2, F), np.complex128),
-        (np.empty((N + 1, columns)), np.empty(N)),
-    )
+    inner, work = np.empty((2, F), np.complex128), (np.empty((N + 1, columns)), np.empty(N))
     t, row = log.time[0], 0
     now.v[:N] = log.y[0]
     for m in range(G + 1):
@@ -409,7 +386,7 @@ def differentiate(tables, inputs, log, of, S, end, kept):
             _fill_sources(tables, s, inputs, segment.piece, segment.time, log.y[m - 1], rest, zeta)
             _fill_basis(tables.exponent[s], tables.power[s], tables.n_basis[s], segment.length, basis)
             _state_at(tables, s, zeta, basis, now.v[:N])
-            _transit(tables, segment, F, free, S)
+            _transit(tables, segment, F, S)
             some = False
             for p in range(P):
                 some = _fill_load(tables, inputs, of, segment, p, inner[0], load[p]) or some
@@ -417,13 +394,13 @@ def differentiate(tables, inputs, log, of, S, end, kept):
                 _respond(tables, inputs, segment, load, moments, S[:, columns - P :])
             t = segment.time + segment.length
         _fill_inputs(inputs, of, log.piece[before], t, inner, now)
-        _product(of.rates[0, of.state[before]], now.v, now.moving[:N])
-        _product(of.rates[0, of.state[before]], now.moving, now.turning[:N])
+        now.moving[:N] = np.dot(of.rates[0, of.state[before]], now.v)
+        now.turning[:N] = np.dot(of.rates[0, of.state[before]], now.moving)
         row = _keep(kept, row, m, 0, now, S)
         _fill_inputs(inputs, of, log.piece[after], t, inner, then)
-        _product(of.after[0, of.event[m]], now.v, then.v[:N])
-        _product(of.rates[0, of.state[after]], then.v, then.moving[:N])
+        then.v[:N] = np.dot(of.after[0, of.event[m]], now.v)[:N]
+        then.moving[:N] = np.dot(of.rates[0, of.state[after]], then.v)
         _cross(of, log, m, now, then, work, S, kept)
         row = _keep(kept, row, m, 1, then, S)
     end[0] = then.v[:N]
-    _product(of.after[0, of.event[G]], now.moving, end[1])
+    end[1] = np.dot(of.after[0, of.event[G]], now.moving)[:N]

@@ -86,7 +86,7 @@ class SmoothFlow(PeriodicFlow):
             else:
                 raise ValueError("with cubic springs only stiffness and gap of the contacts can be followed")
         return SmoothSystem(
-            s.stiffness.astype(float), np.ascontiguousarray(s.damping), bool(np.any(s.damping)),
+            s.stiffness.astype(float), s.damping[np.nonzero(s.damping)], np.array(np.nonzero(s.damping)),
             s.constant_load.astype(float), np.ascontiguousarray(self.springs.shape).reshape(cubic.shape[1], s.size),
             cubic, self.springs.base_influence, np.ascontiguousarray(c.shape), c.sign, stiffness, c.dashpot, gap,
             c.base_influence, loads.multiple * self.omega, forces, rising, bases, base_rising, self._longest,

@@ -39,8 +39,8 @@ class SmoothSystem(NamedTuple):
     """
 
     omega2: Any  # (n,)
-    damping: Any  # (n, n)
-    damped: Any  # whether it is not zero
+    damping: Any  # (D,) entries of the damping matrix that are not zero
+    damped: Any  # (2, D) their rows and columns
     load: Any  # (n,) constant
     cubic_shape: Any  # (nc, n)
     cubic: Any  # (1 + P, nc) N/m^3
@@ -236,19 +236,19 @@ def series_at(s, closed, t, y, series):
                 for p in range(min(s.force.shape[0], C)):
                     timed = s.rising[p, h, i] * (t * phase[h] + before[h])
                     v[k + 1, i, p] += (s.force[p, h, i] * phase[h] + timed).real
-            if s.damped:
-                for j in range(n):
-                    if s.damping[i, j] != 0.0:
-                        for p in range(C):
-                            v[k + 1, i, p] -= s.damping[i, j] * v[k, j, p]
+        for e in range(s.damping.size):
+            i, j = s.damped[:, e]
+            for p in range(C):
+                v[k + 1, i, p] -= s.damping[e] * v[k, j, p]
         _add_cubic(s, series, k)
         for j in range(s.sign.size):
             if closed[j]:
                 _add_contact(s, j, series, k)
+        share = 1.0 / (k + 1)
         for i in range(n):
             for p in range(C):
-                v[k + 1, i, p] /= k + 1
-                q[k + 1, i, p] = v[k, i, p] / (k + 1)
+                v[k + 1, i, p] *= share
+                q[k + 1, i, p] = v[k, i, p] * share
         for h in range(H):
             before[h] = phase[h]
             phase[h] *= complex(0.0, s.frequency[h] / (k + 1))
@@ -282,10 +282,7 @@ def _fill_guards(s, closed, series, H, guards):
 def _length(s, series):
     """Step at which the last two terms are below the round-off of the motion."""
     q, v, n = series.q, series.v, s.omega2.size
-    scale = 0.0
-    for i in range(n):
-        scale = max(scale, math.sqrt(abs(s.omega2[i])))
-    first = 0.0
+    scale, first = math.sqrt(np.abs(s.omega2).max()), 0.0
     for i in range(n):
         first = max(first, abs(q[0, i, 0]) * scale, abs(v[0, i, 0]))
     if first == 0.0:
