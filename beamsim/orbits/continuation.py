@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.linalg import eigvals
 from scipy.optimize import brentq
 
 from beamsim.flow.periodic_flow import NotFinite
@@ -26,7 +27,6 @@ CLOSED_CURVE, NOT_SMOOTH, STEP_TOO_SMALL = "closed_curve", "not_smooth", "step_t
 
 STIFF = 1e3  # times the tolerance, up to which a residual may then be round-off, and no sign of divergence
 MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
-RANK_HALVINGS, RANK_FALLS = 8, 0.1  # of a step, within which that value must fall, and to which part at least
 AT_REST = 1e-13  # of a tangent: unknowns below it do not change along the branch
 
 
@@ -126,11 +126,10 @@ def correct(
     The point; None where the method does not converge.
     """
     w = start = guess / scale
-    last = moved = np.inf
+    last = before = moved = np.inf
     for iteration in range(settings.iterations + 1):
-        u = w * scale
         try:
-            R, J, data = problem.residual(u)
+            R, J, data = problem.residual(u := w * scale)
         except (ArithmeticError, np.linalg.LinAlgError):
             return None
         rs = problem.scale(u)[1]
@@ -144,8 +143,9 @@ def correct(
             tangent, sign = _kernel(Jw)
             point = BranchPoint(u, tangent, scale, size, sign, iteration, data)
             return point.reversed() if reference is not None and float(tangent @ reference) < 0 else point
-        diverges = iteration > 2 and size > 2.0 * last and size > STIFF * settings.tolerance
-        if iteration == settings.iterations or diverges:
+        # five steps that do not halve the residual lead nowhere
+        lost = size > 0.5 * before if iteration % 5 == 1 else iteration > 2 and size > 2.0 * last
+        if iteration == settings.iterations or (lost and size > STIFF * settings.tolerance):
             return None
         try:
             step = newton_step(Jw, row, Rw, off)
@@ -155,7 +155,7 @@ def correct(
         moved = float(np.linalg.norm(step))
         if not np.linalg.norm(w - start) <= furthest:  # not a number included
             return None
-        last = size
+        last, before = size, size if iteration % 5 == 1 else before
     return None
 
 
@@ -386,8 +386,9 @@ def branch_point_between(
 ) -> BranchPoint | None:
     """The point between two neighbours where branches cross; None where there is none.
 
-    The sign of the determinant changes there, but also from one branch to another that a step has jumped to: only where
-    branches cross does the Jacobian lose rank, in proportion to the distance.
+    There the Jacobian has a kernel of two dimensions, along and across. With a further unknown :math:`\\beta` in
+    :math:`R + \\beta c = 0` there is a solution for any place in this plane (Lyapunov and Schmidt); branches are
+    :math:`\\beta = 0`, and where they cross its slopes vanish, too: two equations that are regular there.
 
     Parameters
     ----------
@@ -400,24 +401,38 @@ def branch_point_between(
     """
     if a.orientation * b.orientation >= 0:
         return None
+    scale, size = problem.scale(a.u)
+    begin, chord = a.u / scale, (b.u - a.u) / scale
+    row = chord / np.linalg.norm(chord)
+    c, plane = np.zeros((size.size, 1)), row[None]
 
-    def rank(point: BranchPoint) -> float:
-        """Smallest singular value of the Jacobian against its largest."""
-        scale, size = problem.scale(point.u)
-        values = np.linalg.svd(problem.residual(point.u)[1] * scale / size[:, None], compute_uv=False)
-        return float(values[-1] / values[0])
+    def equations(w: Floats) -> tuple[Floats, Floats, Any]:
+        """R, its Jacobian by w and beta above the rows of the plane, and what was computed with it."""
+        R, J, data = problem.residual(w * scale)
+        return R / size, np.block([[J * scale / size[:, None], c], [plane, np.zeros((len(plane), 1))]]), data
 
-    left, right = a, b
-    for _ in range(RANK_HALVINGS):
-        middle = between(problem, left, right, 0.5, settings)
-        if middle is None:
-            return None
-        left, right = (middle, right) if middle.orientation * left.orientation > 0 else (left, middle)
-    if min(rank(left), rank(right)) > RANK_FALLS * max(rank(a), rank(b)):
-        return None
-    point = locate(problem, left, right, lambda p: p.orientation, settings)
-    # 1e-5: smallest singular value of the Jacobian against its largest at a crossing of branches
-    return point if point is not None and rank(point) < 1e-5 else None
+    with suppress(ArithmeticError, np.linalg.LinAlgError):
+        A, B = (equations(w)[1][:, :-1] for w in (begin, begin + chord))
+        real = [x.real for x in eigvals(A, A - B).tolist() if x.imag == 0.0 and 0.0 <= x.real <= 1.0]
+        for share in real[:1]:  # where a Jacobian that is linear in between is singular
+            left, _, right = np.linalg.svd(A + share * (B - A))
+            c, plane = left[:-1, -1:], np.vstack([row, right[-1]])
+            y = np.append(interpolated(a, b, share) / scale, 0.0)
+            # 1e-6: in scaled unknowns, of a difference
+            at, *beside = (np.linalg.inv(equations(y[:-1] + d)[1])[-1, -2:] for d in (0.0 * row, *(1e-6 * plane)))
+            # 20: steps of Newton's method, with one derivative of the slopes
+            for count in range(20):
+                R, A, data = equations(y[:-1])
+                inverse = np.linalg.inv(A)
+                moved = np.linalg.solve(np.array(beside).T - at[:, None], -1e-6 * inverse[-1, -2:])
+                residual, t = float(np.abs(R).max()), inverse[:-1, -2]  # in the kernel, along the chord
+                # 1e-3, 0.1: the slopes vanish last
+                if max(1e-3 * residual, 0.1 * float(np.abs(moved).max())) <= settings.tolerance:
+                    inside = 0.0 < float((y[:-1] - begin) @ row) < float(chord @ row)
+                    point = BranchPoint(y[:-1] * scale, t / np.linalg.norm(t), scale, residual, 0.0, count, data)
+                    return point if inside else None
+                y = y + inverse @ np.append(-R - y[-1] * c[:, 0], moved)
+    return None
 
 
 def _astray(a: BranchPoint, b: BranchPoint) -> float:

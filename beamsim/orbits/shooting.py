@@ -160,7 +160,7 @@ def linear_guess(flow: PeriodicFlow) -> Floats:
     # 0.01: least damping ratio in a first guess, which must have a bound at resonance
     least = 2.0 * 0.01 * np.sqrt(flow.system.stiffness)
     C = C + np.diag(np.maximum(least - np.diag(C), 0.0))
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a mode without stiffness
         z[:n] = np.where(flow.system.stiffness > 0, flow.system.constant_load / flow.system.stiffness, 0.0)
     for h in range(flow.loads.count):
         w = flow.loads.multiple[h] * flow.omega

@@ -7,7 +7,7 @@ side, so that its root is found to round-off, whatever corner the branch itself 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import ClassVar, Protocol
@@ -231,16 +231,29 @@ AT_BOUNDARY = 1e-5  # distance of a multiplier from where a located point says t
 FIRST_AMPLITUDE = 0.01  # of a motion of another branch beside the one that it leaves, over that one's size
 
 
-def _doubling(mu: Complexes) -> float:
-    """Vanishes where a multiplier is -1."""
-    return float(np.prod((1.0 + mu) / (1.0 + np.abs(mu))).real)
+def _doubling(mu: Complexes) -> Complexes:
+    """Numbers of which one vanishes where a multiplier is -1."""
+    return np.asarray((1.0 + mu) / (1.0 + np.abs(mu)))
 
 
-def _turning(mu: Complexes) -> float:
-    """Vanishes where two multipliers have the product 1."""
+def _turning(mu: Complexes) -> Complexes:
+    """Numbers of which one vanishes where two multipliers have the product 1."""
     i, j = np.triu_indices(mu.size, 1)
     pair = mu[i] * mu[j]
-    return float(np.prod((pair - 1.0) / (1.0 + np.abs(pair))).real)
+    return np.asarray((pair - 1.0) / (1.0 + np.abs(pair)))
+
+
+def _vanishes(
+    problem: OrbitProblem, left: BranchPoint, right: BranchPoint, of: Callable[[Complexes], Complexes], s: Settings
+) -> BranchPoint | None:
+    """Where the product of such numbers vanishes, against that at the left: those of many modes underflow."""
+
+    def logarithm(point: BranchPoint) -> complex:
+        with np.errstate(divide="ignore"):
+            return complex(np.log(of(problem.multipliers(point))).sum())
+
+    size = logarithm(left).real
+    return locate(problem, left, right, lambda point: float(np.exp(logarithm(point) - size).real), s)
 
 
 def special_points(
@@ -283,14 +296,14 @@ def special_points(
         with recorded("neimark_sacker", a, failed):
             parts += [((x, y), *part) for part in _parts(problem, x, y, settings, (x is not a, y is not b))]
     for piece, left, right in parts:
-        if left.tangent[-1] * right.tangent[-1] < 0:
-            with recorded("fold", a, failed):
-                _add_turn(special, problem, left, right, piece, settings)
         if smooth:
             with recorded("branch_point", a, failed):
                 crossing = branch_point_between(problem, left, right, settings)
                 if crossing is not None:
                     special.append(SpecialPoint("branch_point", crossing.parameter, crossing))
+        if left.tangent[-1] * right.tangent[-1] < 0:
+            with recorded("fold", a, failed):
+                _add_turn(special, problem, left, right, piece, settings)
         if problem.bifurcates:
             with recorded("period_doubling", a, failed):  # or Neimark–Sacker point
                 special += _changes_of_stability(problem, left, right, settings)
@@ -310,7 +323,9 @@ def _add_turn(
     That is the one at an end of the piece of the step without corners that both motions belong to.
     """
     fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
-    if fold is None:
+    crossings = [share_of_step(left, right, e.point) for e in special if e.kind == "branch_point"]
+    # 1e-3: of the step, within which it is a branch that turns where another one crosses it, in a pitchfork
+    if fold is None or any(abs(share_of_step(left, right, fold) - at) < 1e-3 for at in crossings):
         return
     # 1e-3: of the tangent's part along the parameter at the neighbours: what a fold leaves of it
     if abs(float(fold.tangent[-1])) <= 1e-3 * min(abs(float(left.tangent[-1])), abs(float(right.tangent[-1]))):
@@ -329,11 +344,11 @@ def _changes_of_stability(
     """Period doublings and Neimark–Sacker points between two motions with the same contacts."""
     change = _outside(problem.multipliers(right)) - _outside(problem.multipliers(left))
     if change[0] % 2:
-        point = locate(problem, left, right, lambda p: _doubling(problem.multipliers(p)), settings)
+        point = _vanishes(problem, left, right, _doubling, settings)
         if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
             yield SpecialPoint("period_doubling", point.parameter, point)
     if change[1:].any():
-        point = locate(problem, left, right, lambda p: _turning(problem.multipliers(p)), settings)
+        point = _vanishes(problem, left, right, _turning, settings)
         if point is not None:
             mu = problem.multipliers(point)
             circle = np.abs(np.abs(mu) - 1.0) < 0.1 * AT_BOUNDARY
