@@ -307,6 +307,25 @@ def test_motions_of_several_periods_are_fitted_over_all_of_them(multiple, phase)
     assert not any("open" in warning for warning in found.warnings)
 
 
+def test_another_motion_than_the_recorded_one_is_told():
+    """A mass shaken past its stop: the record of every second period blamed its sensor, level and frequency."""
+    true = bouncing(2)
+    harmonics = steady_vibration(load_scenario(true), multiple=2).harmonics(0, "displacement", 8)
+    frequency = true["excitation"]["frequency"]
+    t = np.arange(24 * 64) / (64 * frequency)
+    history = np.imag(np.exp(1j * np.pi * frequency * np.outer(t, np.arange(1, 9))) @ harmonics)
+    begun = bouncing(2)
+    begun["chain"]["snubbers"][0]["gap"] = 30.0  # beyond the vibration without contact
+    test = {"name": "half", "file": "a.csv", "quantity": "displacement", "harmonics": 3}
+    sought = {"parameter": "chain.dashpots[0]", "bounds": [0.05, 0.2]}
+    nonlinear = {"estimate": [sought], "tests": [test], "starts": 1, "profiles": False}
+    scenario = load_scenario({**begun, "identify_stiffness": {"snubber": "stop", "nonlinear": nonlinear}})
+    found = identify_stiffness(scenario, [MeasuredSignal("mass", t, history, unit="m")])
+    (told,) = (each for each in found.warnings if "half: " in each and "periods" in each)
+    assert "the record repeats after 2 periods of the excitation, and the predicted motion after 1" in told
+    assert not any("contact is never made" in each for each in found.warnings)
+
+
 def test_natural_frequencies_are_those_with_other_snubbers_open():
     measured = {"snubber": "stop", "measured_with": [1.0]}
     found = identify_stiffness(load_scenario({**bouncing(1), "identify_stiffness": measured}))

@@ -51,7 +51,8 @@ class Sought:
 
     def at(self, x: float) -> list[float]:
         """Values at all places."""
-        factor = float(np.exp(x))
+        with np.errstate(over="ignore"):  # an interval without an end
+            factor = float(np.exp(x))
         return [value + self.shift * x if self.shift else value * factor for value in self.values]
 
     @property

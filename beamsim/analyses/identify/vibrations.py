@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from math import nan
+from math import gcd, nan
 from statistics import NormalDist
 from typing import Any
 
@@ -274,6 +274,19 @@ class _Steady(Test):
         turned = 1j * self.omega * self.harmonics.order * predicted / self.sigma
         by_delay = np.concatenate([turned.real, turned.imag]) if self.harmonics.has_phase else np.zeros(self.size)
         return Compared(predicted, phase / self.omega, self._residuals(predicted), by_delay)
+
+    def doubts(self, prediction: Any) -> list[str]:
+        """A warning where the predicted motion is another than the recorded one, or says nothing of the snubbers."""
+        size = np.abs(prediction.harmonics(self.probe_index, self.quantity, self.multiple))
+        # 1e-6: of the fundamental, what is left of a line that the motion does not have
+        repeats = self.multiple // gcd(self.multiple, *(1 + np.flatnonzero(size > 1e-6 * size[-1])).tolist())
+        if repeats == self.multiple:
+            return super().doubts(prediction)
+        return [
+            f"{self.name}: the record repeats after {counted(self.multiple, 'period')} of the excitation, and the "
+            f"predicted motion after {repeats}: several are possible, or the numbers are far off; begin nearer to the "
+            "truth (gap, stiffness), or leave it out"
+        ]
 
     def _phase(self, predicted: Complexes) -> float:
         """Phase of the measurement, rad of the motion's own period: a whole number of those of the excitation where its
