@@ -214,10 +214,10 @@ def _static_correction(
     # What is listed twice counts once: neither its motion nor its moments differ, but in sign.
     largest = np.max(np.abs(exact[:, bending] / size[bending]), initial=np.finfo(float).tiny)
     gram = np.vstack([unit, lacking / largest]).T @ np.vstack([unit, lacking / largest])
-    apart = np.add.outer(np.diag(gram), np.diag(gram)) - 2 * np.abs(gram)  # squared
-    once = ~np.tril(apart < 1e-12, -1).any(axis=1)
-    correction = lacking[:, once] @ np.linalg.pinv(unit[resolved:, once], rcond=1e-9) * basis.omega[resolved:]
-    return np.pad(correction, ((0, 0), (resolved, 0)))
+    once = ~np.tril(np.add.outer(np.diag(gram), np.diag(gram)) - 2 * np.abs(gram) < 1e-12, -1).any(axis=1)
+    part = unit[resolved:, once]  # of columns of length one: below 1e-9 is round-off, also where nothing else is left
+    fit = np.linalg.pinv(part, rcond=1e-9 / max(float(np.linalg.norm(part)), 1e-9))
+    return np.pad(lacking[:, once] @ fit * basis.omega[resolved:], ((0, 0), (resolved, 0)))
 
 
 _DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
