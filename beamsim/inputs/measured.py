@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
@@ -16,7 +17,7 @@ from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import path_text
-from beamsim.scenario.excitation import MatchedInput, ProfilePoint, SampledInput
+from beamsim.scenario.excitation import MatchedInput, ProfilePoint, SampledInput, spoken
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue, meant
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import (
@@ -26,6 +27,7 @@ from beamsim.scenario.units import (
     UnitError,
     read_level,
     read_quantity,
+    size_of,
 )  # fmt: skip
 from beamsim.typing import Floats
 
@@ -168,6 +170,15 @@ def _along_time(signal: MeasuredSignal, signals: list[MeasuredSignal], excitatio
     return signal
 
 
+def _other_quantity(unit: str, takes: Sequence[str]) -> str:
+    """How to say that values in this unit of the file are another quantity than the first of those that can act."""
+    for quantity in takes[1:]:
+        with suppress(UnitError):
+            size_of(unit, LEVEL_DIMENSIONS[quantity])
+            return f", or write unit: {unit} if the file has a {spoken(quantity)}"
+    return ""
+
+
 def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
     """The values in SI units over times in s; asks for each unit that neither the file nor the scenario states."""
     problems: list[Problem] = []
@@ -175,7 +186,8 @@ def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
         dimension = LEVEL_DIMENSIONS[excitation.quantity or "acceleration"]
         signal = in_si(signal, excitation.unit, dimension, "excitation.unit")
     except ScenarioError as error:
-        problems += error.problems
+        told = "" if excitation.unit or excitation.quantity_ else _other_quantity(signal.unit, excitation.takes)
+        problems += (replace(problem, remedy=problem.remedy + told) for problem in error.problems)
     if not (excitation.time_unit or signal.axis_unit):
         message = f"is missing, and {excitation.file} states no unit of its times"
         problems.append(Problem("excitation.time_unit", message, "give it, for example time_unit: s"))
