@@ -248,8 +248,12 @@ class SolidBending(Bent):
     @property
     def bending(self) -> Bending:
         """E I, rho S, and the stress c / I of the outermost fibre."""
-        flat = _rectangle(self.width or 0.0, self.thickness or 0.0)  # both are given where there is no section
-        area, second_moment, fibre = flat if self.section is None else self.section.values
+        if self.section is not None:
+            area, second_moment, fibre = self.section.values
+        else:
+            assert self.width is not None
+            assert self.thickness is not None
+            area, second_moment, fibre = _rectangle(self.width, self.thickness)
         return Bending(
             self.youngs_modulus * second_moment, self.density * area, fibre / second_moment, 2.0 * fibre
         )  # fmt: skip

@@ -253,11 +253,9 @@ class _Steady(Test):
 
     def case(self, scenario: Scenario) -> Scenario:
         """The scenario under the excitation of this test."""
-        harmonic, test = (
-            of_kind(Harmonic, scenario.excitation),
-            of_kind(SteadyTest, fit_of(scenario).tests[self.number]),
-        )
-        return scenario.model_copy(update={"excitation": harmonic.at(self.frequency_hz, test.level), "run": None})
+        level = of_kind(SteadyTest, fit_of(scenario).tests[self.number]).level
+        excitation = of_kind(Harmonic, scenario.excitation).at(self.frequency_hz, level)
+        return scenario.model_copy(update={"excitation": excitation, "run": None})
 
     def predicted(self, case: Scenario, near: Any, shared: SharedBuilds) -> SteadyVibration:
         """The steady vibration; see `Transient.predicted`."""
