@@ -22,8 +22,9 @@ from beamsim.analyses.assurance import assurance
 from beamsim.analyses.result import Result
 from beamsim.errors import ScenarioError
 from beamsim.fields import Counter, Entry, attribute, dataset, declared, stored
-from beamsim.measurements.read import TEXT, UFF, data_sets, ending_of, read_rows
+from beamsim.measurements.read import TEXT, UFF, data_sets, ending_of
 from beamsim.measurements.signal import MeasurementError, split_heading
+from beamsim.measurements.tables import read_rows
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.body import AtPlace, Body

@@ -33,8 +33,8 @@ from scipy.sparse import block_array, csc_array, diags_array, identity
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files import DIRECTIONS, MODAL, Dof
-from beamsim.measurements.read import read_rows
 from beamsim.measurements.signal import MeasurementError
+from beamsim.measurements.tables import read_rows
 from beamsim.scenario.matrices import FileUnits, UnitSizes, UnitSystem
 from beamsim.typing import Floats, Ints
 

@@ -16,8 +16,8 @@ from beamsim.analyses.designs.plan import DesignPlan, mixing
 from beamsim.analyses.designs.result import DesignsResult, RandomNumber, Round
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.read import read_csv
 from beamsim.measurements.signal import MeasurementError, column_named
+from beamsim.measurements.tables import read_csv
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Unfit, path_text

@@ -42,8 +42,9 @@ from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow, motion_on
-from beamsim.measurements.read import ending_of, read_rows
+from beamsim.measurements.read import ending_of
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, split_heading
+from beamsim.measurements.tables import read_rows
 from beamsim.orbits.branch import BranchPoint, share_of_step
 from beamsim.orbits.continuation import Settings, correct, correct_across, locate, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
