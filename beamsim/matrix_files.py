@@ -208,7 +208,7 @@ def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
     name = path.stem.lower()
     with open(path, encoding="latin-1") as file:
         if file.readline().lower().startswith("%%matrixmarket"):
-            return [file_matrix(name, mmread(path))]
+            return [file_matrix(name, mmread(path, spmatrix=False))]
         file.seek(0)
         lines = (line.replace(",", " ").upper().replace("D", "E") for line in file)
         entries = np.loadtxt(lines, comments=("*", "%", "#"), ndmin=2)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -119,7 +120,7 @@ def _sections(
                 for name, *others in _rows(member, given.get("link", ""))
             ]
             inner += _inner(member, path, given)
-    text = (cls.__doc__ or "").strip().partition("\n\n")[0].replace("\n    ", " ")
+    text = inspect.cleandoc(cls.__doc__ or "").partition("\n\n")[0].replace("\n", " ")
     if rows:
         yield Section(path, _safe(text), rows)
     for inner_class, below, more in inner:

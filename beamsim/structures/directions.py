@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, identity, lil_array
+from scipy.sparse import csr_array, eye_array
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files import DIRECTIONS, MODAL
@@ -48,7 +48,7 @@ def along_the_axes(given: NamedMatrices, systems: Sequence[DisplacementSystem]) 
     for i, (node, direction) in enumerate(table.dofs):
         if table.systems[i] and direction != MODAL:
             blocks.setdefault((node, direction in DIRECTIONS[3:]), []).append(i)
-    turn: Any = lil_array(identity(len(table.dofs)))
+    turn: Any = eye_array(len(table.dofs), format="lil")
     for (node, _), rows in blocks.items():
         used = sorted(set(table.systems[rows].tolist()))
         if len(used) > 1 or used[0] not in known:

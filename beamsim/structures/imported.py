@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag, csc_array, csr_array, hstack, identity
+from scipy.sparse import block_diag, csc_array, csr_array, eye_array, hstack
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files import MODAL, Dof, FileMatrix, read_matrix
@@ -279,12 +279,14 @@ def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
                 bases[0].append(np.linalg.svd(null)[0][:, null.shape[1] :])
                 bases[1].append(null)
     rows = np.concatenate([*mixed, np.zeros(0, dtype=np.int64)])
-    units: Any = csc_array(identity(size))
+    units: Any = eye_array(size, format="csc")
     empty = np.setdiff1d(np.flatnonzero(~massive), rows)
     spread = units[:, rows]
     found = []
     for own, blocks in ((np.flatnonzero(massive), bases[0]), (empty, bases[1])):
-        columns = [units[:, own], spread @ block_diag(blocks, format="csc")] if blocks else [units[:, own]]
+        columns = [units[:, own]]
+        if blocks:
+            columns.append(spread @ block_diag([csc_array(block) for block in blocks], format="csc"))
         found.append(hstack(columns, format="csc"))
     return found[0], found[1]
 

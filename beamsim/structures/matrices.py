@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError
-from scipy.sparse import coo_array, csc_array, csr_array, identity
+from scipy.sparse import coo_array, csr_array, eye_array
 
 from beamsim.errors import MethodError, ScenarioError
 from beamsim.matrix_files import MODAL
@@ -436,7 +436,7 @@ def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, 
     massive, massless = massless_basis(mass, table)
     size, count = massless.shape
     if not count or size > 4000:  # the modes of a larger model follow them anyhow
-        return csc_array(identity(size)), np.zeros(size), []
+        return eye_array(size, format="csc"), np.zeros(size), []
     share = np.asarray(abs(massless).max(axis=1).toarray()).ravel()
     remark = f"{count} motions without mass follow the others statically"
     return condensation(stiffness, massive, massless), share, [remark]

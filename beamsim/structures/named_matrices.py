@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_array, csc_array, diags_array, identity
+from scipy.sparse import block_array, csc_array, diags_array, eye_array
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files import DIRECTIONS, MODAL, Dof
@@ -79,7 +79,7 @@ class DofTable:
         """(N,) shares in a direction of a node, an axis of the model or of its own system (``local_x``)."""
         number = self.number.get((node, direction.removeprefix("local_")))
         turned = self.turn is not None and direction.startswith("local_")
-        units = self.turn if turned else identity(len(self.dofs), format="csr")
+        units = self.turn if turned else eye_array(len(self.dofs), format="csr")
         return None if number is None else np.asarray(units[[number]].toarray()[0])
 
     def remedy(self, node: int) -> str:

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array, vstack
 
 from beamsim.structures.modes import orthonormal_in_mass, unstretched
@@ -158,7 +159,7 @@ def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:
         mass=block_diag([part.mass * ratio for part, ratio in zip(parts, mass_ratio, strict=True)], format="csc"),
         factor=block_diag(factors, format="csr"),
         damping=damping,
-        rigid=block_diag(rigid, format="csr").toarray(),
+        rigid=dense_block_diag(*rigid),
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         expansions=tuple(

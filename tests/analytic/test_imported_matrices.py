@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from scipy.sparse import block_diag, csc_array, identity
+from scipy.sparse import block_diag, csc_array, eye_array
 
 from beamsim.errors import ScenarioError
 from beamsim.matrix_files import write_matrices
@@ -300,8 +300,8 @@ TRIPLE = np.array([[1.0, 0.01, 0.02], [0.01, 1.0, 0.03], [0.02, 0.03, 1.0]])
 def triples(count):
     """Triples of equal masses on equal springs that soft springs couple: K - k M has a diagonal of zeros."""
     table, size = DofTable(tuple((node, "z") for node in range(3 * count))), 3 * count
-    stiffness = csc_array(block_diag([TRIPLE] * count))
-    return structure_of(NamedMatrices(table, identity(size, format="csc"), stiffness, None, ()), name="triples")
+    stiffness = csc_array(block_diag([csc_array(TRIPLE)] * count))
+    return structure_of(NamedMatrices(table, eye_array(size, format="csc"), stiffness, None, ()), name="triples")
 
 
 def test_modes_are_counted_where_no_pivot_on_the_diagonal_serves():
