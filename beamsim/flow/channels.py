@@ -172,16 +172,9 @@ class MotionPart:
 
     @cached_property
     def mean_squares(self) -> Floats:
-        """(K,) mean of the square, nothing left out; without powers of time."""
-        m, count = self.motion, self.table.shape[2]
-        squares = np.zeros(count)
-        for number in visited_states(m.state):  # sums of products of terms serve all outputs
-            state, segments = m.flow.states[number], np.flatnonzero(m.state == number)
-            terms = m.outputs(state, segments, np.ones((state.term_basis.size, 1), dtype=complex))
-            c = state.coefficients(self.output_of(state.phases), m.flow.sources)
-            products = terms.function_products(m.equal_lengths[segments]) @ np.concatenate([c, c.conj()])
-            squares += np.einsum("bk,bk->k", c, products).real
-        return np.asarray(squares / (m.end - m.time[0]))
+        """(K,) mean of the square, nothing left out."""
+        m = self.motion
+        return np.asarray(m.square_integrals(self.output_of) / (m.end - m.time[0]))
 
     @cached_property
     def halves(self) -> tuple[MotionPart, MotionPart]:

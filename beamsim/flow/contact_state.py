@@ -562,7 +562,8 @@ def _coupled_modes(
     N, inside = 2 * n + contacts.internal_states, contacts.internal_states if together else 0
     omega2, psi, stretch = (part[..., g] for part in undamped)
     d, r = d[np.ix_(g, g)], g.size
-    scale = np.sqrt(np.maximum(omega2, 1e-6 * omega2.max() + 1e-300))
+    fastest = omega2.max() or (d**2).max() or 1.0  # masses that nothing but dashpots joins have no frequency
+    scale = np.sqrt(np.maximum(omega2, 1e-6 * fastest))
     A = np.zeros((2 * r + inside, 2 * r + inside))
     A[:r, r : 2 * r] = np.diag(scale)
     A[r : 2 * r, :r] = -np.diag(omega2 / scale)

@@ -405,6 +405,44 @@ class Trajectory:
             part._products(np.arange(part.time.size), part.length, left_of, right_of, weight) for part in self.parts()
         ])  # fmt: skip
 
+    def square_integrals(self, output_of: OutputOf) -> Floats:
+        """Integrals of the squares of K outputs over all segments, in closed form.
+
+        Parameters
+        ----------
+        output_of : the outputs, by the phases of the contacts.
+
+        Returns
+        -------
+        (K,) squares of the units of the outputs times s.
+        """
+        outputs = output_of(self.flow.system.contacts.start).row.shape[0]
+        return np.asarray(sum((part._squares(output_of) for part in self.parts()), np.zeros(outputs)))
+
+    def _squares(self, output_of: OutputOf) -> Floats:
+        """(K,) the same of a motion whose contact states are all kept."""
+        out = np.zeros(output_of(self.flow.system.contacts.start).row.shape[0])
+        for number in visited_states(self.state):
+            state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
+            table, length = state.coefficients(output_of(state.phases), self.flow.sources), self.equal_lengths[segments]
+            if state.exponential:  # the terms are few: their products serve all outputs
+                terms = self.outputs(state, segments, np.ones((table.shape[0], 1), dtype=complex))
+                products = terms.function_products(length) @ np.concatenate([table, table.conj()])
+                out += np.einsum("bk,bk->k", table, products).real
+                continue
+            every = np.eye(out.size)
+            for some, alike in _alike(length, 2 * state.amplitude_count):
+                if alike:  # a form of the amplitudes, whose products are summed first
+                    unit, products = state.unit_outputs(table), np.zeros(1)
+                    for block in blocks(some.size, 3 * state.amplitude_count):
+                        zeta = self._sources(state, segments[some[block]])
+                        products = products + zeta.T @ np.concatenate([zeta, zeta.conj()], axis=1)
+                    forms = unit.product_forms(unit, float(length[some[0]]), every)
+                    out += np.einsum("krs,rs->k", forms, products).real
+                else:
+                    out += self._single_products(state, segments[some], length[some], table, table, every).sum(axis=0)
+        return out
+
     def _products(self, segment: Ints, tau: Floats, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
         """(n, Q) the same over the first tau of segments."""
         tau = equal_times(tau, self._resolution)

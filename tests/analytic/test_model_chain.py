@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from beamsim.analyses.run.exact_motion import exact_flow
+from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
 from beamsim.structures.chain import floating_groups
 from beamsim.system.build import build_system
@@ -124,3 +126,24 @@ def test_gravity_and_stop_on_a_mass():
     assert s.snubbers[0].stiffness_ratio == np.inf
     assert s.stress is None
     np.testing.assert_array_equal(s.stations.position, [1.0])
+
+
+def test_masses_that_a_dashpot_alone_joins_fall_and_come_to_one_speed():
+    """Neither has a frequency: the middle falls freely, and the difference of the speeds decays."""
+    m, c, g, time = np.array([1.0, 0.5]), 0.2, 9.81, 3.0
+    x, v = np.array([0.3, -0.2]), np.array([1.0, -2.0])
+    chain = {"masses": list(m), "springs": [0.0, 0.0], "dashpots": [0.0, c]}
+    run = {"duration": time, "start": {"displacement": list(x), "velocity": list(v)}}
+    probes = [{"name": f"m{k}", "mass": k} for k in (1, 2)]
+    case = {"chain": chain, "gravity": g, "probes": probes, "run": run}
+    built = build_system(Scenario.model_validate(case))
+    motion = simulate(exact_flow(built, time), built.initial_state)
+    rate, share = c * (1.0 / m).sum(), m / m.sum()
+    middle, speed = share @ x + share @ v * time - 0.5 * g * time**2, share @ v - g * time
+    apart = np.diff(x)[0] - np.diff(v)[0] * np.expm1(-rate * time) / rate
+    parting = np.diff(v)[0] * np.exp(-rate * time)
+    of_apart = np.array([-share[1], share[0]])
+    shapes = np.array([probe.shape for probe in built.probes])
+    q, rates = np.split(motion.final_y[: 2 * built.dynamics.size], 2)
+    np.testing.assert_allclose(shapes @ q, middle + of_apart * apart, rtol=1e-12)
+    np.testing.assert_allclose(shapes @ rates, speed + of_apart * parting, rtol=1e-12)

@@ -9,7 +9,7 @@ from beamsim.flow.channels import MotionPart, fourier_integrals
 from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
 from beamsim.system.build import build_system
-from tests.helpers.observed import all_outputs
+from tests.helpers.observed import accelerations, all_outputs
 
 
 def motion_of(scenario, duration):
@@ -69,6 +69,56 @@ def test_mean_squares_are_those_of_a_fine_rule(damping):
     part = MotionPart.of(motion, outputs, 0.0, 60.0, 1e9)
     fine = quadrature(motion, 0.0, np.array([60.0]), lambda at: motion.sample(at, outputs) ** 2)[0] / 60.0
     np.testing.assert_allclose(part.mean_squares, fine, rtol=1e-11, atol=1e-13 * fine.max())
+
+
+STOP = {"name": "stop", "mass": 1, "side": "below", "stiffness": 300.0, "gap": 0.01}
+PSD = {"kind": "random", "seed": 3, "sample_rate": 40.0, "psd": [{"frequency": f, "density": 0.5} for f in (0.3, 4.0)]}
+PULSE = {"level": 10.0, "duration": 0.3}
+
+
+def pushed(springs, duration, excitation=None, **more):
+    """Two masses above a stop, whose motion has powers of time."""
+    chain = {"masses": [1.0, 0.5], "springs": springs, "dashpots": [0.0, 0.2], "snubbers": [STOP]}
+    excitation = {"excitation": {**excitation, "applied_to": "base"}} if excitation else {}
+    run = {"duration": duration, "start": "rest"}
+    return Scenario.model_validate({"chain": chain, **excitation, **more, "run": run})
+
+
+@pytest.mark.parametrize(
+    ("scenario", "duration"),
+    [
+        (pushed([0.0, 30.0], 3.0, gravity=9.81), 3.0),
+        (pushed([0.0, 0.0], 3.0, gravity=9.81), 3.0),  # both fall freely
+        (pushed([1e-7, 30.0], 3.0, gravity=9.81), 3.0),  # as good as freely
+        (pushed([40.0, 30.0], 5.0, {"kind": "sawtooth", **PULSE}), 5.0),
+        (pushed([1e-4, 0.0], 5.0, {"kind": "sawtooth", **PULSE}), 5.0),
+        (pushed([40.0, 30.0], 5.0, {"kind": "trapezoid", **PULSE, "rise": 0.05}), 5.0),
+        (pushed([40.0, 30.0], 30.0, PSD), 30.0),  # pieces of one length, and those that contacts cut
+    ],
+)
+def test_mean_squares_of_powers_of_time_are_those_of_a_fine_rule(scenario, duration):
+    system, motion = build_system(scenario), motion_of(scenario, duration)
+    outputs = all_outputs(system, motion.flow)
+    part = MotionPart.of(motion, outputs, 0.2 * duration, duration, 1e9)
+    squares = lambda at: motion.sample(at, outputs) ** 2  # noqa: E731
+    fine = quadrature(motion, 0.2 * duration, np.array([duration]), squares)[0] / (0.8 * duration)
+    assert not motion.exponentials
+    np.testing.assert_allclose(part.mean_squares, fine, rtol=1e-11, atol=1e-13 * fine.max())
+
+
+def test_mean_square_of_a_drop_in_closed_form():
+    """A mass falls 1 m on a spring: half a sine each time it touches, else free fall."""
+    k, g, height = 1e6, 9.81, 1.0
+    floor = {"name": "floor", "mass": 1, "side": "below", "stiffness": k, "gap": height}
+    chain = {"masses": [1.0], "springs": [0.0], "snubbers": [floor]}
+    scenario = Scenario.model_validate({"chain": chain, "gravity": g, "run": {"duration": 3.0, "start": "rest"}})
+    system, motion = build_system(scenario), motion_of(scenario, 3.0)
+    found = MotionPart.of(motion, accelerations(system, motion.flow), 0.0, 3.0, 1e9).mean_squares[0]
+    omega, phase = np.sqrt(k), np.arctan2(g, np.sqrt(k * 2 * g * height))
+    touching, square = (np.pi + 2 * phase) / omega, 2 * g * height * k + g**2
+    pressed = square * (0.5 * touching - 0.5 * np.sin(2 * phase) / omega)
+    assert motion.event_closing.sum() == 3
+    assert found == pytest.approx((3 * pressed + g**2 * (3.0 - 3 * touching)) / 3.0, rel=1e-11)
 
 
 def test_fourier_integrals_are_those_of_a_fine_rule():

@@ -190,9 +190,7 @@ class MotionRecord(SampledRecord):
         return min(lines, int(self.highest_hz * self.duration * (1 + 1e-12)) + 1)
 
     def rms(self) -> float:
-        """In closed form where the motion is made of exponentials alone, else of the samples."""
-        if not self.part.motion.exponentials:
-            return super().rms()
+        """In closed form, free motions that the samples leave out included."""
         return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
 
 
