@@ -12,6 +12,8 @@ import numpy as np
 
 from beamsim.typing import Floats
 
+ROUND_OFF = 1e-11  # of the largest value, up to which a range is that of round-off
+
 
 def reversals(values: Floats) -> Floats:
     """First and last value of a sequence, and those at which it turns.
@@ -50,6 +52,12 @@ def rainflow(values: Floats) -> Floats:
                 del stack[-3:-1]
     cycles += [(abs(b - a), 0.5 * (a + b), 0.5) for a, b in pairwise(stack)]
     return np.array(cycles).reshape(-1, 3)
+
+
+def distinct_cycles(values: Floats) -> Floats:
+    """Rainflow count (n, 3) without the cycles that round-off makes where parts of a motion join."""
+    cycles = rainflow(values)
+    return np.asarray(cycles[cycles[:, 0] > ROUND_OFF * np.abs(values).max(initial=0.0)])
 
 
 def damage(cycles: Floats, stress_range: float, at_cycles: float, exponent: float, limit: float = 0.0) -> float:

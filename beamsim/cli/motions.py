@@ -16,6 +16,7 @@ from beamsim.cli.screens import SHOWN, Numbers, Screen, contact_levels, limit_li
 from beamsim.cli.tables import Labelled, Views, in_units, output_text, stress_text, together
 from beamsim.fields import words
 from beamsim.outcomes import first_of
+from beamsim.plots.run import damage_place
 from beamsim.plots.style import amount, is_known, scale_for
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
@@ -52,9 +53,9 @@ def run_screen(result: RunResult) -> Screen:
             lines.append(f"largest in {amount(random.test_duration_s, 's')} of test: {first_of(largest, SHOWN)}")
     changing = [(name, of) for name, of in sensitivity_texts(result).items() if name.startswith(("peak f", "peak d"))]
     lines += [f"{name}: {first_of(of, SHOWN)}" for name, of in changing[:SHOWN]]
-    for name, body in s.get("fatigue", {}).items():
-        interval = f" ({body['damage_low']:.2g} to {body['damage_high']:.2g}, 95 %)" if "damage_low" in body else ""
-        lines.append(f"damage of {name} {body['damage']:.2g}{interval}")
+    for name, body in result.fatigue.items():
+        interval = "" if body.damage_low is None else f" ({body.damage_low:.2g} to {body.damage_high:.2g}, 95 %)"
+        lines.append(f"damage of {name} {body.damage:.2g}{interval} at {damage_place(body)}")
     lines += limit_lines(result, [row[""] for row in rows])
     if compared := s.get("against"):
         apart, until = percent(compared["largest_state_difference"], 2), compared["agrees_until_s"]

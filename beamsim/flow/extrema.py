@@ -29,7 +29,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from beamsim.flow.contact_state import GROWTH
-from beamsim.flow.extrema_kernels import TOLERANCE, Known, Sums, search
+from beamsim.flow.extrema_kernels import TOLERANCE, Known, Sums, search, variation
 from beamsim.flow.kernels import EPS
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -78,6 +78,11 @@ class Waves:
         """(n, 2) the only output where the parts begin and end, limits from within."""
         rows = np.arange(self.time.size)
         return np.stack([self.at(rows, self.begin), self.at(rows, self.end)], axis=1)
+
+    def variations(self) -> tuple[Floats, Floats]:
+        """(n, K) bounds on the total variation of the outputs on the parts, and their values (2, n, K) at the ends."""
+        found = [variation(sums) for _, sums in self.batches()]
+        return np.concatenate([bound for bound, _ in found]), np.concatenate([value for _, value in found], axis=1)
 
     def batches(self) -> Iterator[tuple[Ints, Sums]]:
         """The parts, some after the other: their numbers (m,), and the outputs on them."""

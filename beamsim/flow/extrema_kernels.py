@@ -116,6 +116,62 @@ def search(sums, known, resolution):
 
 
 @kernel
+def variation(sums):
+    """Bounds (n, K) on the total variation of the outputs on the parts, and their values (2, n, K) at the ends.
+
+    That of an output is the variation of its cubics, the integral of the error of their slopes, and that of the slopes
+    of the functions that turn too far to be in the cubics.
+    """
+    n, B, K = sums.window.size, sums.rate.shape[1], sums.table.shape[3]
+    output, noise, by_output = np.empty((3, K, B)), np.empty(K), np.empty((2, B, K))
+    ends, first, slopes = _make_look(1, B, K), np.arange(K + 1), np.empty(B)
+    bound, value = np.zeros((n, K)), np.empty((2, n, K))
+    for i in range(n):
+        ends.u[0], ends.u[1] = sums.place[0, i], sums.place[1, i]
+        _fill_waves(sums, i, True, ends)
+        _fill_outputs(sums, i, ends, by_output, output, noise)
+        look = _cut(sums, i, ends)
+        _see_outputs(first, first[:K], output, noise, look)
+        for b in range(B):
+            slopes[b] = (1.0 - look.near[b]) * _integral_of_slope(sums, i, b, look)
+        for k in range(K):
+            value[0, i, k], value[1, i, k] = look.value[0, 0, k], look.value[look.u.size - 1, 0, k]
+            for b in range(B):
+                bound[i, k] += output[2, k, b] * slopes[b]
+            for p in range(look.u.size - 1):
+                h, left, right = look.u[p + 1] - look.u[p], look.value[p], look.value[p + 1]
+                bound[i, k] += _cubic_variation(left[1, k], right[1, k], left[2, k] * h, right[2, k] * h)
+                bound[i, k] += SLOPE * look.bound[FOURTH, k] * h * h * h * h
+    return bound, value
+
+
+@kernel
+def _integral_of_slope(sums, i, b, look):
+    """Bound on the integral of the magnitude of the slope of a function of time over an interval."""
+    rate, begin, end = sums.rate[i, b], look.u[0], look.u[look.u.size - 1]
+    if sums.power[b] > 0 or abs(rate.real) * (end - begin) < 1e-6:
+        return look.most[1, b] * (end - begin)
+    size = math.sqrt(rate.real * rate.real + rate.imag * rate.imag)
+    return size * (math.exp(rate.real * end) - math.exp(rate.real * begin)) / rate.real
+
+
+@kernel
+def _cubic_variation(left, right, first, last):
+    """Total variation of a cubic between 0 and 1, from its values and slopes there."""
+    rise = right - left
+    c, e = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
+    square, total, before = c * c - 3.0 * e * first, 0.0, left
+    if square > 0.0:
+        q = -(c + math.copysign(math.sqrt(square), c))
+        one, other = first / q if q != 0.0 else 0.0, q / (3.0 * e) if e != 0.0 else 0.0
+        for t in (min(one, other), max(one, other)):
+            if 0.0 < t < 1.0:
+                value = left + t * (first + t * (c + t * e))
+                total, before = total + abs(value - before), value
+    return total + abs(right - before)
+
+
+@kernel
 def _make_look(parts, B, K):
     """Work arrays."""
     return Look(

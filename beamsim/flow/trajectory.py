@@ -25,6 +25,7 @@ from beamsim.outcomes import Outcome, OutcomeKind, Where
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
+SEGMENTS_AT_ONCE = 4096  # whose values at both ends are kept together
 EVENT_LIMIT, NOT_FINITE = "event_limit", "not_finite"  # codes of the outcomes of motions that end early
 
 
@@ -315,6 +316,30 @@ class Trajectory:
         segment, place, time, value = (np.concatenate([part[k] for part in found]) for k in range(4))
         order = np.lexsort((time, place, segment))
         return TurningPoints(segment[order], time[order], value[order])
+
+    def variation(self, output_of: OutputOf) -> Floats:
+        """(K,) bounds on the total variation of K outputs, jumps between segments included.
+
+        The bound of an output is no less than the sum of the changes between its turning points.
+
+        Parameters
+        ----------
+        output_of : the outputs, by the phases of the contacts.
+        """
+        total: Floats = np.zeros(output_of(self.flow.system.contacts.start).row.shape[0])
+        before: Floats | None = None  # where the segment before ends
+        for part in self.parts():
+            for first in range(0, part.time.size, SEGMENTS_AT_ONCE):
+                some = part.only(slice(first, first + SEGMENTS_AT_ONCE))
+                found = [wave.variations() for wave in some._waves(output_of, None, 1.0)]
+                order = np.argsort(np.concatenate([
+                    np.flatnonzero(some.state == number) for number in visited_states(some.state)
+                ]))  # fmt: skip
+                begin, end = np.concatenate([ends for _, ends in found], axis=1)[:, order]
+                total += sum(bound.sum(axis=0) for bound, _ in found)
+                total += np.abs(begin - np.vstack([begin[:1] if before is None else before, end[:-1]])).sum(axis=0)
+                before = end[-1:]
+        return total
 
     def _waves(self, output_of: OutputOf, edges: Floats | None, scale: float) -> list[Waves]:
         """What is searched, by contact state."""

@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from beamsim.analyses.run.records import Window
 from beamsim.analyses.run.result import (
     ALLOWED_CHANGE,
+    Fatigue,
     Impacts,
     ProbeHistory,
     Rainflow,
@@ -494,8 +495,22 @@ def cycles(counted: Mapping[str, Rainflow], label: str, of: str, title: str = ""
     return Chart(("Cycles with a larger range", ""), up, curves, log="x", of=of, y_ends=(0.0, None), title=title)
 
 
+def damage_place(body: Fatigue) -> str:
+    """Where on a body the damage is largest, and of a plate by which stress.
+
+    Returns
+    -------
+    For people: x = 250 mm, or (135 mm, 60 mm), sigma_x.
+    """
+    x = amount(body.position, "m")
+    if body.across is None:
+        return f"x = {x}"
+    stress = "tau_xy" if body.component == "xy" else f"sigma_{body.component}"
+    return f"({x}, {amount(body.across, 'm')}), {stress}"
+
+
 def impact_figures(result: RunResult) -> dict[str, Picture]:
-    """Those of impacts, and of the stress ranges of each body where its stress is largest, if they were asked for."""
+    """Those of impacts, and of the stress ranges of each body where its damage is largest, if they were asked for."""
     figures, impacts, fatigue = {}, result.impacts, result.fatigue
     if impacts is not None and impacts.begin.size:
         maps: list[Chart] = []
@@ -509,7 +524,7 @@ def impact_figures(result: RunResult) -> dict[str, Picture]:
         figures["impact_map"] = Picture(result.title, maps)
         figures["impact_histogram"] = Picture(result.title, histograms)
     if fatigue:
-        damage = [f"{name}: damage {of.damage:.2g} at x = {amount(of.position, 'm')}" for name, of in fatigue.items()]
+        damage = [f"{name}: damage {of.damage:.2g} at {damage_place(of)}" for name, of in fatigue.items()]
         counted, title = {name: body.rainflow for name, body in fatigue.items()}, "\n".join(damage[:MOST_CURVES])
         figures["stress_cycles"] = Picture(result.title, [cycles(counted, "Stress range", "bodies", title)])
     return figures

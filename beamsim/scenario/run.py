@@ -208,7 +208,7 @@ class Run(Schema):
     from_: q.Time = Field(default=0.0, alias="from")
     """Time from which on impacts, sliding and wear count; the start by default."""
     fatigue: StressLife | None = None
-    """Rainflow count of the largest bending stress of each body, and its damage by this S-N line. Not computed by
+    """Rainflow count of the bending stress of each body where its damage by this S-N line is largest. Not computed by
     default."""
     sensitivities: tuple[Annotated[SensitiveParameter, ShortFor("path")], ...] = ()
     """Numbers of the scenario, by their paths, by which all peaks and times in contact are differentiated: which number

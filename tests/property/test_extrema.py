@@ -119,6 +119,19 @@ def test_of_rivals_only_the_largest_is_searched_for(motion, edges):
     assert fewer.evaluations < found.evaluations
 
 
+def test_the_variation_is_bounded_and_not_much_larger(motion):
+    """The changes between all turning points and ends of segments add up to less than the bound."""
+    whole, outputs = motion
+    bounds, every = whole.variation(outputs), np.arange(whole.segments)
+    ratios = []
+    for k in range(0, bounds.size, 4):
+        values = whole.turning_points(lambda phases, k=k: outputs(phases).some(np.array([k])), every).value
+        variation, size = np.abs(np.diff(values)).sum(), np.abs(values).max()
+        assert variation <= bounds[k] * (1.0 + 1e-9) + 1e-9 * size
+        ratios += [bounds[k] / variation] if size > 0.0 else []
+    assert 1.0 - 1e-9 <= np.median(ratios) < 1.5
+
+
 def test_turning_points_are_those_of_fine_samples(motion):
     """Between two of them every output rises or falls throughout; none is missed that samples show."""
     whole, outputs = motion

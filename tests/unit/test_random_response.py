@@ -13,7 +13,7 @@ from scipy.special import gamma
 import beamsim
 from beamsim.analyses.gapping import transfer
 from beamsim.analyses.rainflow import damage, rainflow, reversals
-from beamsim.analyses.run.impacts import damage_interval
+from beamsim.analyses.run.fatigue import damage_interval
 from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.random_response import (
     LEVELS,

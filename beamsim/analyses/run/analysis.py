@@ -16,8 +16,9 @@ import numpy as np
 
 from beamsim.analyses.doubts import compressed_beyond_tables, deflection_warnings, reduction_checked
 from beamsim.analyses.run.exact_motion import exact_motion_of
+from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
-from beamsim.analyses.run.impacts import fatigue_doubts, fatigue_of, impacts_of
+from beamsim.analyses.run.impacts import impacts_of
 from beamsim.analyses.run.motion import (
     Histories,
     RunMotion,
@@ -193,9 +194,9 @@ def _asked_for(
     if settings.impacts is not None and closed_form and reached and goes_on("statistics of impacts"):
         fields["impacts"] = impacts_of(system, motion.parts())
     if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
-        damage = fatigue_of(system, motion.parts, motion.marched.end, largest(motion.extremes[STRESS]))
+        damage = fatigue_of(system, motion.parts, motion.marched.end, motion.extremes[STRESS])
         fields["fatigue"] = damage
-        notes += fatigue_doubts(damage, settings.fatigue)
+        notes += fatigue_warnings(damage, settings.fatigue)
     if settings.srs is not None and goes_on("shock response spectra"):
         fields["srs"] = shock_response(system, motion.trajectory or histories)
         notes += [] if closed_form else _coarse_samples(histories.time, settings.srs)

@@ -1,4 +1,4 @@
-r"""What contacts and stresses did in a run, from a motion in closed form: impacts, fatigue, sliding of friction.
+r"""What contacts did in a run, from a motion in closed form: impacts, sliding of friction.
 
 An impact lasts from the closing of a contact to its opening; contacts that follow each other within the minimum rest
 time are one. Impulses, energies and mean squares are integrals over the segments in closed form, speeds the
@@ -13,25 +13,21 @@ Of random inputs the figures have intervals (`jackknife`), from blocks with many
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.rainflow import damage, equivalent_range, rainflow, reversals
+from beamsim.analyses.rainflow import distinct_cycles, reversals
 from beamsim.analyses.run.energy import contact_losses
-from beamsim.analyses.run.result import Fatigue, FigureInterval, Impacts, Rainflow, SnubberImpacts
-from beamsim.analyses.values import STRESS
+from beamsim.analyses.run.result import FigureInterval, Impacts, Rainflow, SnubberImpacts
 from beamsim.contacts.sliders import STICK
 from beamsim.contacts.snubbers import FRICTION
-from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.scenario.connections import FrictionBase, OfHinge
-from beamsim.scenario.run import StressLife
-from beamsim.system.equations import Rows
 from beamsim.system.structural import SnubberInfo, StructuralSystem
 from beamsim.typing import Bools, Floats, Ints, not_none
 
@@ -41,7 +37,6 @@ BLOCKS = 20
 LEAST = 40  # impacts, or slides, in these for an interval
 
 Sums = Mapping[str, Floats]  # (BLOCKS,) by name
-LEAST_RANGE = 1e-11  # of the largest value, of a cycle
 
 
 def impacts_of(system: StructuralSystem, parts: Iterable[Trajectory]) -> Impacts:
@@ -289,7 +284,7 @@ def _statistics(
         rms_force_n=float(np.sqrt(square / duration)) if duration > 0 else np.nan,
         mean_force_in_contact_n=impulse / contact if contact > 0 else np.nan,
         rms_force_in_contact_n=float(np.sqrt(square / contact)) if contact > 0 else np.nan,
-        rainflow=Rainflow(snubber.force_unit, *_cycles(_with_rests(contacts)).T),
+        rainflow=Rainflow(snubber.force_unit, *distinct_cycles(_with_rests(contacts)).T),
         intervals=_intervals(every, counted, *span) if stationary else (),
     )
 
@@ -312,12 +307,6 @@ def _with_rests(contacts: _Contacts) -> Floats:
     parts = [each for force in contacts.forces for each in (rest, force)]
     parts = parts[1:] if contacts.goes_on else parts
     return np.concatenate([*parts, rest[:0] if contacts.lasts else rest])
-
-
-def _cycles(values: Floats) -> Floats:
-    """Rainflow count without the cycles that round-off makes where segments join."""
-    cycles = rainflow(values)
-    return np.asarray(cycles[cycles[:, 0] > LEAST_RANGE * np.abs(values).max(initial=0.0)])
 
 
 _FIGURES: dict[str, Callable[[Sums], Floats]] = {
@@ -353,87 +342,6 @@ def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> 
     for name in ("contact_time", "impulse", "square"):
         blocks[f"every {name}"] = sums(every, name)
     return jackknife(blocks, _FIGURES)
-
-
-def fatigue_of(
-    system: StructuralSystem, parts: Callable[[], Iterable[Trajectory]], end: float, largest: Floats
-) -> dict[str, Fatigue]:
-    """Fatigue of each body where its stress is largest.
-
-    Parameters
-    ----------
-    system : with stresses.
-    parts : the motion, part after part.
-    end : of the motion, s.
-    largest : (nx,) largest magnitude of the stress at every station, Pa.
-
-    Returns
-    -------
-    By body.
-    """
-    settings = not_none(not_none(system.scenario.run).fatigue)
-    stress, rows = not_none(system.stress), system.channels.of_keys(STRESS).linear
-    fatigue, limit, across = {}, settings.endurance_limit or 0.0, stress.stations.across
-    for name in dict.fromkeys(stress.bodies):
-        station = max((k for k, body in enumerate(stress.bodies) if body == name), key=lambda k: largest[k])
-        one = rows.some(np.array([station]))
-        turns = np.concatenate([_stress_turns(part, one) for part in parts()])
-        cycles = _cycles(turns)
-        done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
-        fatigue[name] = Fatigue(
-            name=name,
-            position=float(stress.stations.position[station]),
-            across=None if across is None or np.isnan(across[station]) else float(across[station]),
-            cycles=float(cycles[:, 2].sum()),
-            largest_range_pa=float(cycles[:, 0].max(initial=0.0)),
-            equivalent_range_pa=equivalent_range(cycles, settings.exponent, limit),
-            damage=done,
-            life_s=end / done if done > 0.0 else float("inf"),
-            rainflow=Rainflow("Pa", *cycles.T),
-            **(damage_interval(turns, done, settings) if system.scenario.excitation.stationary else {}),
-        )
-    return fatigue
-
-
-def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[str, float]:
-    """Interval, 95 %, of the mean damage of stationary motions as long as this one, from that of its parts.
-
-    Parameters
-    ----------
-    turns : (n,) Pa, between which the stress rises and falls.
-    done : damage of all of them.
-    settings : the life that is counted in.
-
-    Returns
-    -------
-    Fields of `Fatigue`, a ratio to either side of the damage; none of a record with few cycles.
-    """
-    parts, limit = np.array_split(turns, BLOCKS), settings.endurance_limit or 0.0
-    each = np.array([
-        damage(_cycles(part), settings.stress_range, settings.cycles, settings.exponent, limit) for part in parts
-    ])  # fmt: skip
-    if turns.size < BLOCKS * LEAST or np.count_nonzero(each) < 2:
-        return {}
-    (found,) = jackknife({"damage": each}, {"damage": lambda sums: np.log(sums["damage"])})
-    low, high = (done * float(np.exp(end - found.value)) for end in (found.low, found.high))
-    return {"damage_low": low, "damage_high": high}
-
-
-def fatigue_doubts(bodies: Mapping[str, Fatigue], settings: StressLife) -> Iterator[str]:
-    """A body that fails within the run: seldom what is simulated."""
-    for name, body in bodies.items():
-        if body.damage >= 1.0:
-            yield (
-                f"the damage of {name} = {body.damage:.3g} is failure within the run: ranges are up to "
-                f"{body.largest_range_pa:.3g} Pa, and run.fatigue.stress_range is {settings.stress_range:.3g} Pa for "
-                f"{settings.cycles:.3g} cycles; a unit such as MPa may be missing"
-            )
-
-
-def _stress_turns(part: Trajectory, stress: Rows) -> Floats:
-    """Values between which the stress at one station rises and falls in a part of a motion."""
-    segments = np.arange(part.time.size)
-    return reversals(part.turning_points(outputs_of(part.flow, stress), segments).value)
 
 
 def jackknife(blocks: Sums, figures: Mapping[str, Callable[[Sums], Floats]]) -> tuple[FigureInterval, ...]:

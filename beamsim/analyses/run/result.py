@@ -169,10 +169,10 @@ class Impacts:
 
 @declared
 class Fatigue:
-    """Rainflow count of the bending stress of one body where it is largest, and its damage by an S-N line."""
+    """Rainflow count of the bending stress of one body where its damage by an S-N line is largest."""
 
     name: str = key("name of the body")
-    position: float = attribute("m", "where the stress is largest, on a plate its x")
+    position: float = attribute("m", "where the damage is largest, on a plate its x")
     cycles: float = attribute("1", "cycles counted")
     largest_range_pa: float = attribute("Pa", "largest stress range")
     equivalent_range_pa: float = attribute("Pa", "constant range that does the same damage in as many cycles")
@@ -180,6 +180,7 @@ class Fatigue:
     life_s: float = attribute("s", "time to damage 1 if the run is repeated; infinite without damage")
     rainflow: Rainflow = group("rainflow", Rainflow)
     across: float | None = attribute("m", "on a plate its y", default=None)
+    component: str | None = attribute("", "on a plate the component of the stress: x, y or xy", default=None)
     # None of an input that is not random, or of few cycles
     damage_low: float | None = attribute(
         "1", "lower end of the interval of the damage, 95 %, of the mean of runs with other seeds", default=None
@@ -719,7 +720,7 @@ _SUMMARY = (
     BY_ENTRY["srs_over_limit"].summary_entry(),
     BY_ENTRY["psd_over_limit"].summary_entry(),
     MARGINS,
-    Entry("fatigue", "", "by body rainflow count and damage of its largest bending stress, if run.fatigue asks for it",
+    Entry("fatigue", "", "by body rainflow count and damage where its damage is largest, if run.fatigue asks for it",
              "fatigue"),
     Entry("random", "", "of a stationary random input, by signal: rms with its 95 % interval, crest factor, kurtosis, "
              "largest value expected in the test with its interval, and more", "random response"),

@@ -1,0 +1,157 @@
+r"""Fatigue of bodies: the damage of the bending stress at every station, and where it is largest.
+
+The ranges of a count add up to half the total variation V of the stress, and none exceeds the difference R of its
+extremes. With an S-N line of exponent :math:`m \ge 1` the damage of a station is therefore at most
+:math:`R^{m-1} V / (2 N S^m)`. Stations are counted in the order of this bound, until it is below the largest damage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+import numpy as np
+
+from beamsim.analyses.rainflow import damage, distinct_cycles, equivalent_range, reversals
+from beamsim.analyses.run.impacts import BLOCKS, LEAST, jackknife
+from beamsim.analyses.run.result import Fatigue, Rainflow
+from beamsim.analyses.values import STRESS, Extreme
+from beamsim.flow.channels import outputs_of
+from beamsim.flow.trajectory import Trajectory
+from beamsim.scenario.run import StressLife
+from beamsim.structures.stations import COMPONENTS
+from beamsim.system.equations import Rows
+from beamsim.system.structural import StructuralSystem
+from beamsim.typing import Floats, Ints, not_none
+
+COUNTED_AT_ONCE = 8  # stations; a motion that is not kept is marched again for each group
+SAME_DAMAGE = 1e-9  # relative; of stations with the same damage the first one is reported
+
+Parts = Callable[[], Iterable[Trajectory]]
+
+
+def fatigue_of(system: StructuralSystem, parts: Parts, end: float, extremes: Extreme) -> dict[str, Fatigue]:
+    """Fatigue of each body at its station with the largest damage; of a plate also over the components of the stress.
+
+    Parameters
+    ----------
+    system : with stresses.
+    parts : the motion, part after part.
+    end : of the motion, s.
+    extremes : (4, nx) of the stress at every station, Pa.
+
+    Returns
+    -------
+    By body.
+    """
+    settings = not_none(not_none(system.scenario.run).fatigue)
+    stress, rows = not_none(system.stress), system.channels.of_keys(STRESS).linear
+    variation = sum((part.variation(outputs_of(part.flow, rows)) for part in parts()), np.zeros(rows.count))
+    fatigue, limit, across = {}, settings.endurance_limit or 0.0, stress.stations.across
+    components = {body.body: COMPONENTS[: body.moments] for body in system.bodies if body.moments > 1}
+    for name in dict.fromkeys(stress.bodies):
+        stations = np.flatnonzero(np.array(stress.bodies) == name)
+        station, turns = _worst(rows, stations, parts, (extremes[2] - extremes[0], variation), settings)
+        cycles, number = distinct_cycles(turns), int(np.searchsorted(stations, station))
+        done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
+        of_body = components.get(name)
+        fatigue[name] = Fatigue(
+            name=name,
+            position=float(stress.stations.position[station]),
+            across=None if across is None or np.isnan(across[station]) else float(across[station]),
+            component=None if of_body is None else of_body[number * len(of_body) // stations.size],
+            cycles=float(cycles[:, 2].sum()),
+            largest_range_pa=float(cycles[:, 0].max(initial=0.0)),
+            equivalent_range_pa=equivalent_range(cycles, settings.exponent, limit),
+            damage=done,
+            life_s=end / done if done > 0.0 else float("inf"),
+            rainflow=Rainflow("Pa", *cycles.T),
+            **(damage_interval(turns, done, settings) if system.scenario.excitation.stationary else {}),
+        )
+    return fatigue
+
+
+def _worst(
+    rows: Rows, stations: Ints, parts: Parts, known: tuple[Floats, Floats], settings: StressLife
+) -> tuple[int, Floats]:
+    """The station of a body with the largest damage, and the turning points of its stress, Pa.
+
+    Parameters
+    ----------
+    rows : (nx,) stresses of all stations.
+    stations : those of the body.
+    parts : of the motion.
+    known : (nx,) differences of the extremes and bounds on the total variations, Pa.
+    settings : the life that is counted in.
+
+    Returns
+    -------
+    Its number, and what it is counted from. Where no range does damage, the station with the largest range.
+    """
+    ranges, variation = (values[stations] for values in known)
+    unit, exponent, limit = float(ranges.max()), settings.exponent, settings.endurance_limit or 0.0
+    if not limit < unit < np.inf:
+        station = stations[[int(ranges.argmax())]]
+        return int(station[0]), _turns(rows, station, parts)[0]
+    bounds = np.where(ranges > limit, (ranges / unit) ** (exponent - 1.0) * variation / (2.0 * unit), -1.0)
+    order, found = np.argsort(-bounds, kind="stable"), dict[int, tuple[float, Floats]]()
+    first, count = 0, 1
+    while first < order.size:
+        largest = max((done for done, _ in found.values()), default=-1.0)
+        group = order[first : first + count]
+        group = group[bounds[group] >= max((1.0 - SAME_DAMAGE) * largest, 0.0)]
+        if not group.size:
+            break
+        for k, turns in zip(group.tolist(), _turns(rows, stations[group], parts), strict=True):
+            found[k] = damage(distinct_cycles(turns), unit, 1.0, exponent, limit), turns
+        largest = max(done for done, _ in found.values())
+        found = {k: each for k, each in found.items() if each[0] >= (1.0 - SAME_DAMAGE) * largest}
+        first, count = first + count, COUNTED_AT_ONCE
+    worst = min(found)
+    return int(stations[worst]), found[worst][1]
+
+
+def _turns(rows: Rows, stations: Ints, parts: Parts) -> list[Floats]:
+    """Values between which the stress at each of some stations rises and falls, Pa."""
+    turns: list[list[Floats]] = [[] for _ in stations]
+    for part in parts():
+        segments = np.arange(part.time.size)
+        for values, station in zip(turns, stations, strict=True):
+            one = outputs_of(part.flow, rows.some(np.array([station])))
+            values.append(reversals(part.turning_points(one, segments).value))
+    return [np.concatenate(values) for values in turns]
+
+
+def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[str, float]:
+    """Interval, 95 %, of the mean damage of stationary motions as long as this one, from that of its parts.
+
+    Parameters
+    ----------
+    turns : (n,) Pa, between which the stress rises and falls.
+    done : damage of all of them.
+    settings : the life that is counted in.
+
+    Returns
+    -------
+    Fields of `Fatigue`, a ratio to either side of the damage; none of a record with few cycles.
+    """
+    parts, limit = np.array_split(turns, BLOCKS), settings.endurance_limit or 0.0
+    each = np.array([
+        damage(distinct_cycles(part), settings.stress_range, settings.cycles, settings.exponent, limit)
+        for part in parts
+    ])  # fmt: skip
+    if turns.size < BLOCKS * LEAST or np.count_nonzero(each) < 2:
+        return {}
+    (found,) = jackknife({"damage": each}, {"damage": lambda sums: np.log(sums["damage"])})
+    low, high = (done * float(np.exp(end - found.value)) for end in (found.low, found.high))
+    return {"damage_low": low, "damage_high": high}
+
+
+def fatigue_warnings(bodies: Mapping[str, Fatigue], settings: StressLife) -> Iterator[str]:
+    """A warning for each body that fails within the run: seldom what is simulated."""
+    for name, body in bodies.items():
+        if body.damage >= 1.0:
+            yield (
+                f"the damage of {name} = {body.damage:.3g} is failure within the run: ranges are up to "
+                f"{body.largest_range_pa:.3g} Pa, and run.fatigue.stress_range is {settings.stress_range:.3g} Pa for "
+                f"{settings.cycles:.3g} cycles; a unit such as MPa may be missing"
+            )

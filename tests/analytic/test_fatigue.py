@@ -1,0 +1,108 @@
+"""The damage of a run is that of the station where it is largest, wherever the stress itself is largest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.analyses.rainflow import damage, distinct_cycles
+from beamsim.scenario import load_scenario
+
+LIFE = {"stress_range": "80 MPa", "cycles": 2e6, "exponent": 5}
+BEAM = {
+    "beam": {
+        "length": "1 m", "width": "50 mm", "thickness": "5 mm", "youngs_modulus": "69 GPa", "density": "2700 kg/m^3",
+        "elements": 8, "supports": {"left": "pinned", "right": "pinned"}, "damping": {"kind": "modal", "ratio": "1 %"},
+    },
+    "constant_forces": [{"position": "0.5 m", "force": "80 N"}],
+    "excitation": {"kind": "harmonic", "applied_to": {"position": "0.25 m"}, "level": "3 N", "frequency": "46.3 Hz"},
+    "probes": [{"name": "quarter", "position": "25 %"}],
+    "run": {
+        "duration": "0.5 s", "sample_rate": "50 kHz", "start": "static_equilibrium", "convergence": "off",
+        "spectrum": None, "fatigue": LIFE,
+    },
+}  # fmt: skip
+PLATE = {
+    "bodies": {
+        "panel": {
+            "kind": "plate", "length": "600 mm", "width": "400 mm", "thickness": "4 mm", "youngs_modulus": "70 GPa",
+            "poissons_ratio": 0.33, "density": "2700 kg/m^3", "elements": [4, 4], "supports": {"left": "clamped"},
+            "damping": {"kind": "modal", "ratio": "2 %"},
+        }
+    },
+    "constant_forces": [{"at": {"position": ["600 mm", "0 mm"]}, "force": "10 N"}],
+    "excitation": {
+        "kind": "harmonic", "applied_to": {"position": ["600 mm", "400 mm"]}, "level": "5 N", "frequency": "30 Hz"
+    },
+    "probes": [{"name": "corner", "at": {"position": ["600 mm", "400 mm"]}}],
+    "reduction": {"modes": 8},
+    "run": {"duration": "0.3 s", "sample_rate": "50 kHz", "convergence": "off", "spectrum": None, "fatigue": LIFE},
+}  # fmt: skip
+
+
+def of_samples(history) -> float:
+    """Damage of a sampled stress."""
+    return damage(distinct_cycles(history), 80e6, 2e6, 5.0)
+
+
+def with_outputs(case, outputs):
+    return beamsim.run(load_scenario(case | {"run": case["run"] | {"outputs": outputs}}))
+
+
+def test_damage_is_counted_at_every_station_of_a_beam():
+    """A constant force makes the stress largest in the middle, where mode 2 moves nothing: 3e-14 there."""
+    x = np.linspace(0.0, 1.0, 17)
+    outputs = [{"kind": "stress", "position": float(at), "name": f"s{k}"} for k, at in enumerate(x)]
+    result = with_outputs(BEAM, outputs)
+    counted = np.array([of_samples(result.outputs[f"s{k}"].value) for k in range(x.size)])
+    worst, body = int(counted.argmax()), result.fatigue["beam"]
+    assert body.position == x[worst] != result.summary["largest_bending_stress_position_m"] == 0.5
+    assert body.damage == pytest.approx(counted[worst], rel=1e-4)
+    assert counted[8] < 1e-3 * body.damage
+    assert result.summary["fatigue"]["beam"]["position"] == body.position
+
+
+@pytest.mark.parametrize("exponent", [1.0, 3.0, 20.0])
+@pytest.mark.parametrize("limit", [None, "20 MPa"])
+def test_the_worst_station_follows_from_the_line(exponent, limit):
+    """With any exponent, and with a limit below which nothing counts, no station has more damage."""
+    case = BEAM | {"run": BEAM["run"] | {"fatigue": {**LIFE, "exponent": exponent, "endurance_limit": limit}}}
+    x = np.linspace(0.0, 1.0, 17)
+    result = with_outputs(case, [{"kind": "stress", "position": float(at), "name": f"s{k}"} for k, at in enumerate(x)])
+    each = [distinct_cycles(result.outputs[f"s{k}"].value) for k in range(x.size)]
+    counted = np.array([damage(cycles, 80e6, 2e6, exponent, 20e6 if limit else 0.0) for cycles in each])
+    assert result.fatigue["beam"].damage == pytest.approx(counted.max(), rel=1e-3)
+    assert result.fatigue["beam"].position == x[counted.argmax()]
+
+
+def test_no_range_that_does_damage():
+    """Below the endurance limit the station with the largest range is reported."""
+    run = BEAM["run"] | {"fatigue": {**LIFE, "endurance_limit": "1 GPa"}}
+    body = beamsim.run(load_scenario(BEAM | {"run": run})).fatigue["beam"]
+    assert body.damage == 0.0
+    assert body.life_s == np.inf
+    assert body.largest_range_pa > 10e6
+
+
+def test_damage_is_counted_at_every_point_of_a_plate():
+    """Of each component of the stress, at every node."""
+    at = [(x, y, of) for x in np.linspace(0, 0.6, 5) for y in np.linspace(0, 0.4, 5) for of in ("x", "y", "xy")]
+    outputs = [
+        {"kind": "stress", "at": {"position": [float(x), float(y)]}, "component": of, "name": f"s{k}"}
+        for k, (x, y, of) in enumerate(at)
+    ]
+    result = with_outputs(PLATE, outputs)
+    counted = np.array([of_samples(result.outputs[f"s{k}"].value) for k in range(len(at))])
+    worst, body = int(counted.argmax()), result.fatigue["panel"]
+    assert body.damage == pytest.approx(counted[worst], rel=1e-3)
+    assert (body.position, body.across, body.component) == (
+        pytest.approx(at[worst][0]), pytest.approx(at[worst][1]), at[worst][2]
+    )  # fmt: skip
+
+
+def test_equal_stations_give_the_first():
+    """In a symmetric structure the place does not depend on round-off."""
+    case = BEAM | {"constant_forces": [], "excitation": BEAM["excitation"] | {"applied_to": {"position": "0.5 m"}}}
+    body = beamsim.run(load_scenario(case)).fatigue["beam"]
+    assert body.position <= 0.5
