@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice, zip_longest
 from pathlib import Path
@@ -250,27 +250,97 @@ def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
     return [file_matrix(path.stem.lower(), matrix, one_triangle=kind[1] in "SH")]
 
 
-def _matlab(path: Path, _: str | None) -> list[FileMatrix]:
-    from scipy.io import loadmat
+def matlab_variables(path: Path) -> Iterator[tuple[str, Any]]:
+    """The variables of a MATLAB file by name, those of structs as ``struct.field`` or ``structs(2).field``.
 
-    if not h5py.is_hdf5(path):
-        return _named(loadmat(path, spmatrix=False).items())
-    with h5py.File(path) as stored:  # version 7.3
-        return _named((name, _hdf5_matrix(item)) for name, item in stored.items())
+    Parameters
+    ----------
+    path : of a file of version 5 to 7.2, or 7.3, which is HDF5.
+
+    Yields
+    ------
+    tuple
+        Name, and an array, a sparse array or, of characters, a text. Cells and objects are left out.
+
+    Raises
+    ------
+    ValueError
+        If a variable occurs twice.
+    """
+    from scipy.io import loadmat, whosmat
+
+    if h5py.is_hdf5(path):
+        with h5py.File(path) as stored:  # version 7.3
+            yield from _hdf5_variables("", stored)
+        return
+    places: dict[str, int] = {}
+    for place, (name, *_) in enumerate(whosmat(path), 1):
+        if name in places:
+            raise ValueError(f"the variable {name} occurs twice, as number {places[name]} and {place}")
+        places[name] = place
+    for name, value in loadmat(path, spmatrix=False).items():
+        if not name.startswith("__"):
+            yield from _variables(name, value)
+
+
+def _variables(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """A variable of version 5, a struct by its fields."""
+    kind = getattr(value, "dtype", np.dtype(object))
+    if type(value) is np.ndarray and kind.names:
+        for number, each in enumerate(value.ravel(), 1):
+            for field in kind.names:
+                yield from _variables(f"{name}{'' if value.size == 1 else f'({number})'}.{field}", each[field])
+    elif kind.kind == "U":
+        yield name, "".join(value.ravel()[:1])
+    elif kind.kind in "fciub":
+        yield name, value
+
+
+def _hdf5_variables(name: str, item: Any, depth: int = 0) -> Iterator[tuple[str, Any]]:
+    """A variable of version 7.3: a group is a struct; a data set of references has one of its fields of each element.
+
+    Raises
+    ------
+    ValueError
+        If groups contain each other.
+    """
+    kind = item.attrs.get("MATLAB_class", b"")
+    kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+    if depth > 32:
+        raise ValueError(f"{name[:40]} ... contains itself")
+    if "MATLAB_sparse" in item.attrs:
+        yield name, _hdf5_matrix(item)
+    elif isinstance(item, h5py.Group):
+        for field, each in item.items():
+            if not field.startswith("#"):
+                yield from _hdf5_variables(f"{name}.{field}" if name else field, each, depth + 1)
+    elif "MATLAB_empty" in item.attrs or item.shape is None:
+        return
+    elif h5py.check_ref_dtype(item.dtype) is h5py.Reference:
+        parent, _, field = name.rpartition(".")
+        references = [] if kind == "cell" or not parent else item[()].ravel(order="F")
+        for number, reference in enumerate(references, 1):
+            yield from _hdf5_variables(f"{parent}({number}).{field}", item.file[reference], depth + 1)
+    elif kind == "char":
+        yield name, "".join(map(chr, item[()].ravel()))
+    else:
+        yield name, _array(item).T
+
+
+def _matlab(path: Path, _: str | None) -> list[FileMatrix]:
+    return _named(matlab_variables(path))
 
 
 def _hdf5_matrix(item: Any) -> Any:
-    """A sparse matrix is a group of three arrays; a dense one is a data set with its axes in MATLAB's order."""
-    if "MATLAB_sparse" not in item.attrs:
-        return _array(item).T
+    """A sparse matrix is a group of three arrays."""
     pointers = item["jc"][()]
     numbers, rows = (_array(item[key]) if key in item else [] for key in ("data", "ir"))
     return csc_array((numbers, rows, pointers), shape=(int(item.attrs["MATLAB_sparse"]), len(pointers) - 1))
 
 
 def _array(item: Any) -> Any:
-    """Numbers of a data set; complex ones have two fields. Of a group, which is a structure, nothing."""
-    values = np.asarray(item[()] if hasattr(item, "dtype") else None)
+    """Numbers of a data set; complex ones have two fields."""
+    values = np.asarray(item[()])
     return values["real"] + 1j * values["imag"] if values.dtype.names else values
 
 
@@ -283,11 +353,11 @@ def _numpy(path: Path, _: str | None) -> list[FileMatrix]:
 
 
 def _named(items: Iterable[tuple[str, Any]]) -> list[FileMatrix]:
-    """Arrays of numbers with two dimensions; names with # and __ are of the file itself."""
+    """Arrays of numbers with two dimensions."""
     return [
         file_matrix(name, values)
         for name, values in items
-        if not name.startswith(("#", "__")) and values.ndim == 2 and values.dtype.kind in "fciu"
+        if not isinstance(values, str) and values.ndim == 2 and values.dtype.kind in "fciu"
     ]
 
 

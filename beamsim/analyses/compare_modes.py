@@ -9,7 +9,8 @@ dataset 55.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -22,9 +23,10 @@ from beamsim.analyses.assurance import assurance
 from beamsim.analyses.result import Result
 from beamsim.errors import ScenarioError
 from beamsim.fields import Counter, Entry, attribute, dataset, declared, stored
-from beamsim.measurements.read import TEXT, UFF, data_sets, ending_of
+from beamsim.measurements.read import TEXT, ending_of
 from beamsim.measurements.signal import MeasurementError, split_heading
 from beamsim.measurements.tables import read_rows
+from beamsim.measurements.universal import ENDINGS, DataSet, data_sets
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.body import AtPlace, Body
@@ -239,7 +241,7 @@ def read_shapes(path: Path, scenario: Scenario) -> ShapesAtPlaces:
     """
     try:
         suffix = ending_of(path)
-        if suffix in (*UFF, ".55"):
+        if suffix in (*ENDINGS, ".55"):
             return _read_uff(path, scenario)
         if suffix in TEXT:
             return _read_csv(path)
@@ -310,23 +312,14 @@ def _place(path: Path, line: int, given: Mapping[str, tuple[str, str]]) -> AtPla
 
 def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
     sets = data_sets(path)
-    modes = [each for each in sets if each["type"] == 55 and each.get("analysis_type") in (2, 3)]
-    if not modes:
-        raise _wrong(path, "has no mode shapes", "export them as dataset 55 (normal or complex modes)")
-    per_metre = next((float(each["length"]) for each in sets if each["type"] == 164 and each.get("length")), 1.0)
-    coordinates = {
-        int(node): (float(x), float(y))
-        for each in sets
-        if each["type"] == 15
-        for node, x, y in zip(each["node_nums"], each["x"], each["y"], strict=True)
-    }
-    nodes = [int(node) for node in modes[0]["node_nums"]]
-    if any([int(node) for node in mode["node_nums"]] != nodes for mode in modes):
+    modes = _modes(path, sets)
+    nodes = [int(node) for node in modes[0].fields["node_nums"]]
+    if any([int(node) for node in mode.fields["node_nums"]] != nodes for mode in modes):
         raise _wrong(path, "has modes at different nodes", "export all modes at the same nodes")
-    frequencies = np.array([_uff_frequency(mode) for mode in modes])
+    frequencies = np.array([_uff_frequency(mode.fields) for mode in modes])
+    motion = {direction: _motion(path, modes, direction, len(nodes)) for direction in _COMPONENTS}
+    coordinates, owners = _coordinates(sets), _owners(sets, scenario)
     bodies = scenario.all_bodies
-    lines = {str(each["id"]).strip(): each["nodes"] for each in sets if each["type"] == 82}
-    owners = {int(node): name for name, numbers in lines.items() if name in bodies for node in numbers if node}
     places, labels, rows = [], [], []
     for k, node in enumerate(nodes):
         name = owners.get(node) if len(bodies) > 1 else next(iter(bodies))
@@ -338,27 +331,89 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
         body = bodies[name]
         of = {"body": name} if len(bodies) > 1 else {}
         has_nodes = not any(body.node_problems((), ()))
-        for direction, component in _COMPONENTS.items():
-            row = [complex(np.atleast_1d(mode.get(component, np.zeros(len(nodes))))[k]) for mode in modes]
-            if not any(row) or not (has_nodes or direction == "z"):
+        for direction, row in ((direction, motion[direction][k]) for direction in _COMPONENTS):
+            if not row.any() or not (has_nodes or direction == "z"):
                 continue
             if has_nodes:
                 places.append(AtPlace.model_validate({**of, "node": node, "direction": direction}))
             elif node in coordinates:
-                places.append(AtPlace.model_validate({**of, **_point_of(body, coordinates[node], per_metre)}))
+                places.append(AtPlace.model_validate({**of, **_point_of(body, coordinates[node])}))
             else:
-                raise _wrong(path, f"has no coordinates of node {node}", "export dataset 15 too, or use CSV")
+                raise _wrong(path, f"has no coordinates of node {node}", "export dataset 15 or 2411 too, or use CSV")
             labels.append(f"node {node} {direction}")
             rows.append(row)
-    return ShapesAtPlaces(tuple(places), frequencies, np.array(rows).reshape(len(rows), -1), str(path), tuple(labels))
+    if not rows:
+        moving = [direction for direction, values in motion.items() if values.any()]
+        raise _wrong(
+            path, f"has shapes that move in {' and '.join(moving) or 'no direction'} alone, and bodies of this case "
+            "deflect in z",
+            "turn the axes of the measurement so that z is the direction of the deflection, or use CSV",
+        )  # fmt: skip
+    return ShapesAtPlaces(tuple(places), frequencies, np.array(rows), str(path), tuple(labels))
 
 
-def _point_of(body: Body, coordinates: tuple[float, float], per_metre: float) -> dict[str, Any]:
-    """The keys of a place: both coordinates on a plate, x along a beam, which numbers the masses of a chain."""
+# normal modes, and complex ones by eigenvalues of the first and of the second order
+_MODES = (2, 3, 7)
+
+
+def _modes(path: Path, sets: Sequence[DataSet]) -> list[DataSet]:
+    """The data sets 55 with displacements, velocities or accelerations of a mode."""
+    of_modes = [each for each in sets if each.number == 55 and each.fields.get("analysis_type") in _MODES]
+    # 2, 3: vectors of three and of six components; 2 to 7, 9, 10: of stresses, strains, forces and energies
+    moving = [
+        each
+        for each in of_modes
+        if each.fields["data_ch"] in (0, 2, 3) and each.fields["spec_data_type"] in (0, 1, 8, 11, 12)
+    ]
+    if of_modes and not moving:
+        first = of_modes[0]
+        raise _wrong(path, f"has modes of stresses, strains or forces alone ({first.place})", "export displacements")
+    if not moving:
+        raise _wrong(path, "has no mode shapes", "export them as dataset 55 (normal or complex modes)")
+    return moving
+
+
+def _motion(path: Path, modes: Sequence[DataSet], direction: str, count: int) -> Complexes:
+    """(count, m) motion of the nodes in one direction, m or rad up to a factor of each mode.
+
+    A component below 1e-6 of the motion of all modes is round-off.
+    """
+    columns = []
+    for mode in modes:
+        values = np.asarray(mode.fields.get(_COMPONENTS[direction], np.zeros(count)), dtype=complex)
+        if values.shape != (count,):
+            raise _wrong(path, f"has {count} nodes and {values.size} values ({mode.place})", "export it again")
+        largest = max(np.abs(mode.fields[key]).max(initial=0.0) for key in mode.fields if re.fullmatch("r[1-6]", key))
+        values = np.where(np.abs(values) > 1e-6 * largest, values, 0.0)
+        columns.append(values / (mode.units.per_metre or 1.0) if len(direction) == 1 else values)
+    return np.column_stack(columns)
+
+
+def _coordinates(sets: Sequence[DataSet]) -> dict[int, tuple[float, float]]:
+    """x and y of the nodes, m, by data sets 15 and 2411 in the units that precede each."""
+    found = {}
+    for each in sets:
+        if each.number in (15, 2411):
+            size, fields = each.units.per_metre or 1.0, each.fields
+            for node, x, y in zip(fields["node_nums"], fields["x"], fields["y"], strict=True):
+                found[int(node)] = (float(x) / size, float(y) / size)
+    return found
+
+
+def _owners(sets: Sequence[DataSet], scenario: Scenario) -> dict[int, str]:
+    """Body of each node that is on a trace line with the name of one."""
+    lines = {str(each.fields["id"]).strip(): each.fields["nodes"] for each in sets if each.number == 82}
+    return {
+        int(node): name for name, numbers in lines.items() if name in scenario.all_bodies for node in numbers if node
+    }
+
+
+def _point_of(body: Body, coordinates: tuple[float, float]) -> dict[str, Any]:
+    """The keys of a place: both coordinates, m, on a plate, x along a beam, which numbers the masses of a chain."""
     usual = body.default_probe()[1] if body.has_default_probe else None
     if usual is not None and usual.mass is not None:
         return {"mass": round(coordinates[0])}
-    x, y = (each / per_metre for each in coordinates)
+    x, y = coordinates
     return {"position": (x, y) if usual is not None and isinstance(usual.position, tuple) else x}
 
 

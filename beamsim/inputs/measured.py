@@ -12,7 +12,9 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError, rooted
 from beamsim.inputs.signal import MOST_PIECES, Signal
-from beamsim.measurements.read import HDF5, read_file
+from beamsim.measurements.arrays import HDF5
+from beamsim.measurements.functions import FunctionType
+from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named, in_si
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
@@ -165,8 +167,9 @@ def _along_time(signal: MeasuredSignal, signals: list[MeasuredSignal], excitatio
         )
     if not signal.axis:
         _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "excitation.sample_rate")
-    if signal.of_frequency or np.iscomplexobj(signal.y):
-        raise MeasurementError(f"has no time history in {signal.name}", "name another one in excitation.column")
+    signal = signal.required((FunctionType.TIME_HISTORY,), "a sampled input")
+    if np.iscomplexobj(signal.y):
+        raise MeasurementError(f"has complex values in {signal.name}", "name another one in excitation.column")
     return signal
 
 

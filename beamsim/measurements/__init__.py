@@ -1,5 +1,6 @@
-"""Test data: labelled channels with units on an axis of time or frequency, from CSV, HDF5 and universal files.
+"""Test data: labelled channels with unit, axis and function type, from CSV, HDF5, netCDF-4, MATLAB and universal files.
 
 Never here: what the channels are compared with.
-Begin with `read`, which chooses the format; `tables` reads text, and `signal` is what every reader returns.
+Begin with `signal`, which every reader returns; `read` chooses the reader by the format: `tables` of text, `arrays` by
+name, or `universal`. `functions` has the function types.
 """

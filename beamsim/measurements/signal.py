@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamsim.errors import ScenarioError
+from beamsim.measurements.functions import MEASURED, RATIOS, FunctionType, function_over_frequency, ratio_of
 from beamsim.scenario import units
 from beamsim.typing import Complexes, Floats
 
@@ -69,17 +70,130 @@ class MeasurementError(Exception):
 
 
 @dataclass(frozen=True)
+class Reference:
+    """What the values of a channel are divided by: the excitation of a frequency response."""
+
+    unit: str = ""  # empty where the file has none
+    node: int | None = None
+    direction: str = ""  # +X to -RZ
+
+
+@dataclass(frozen=True)
 class MeasuredSignal:
-    """One measured channel: a time history, or a spectrum of single-sided peak amplitudes."""
+    """One measured channel: its values on an axis, and what the file says of them.
+
+    Before values are used, ask `required` for the function type, `on_si_axis` for the axis, `in_si` for the unit and
+    `checked` for the values.
+    """
 
     name: str  # with its unit, where the file has it there
     x: Floats  # (n,) s or Hz, increasing; as read from a file, in `axis_unit`, and sample numbers where `axis` is empty
-    y: Floats | Complexes  # (n,) in `unit`; complex: amplitude e^{i phase} of A cos(2 pi f t + phase)
-    of_frequency: bool = False
-    unit: str = ""  # as given in the file, or empty
+    y: Floats | Complexes  # (n,) in `unit`; of a complex spectrum amplitude e^{i phase} of A cos(2 pi f t + phase)
+    of_frequency: bool = False  # whether the axis is one of frequencies
+    unit: str = ""  # as given in the file, or empty; of a ratio that of its numerator
     source: str = ""  # file
     axis: str = ""  # heading of the axis
     axis_unit: str = ""  # the same as `unit`
+    stated_function: FunctionType | None = None  # function type in the file; None where that has none
+    quantity: str = ""  # what was measured, such as acceleration, where the file says it
+    node: int | None = None  # where it was measured
+    direction: str = ""  # +X to -RZ, as in the file
+    reference: Reference | None = None  # what the values are divided by
+    scaling: tuple[str, ...] = ()  # what was done to the values of the file, in words
+    fault: tuple[str, str] | None = None  # why the values cannot be used, and a remedy
+
+    @property
+    def function(self) -> FunctionType:
+        """Function type: that of the file, else what name, unit and axis say."""
+        if self.stated_function is not None:
+            return self.stated_function
+        if not self.of_frequency:
+            return FunctionType.TIME_HISTORY if self.reference is None else FunctionType.IMPULSE_RESPONSE
+        if self.reference is not None:
+            return FunctionType.FREQUENCY_RESPONSE
+        return function_over_frequency(self.name, self.unit)
+
+    @property
+    def description(self) -> str:
+        """The name with what was done to the values of the file."""
+        return ", ".join((self.name, *self.scaling))
+
+    def required(self, functions: Sequence[FunctionType], purpose: str) -> MeasuredSignal:
+        """The signal itself, if it is a function of one of some types.
+
+        Parameters
+        ----------
+        functions : types that can be used.
+        purpose : what needs them, for the message: ``a sampled input``.
+
+        Returns
+        -------
+        MeasuredSignal
+
+        Raises
+        ------
+        MeasurementError
+            If it is of another type.
+        """
+        if self.function in functions:
+            return self
+        *others, last = (each.with_article for each in functions)
+        needed = f"{', '.join(others)} or {last}" if others else last
+        raise MeasurementError(
+            f"has {self.function.with_article} in {self.name}{f' ({self.unit_text})' if self.unit_text else ''}, and "
+            f"{purpose} needs {needed}",
+            f"choose another channel, or export {needed}",
+        )
+
+    @property
+    def unit_text(self) -> str:
+        """The unit, of a ratio with its denominator; empty where none is stated."""
+        over = "" if self.reference is None else self.reference.unit
+        return f"{self.unit} per {over}" if self.unit and over else self.unit
+
+    def at_level(self, level: str | None, key: str) -> MeasuredSignal:
+        """The amplitudes of a frequency response: its values times the level at which it was measured.
+
+        Parameters
+        ----------
+        level : amplitude of what the response is divided by, with its unit; None where it is not given.
+        key : where a user can give it, for the remedy.
+
+        Returns
+        -------
+        MeasuredSignal
+            An amplitude spectrum; a signal of another function type as it is.
+
+        Raises
+        ------
+        MeasurementError
+            If the level is missing, or of another quantity than the denominator, or if that has no unit.
+        """
+        if self.function not in RATIOS:
+            return self
+        numerator, denominator = ratio_of(self.unit) or (self.unit, "")
+        if self.reference is not None:
+            numerator, denominator = self.unit, self.reference.unit
+        if not denominator:
+            raise MeasurementError(
+                f"has {self.function.with_article} in {self.name}, and does not state what it is divided by",
+                "export it with the unit of its denominator, for example g/N, or export the amplitude spectrum",
+            )
+        what = f"has {self.function.with_article} in {self.name} ({numerator} per {denominator})"
+        remedy = f"give the amplitude of the excitation in the test, for example {key} '2 {denominator}'"
+        if level is None:
+            raise MeasurementError(f"{what}, and a structure with stops responds differently at each level", remedy)
+        try:
+            size, dimension = units.read_level(f"1 {denominator}", MEASURED)
+            amplitude, stated = units.read_level(level, (dimension or units.ACCELERATION,))
+        except units.UnitError as error:
+            raise MeasurementError(f"{what}, and {key} = {level} {error.message}", remedy) from None
+        if stated is None or amplitude <= 0.0:
+            raise MeasurementError(f"{what}, and {key} = {level} is no amplitude with a unit", remedy)
+        return replace(
+            self, y=self.y * (amplitude / size), unit=numerator, reference=None,
+            stated_function=FunctionType.SPECTRUM, scaling=(*self.scaling, f"times {level}"),
+        )  # fmt: skip
 
     @property
     def label(self) -> str:
@@ -134,8 +248,11 @@ class MeasuredSignal:
         Raises
         ------
         MeasurementError
-            If values are not finite, or the axis does not increase; with the number of the first such sample.
+            If the file says that its values cannot be used, if they are not finite, or if the axis does not increase;
+            with the number of the first such sample.
         """
+        if self.fault is not None:
+            raise MeasurementError(*self.fault)
         bad = np.flatnonzero(~np.isfinite(self.y) | ~np.isfinite(self.x))
         if bad.size:
             raise MeasurementError(

@@ -29,7 +29,7 @@ from beamsim.errors import NotWrittenError, ResultFileError, ScenarioError
 from beamsim.fields import plain
 from beamsim.files import replacing
 from beamsim.kinds import KINDS, kind_of_class, named
-from beamsim.measurements.read import scale_along
+from beamsim.measurements.arrays import scale_along
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.scenario import SolvedFiles
 from beamsim.store.flat import Item, Items, Reader, items_of, last, parent

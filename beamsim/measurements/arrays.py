@@ -1,0 +1,276 @@
+"""Channels of files that hold arrays by name: HDF5, netCDF-4 and MATLAB.
+
+Packed values are unpacked by the conventions of netCDF (CF conventions 1.11, section 8.1; netCDF attribute
+conventions): ``scale_factor``, ``add_offset``, ``_FillValue``, ``missing_value`` and the valid range.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from beamsim.matrix_files import matlab_variables
+from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
+from beamsim.measurements.signal import (
+    MeasuredSignal,
+    MeasurementError,
+    is_frequency,
+    is_time,
+    label_of,
+    split_heading,
+    stated,
+)
+from beamsim.scenario import units as si
+
+HDF5 = (".h5", ".hdf5", ".hdf", ".nc", ".nc4", ".cdf")
+MATLAB = (".mat",)
+LIST = "DIMENSION_LIST"  # attribute in which HDF5 keeps references to the scales
+_NETCDF_FILL = 9.969209968386869e36  # of floats that were never written
+_NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
+_SCALING = re.compile(r"scale|slope|gain|calib|sensitiv|offset|lsb", re.IGNORECASE)
+_SINCE = re.compile(r"(\w+) since .+", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class _Array:
+    """One array of a file, unpacked."""
+
+    values: Any  # (n,) float or complex
+    unit: str = ""
+    words: str = ""  # what the file calls it besides its name
+    scale: str = ""  # path of its dimension scale
+    scaling: tuple[str, ...] = ()
+    fault: tuple[str, str] | None = None
+
+
+def read_hdf5(path: Path) -> list[MeasuredSignal]:
+    """The arrays of an HDF5 or netCDF-4 file, named by their path.
+
+    The axis of each is its dimension scale, else the time or frequency of as many values in the nearest enclosing
+    group.
+
+    Raises
+    ------
+    MeasurementError
+        If it is not an HDF5 file, or damaged.
+    """
+    try:
+        file = h5py.File(path, "r")
+    except OSError:
+        raise MeasurementError(
+            "is not an HDF5 file, or is damaged", "export the measurement again; netCDF-3 as netCDF-4"
+        ) from None
+    datasets: dict[str, h5py.Dataset] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and _is_channel(name, item):
+            datasets[name] = item
+
+    with file:
+        if any("MATLAB_class" in item.attrs for item in file.values()):
+            return read_matlab(path)
+        file.visititems(visit)
+        try:
+            arrays = {name: _unpacked(name, item) for name, item in datasets.items()}
+        except ValueError as error:
+            raise MeasurementError(f"is damaged: {error}", "export the measurement again") from None
+    return [_signal(name, label_of(name), arrays, path) for name in arrays]
+
+
+def read_matlab(path: Path) -> list[MeasuredSignal]:
+    """The vectors of a MATLAB file, those of structs named ``struct.field``.
+
+    A text ``NAME_unit`` beside a vector, or ``unit`` in a struct with one vector and its axis, is its unit.
+
+    Raises
+    ------
+    MeasurementError
+        If it cannot be read.
+    """
+    try:
+        variables = {name.replace(".", "/"): value for name, value in matlab_variables(path)}
+    except Exception as error:  # of a damaged file libraries raise errors of any kind
+        raise MeasurementError(f"cannot be read as MATLAB ({error})", "export it again") from None
+    texts = {name.lower(): value for name, value in variables.items() if isinstance(value, str)}
+    arrays = {
+        name: np.asarray(value).ravel()
+        for name, value in variables.items()
+        if isinstance(value, np.ndarray) and value.dtype.kind in "iufc" and 2 <= value.size == max(value.shape)
+    }
+    found = {
+        name: _Array(values.astype(complex if values.dtype.kind == "c" else float), _matlab_unit(name, arrays, texts))
+        for name, values in arrays.items()
+    }
+    return [_signal(name, name.replace("/", "."), found, path) for name in found]
+
+
+def _matlab_unit(name: str, arrays: Mapping[str, Any], texts: Mapping[str, str]) -> str:
+    """Unit of a vector by the texts beside it, else by its name."""
+    folder, _, last = name.rpartition("/")
+    beside = [other for other in arrays if other.rpartition("/")[0] == folder and not _is_axis(other)]
+    names = [f"{last}_unit", f"{last}_units", f"{last}unit", f"{last}units"]
+    if beside == [name] and folder:
+        names += ["unit", "units"]
+    found = (stated(texts.get(f"{folder}/{each}".lstrip("/").lower(), "")) for each in names)
+    return next(filter(None, found), "") or split_heading(last)[1]
+
+
+def _is_channel(name: str, item: h5py.Dataset) -> bool:
+    """Whether a data set holds numbers along one axis."""
+    complex_pair = item.dtype.names is not None and set(item.dtype.names) == {"real", "imag"}
+    if item.shape is None or not (item.dtype.kind in "iufc" or complex_pair):
+        return False
+    without_values = text_of_attribute(item.attrs.get("NAME", "")).startswith(_NO_VARIABLE)
+    return 2 <= item.size == max(item.shape) and not without_values
+
+
+def text_of_attribute(value: object) -> str:
+    """Text of an attribute: a string, bytes as C programs write them, or an array of them; empty for anything else.
+
+    Several strings are separated by commas; those of one character are the characters of one text.
+    """
+    if isinstance(value, bytes):
+        try:
+            text = value.decode("utf-8")
+        except UnicodeDecodeError:
+            text = value.decode("cp1252", errors="replace")
+        return text.strip("\0 \t\r\n")
+    if isinstance(value, str):
+        return value.strip("\0 \t\r\n")
+    if isinstance(value, np.ndarray) and value.dtype.kind in "OSU":
+        if value.dtype.kind in "SU" and value.dtype.itemsize == np.dtype(f"{value.dtype.kind}1").itemsize:
+            return text_of_attribute(b"".join(value.ravel()) if value.dtype.kind == "S" else "".join(value.ravel()))
+        return ", ".join(dict.fromkeys(text_of_attribute(each) for each in value.ravel()))
+    return ""
+
+
+def _unpacked(name: str, item: h5py.Dataset) -> _Array:
+    """The array of a data set by its attributes."""
+    given = {key: item.attrs[key] for key in item.attrs if key != LIST}
+    units = {text_of_attribute(value) for key, value in given.items() if key.lower() in ("unit", "units")} - {""}
+    unit = stated(next(iter(units), "")) or split_heading(name.rpartition("/")[2])[1]
+    again = "export the values in their unit"
+    fault = (f"states several units of {name}: {', '.join(sorted(units))}", again) if len(units) > 1 else None
+    if not units and any(key.lower() in ("unit", "units") and np.size(given[key]) > 1 for key in given):
+        fault = (f"states several units of {name}", again)
+    raw = np.asarray(item[()]).ravel()
+    if raw.dtype.names:
+        raw = raw["real"] + 1j * raw["imag"]
+    if text_of_attribute(given.get("_Unsigned", "")).lower() == "true" and raw.dtype.kind == "i":
+        raw = raw.view(raw.dtype.str.replace("i", "u"))
+    missing = _missing(raw, given)
+    if match := _SINCE.fullmatch(unit):
+        raw, unit = raw - raw[0], match[1]
+    values = raw.astype(complex if raw.dtype.kind == "c" else float)
+    values[missing] = np.nan
+    scaling = []
+    for key, operation, neutral in (("scale_factor", "times", 1.0), ("add_offset", "plus", 0.0)):
+        number = np.asarray(given.get(key, neutral)).ravel()
+        if number.size != 1 or number.dtype.kind not in "iuf" or not np.isfinite(number[0]):
+            fault = fault or (f"has an attribute {key} of {name} that is not one number", again)
+        elif key in given:
+            values = values * float(number[0]) if operation == "times" else values + float(number[0])
+            scaling.append(f"{operation} {number[0]:g} ({key})")
+    unknown = next((key for key in given if _SCALING.search(key) and key not in ("scale_factor", "add_offset")), None)
+    if raw.dtype.kind in "iu" and not scaling and unknown is not None:
+        fault = fault or (
+            f"has integers in {name} with the attribute {unknown}, which is not one of netCDF",
+            "name it scale_factor or add_offset, or export the values in their unit",
+        )
+    words = " ".join(text_of_attribute(given.get(key, "")) for key in ("long_name", "standard_name", "description"))
+    scale = scale_along(item, 0 if item.shape[0] == item.size else int(np.argmax(item.shape)))
+    of_scale = "" if scale is None or not _is_channel("", scale) else str(scale.name).lstrip("/")
+    return _Array(values, unit, words, of_scale, tuple(scaling), fault)
+
+
+def _missing(raw: Any, given: Mapping[str, Any]) -> Any:
+    """(n,) whether a stored value stands for a missing one."""
+    missing = np.zeros(raw.shape, dtype=bool)
+    for key in ("_FillValue", "missing_value"):
+        if key in given and np.asarray(given[key]).dtype.kind in "iufc":
+            missing |= np.isin(raw, np.asarray(given[key]).astype(raw.dtype))
+    least, most = given.get("valid_min"), given.get("valid_max")
+    if np.size(given.get("valid_range", ())) == 2:
+        least, most = np.ravel(given["valid_range"])
+    if raw.dtype.kind != "c":
+        for bound, beyond in ((least, np.less), (most, np.greater)):
+            if bound is not None and np.size(bound) == 1 and np.asarray(bound).dtype.kind in "iuf":
+                missing |= beyond(raw, np.ravel(bound)[0])
+    if raw.dtype.kind == "f":
+        missing |= raw == raw.dtype.type(_NETCDF_FILL)
+    return missing
+
+
+def _signal(name: str, label: str, arrays: Mapping[str, _Array], path: Path) -> MeasuredSignal:
+    """The channel of an array on its axis."""
+    array = arrays[name]
+    axes = list(_axes_of(name, arrays))
+    axis = axes[0] if len(axes) == 1 else None
+    x, axis_unit, of_frequency, fault = np.arange(array.values.size, dtype=float), "", False, array.fault
+    if axis is not None:
+        x, axis_unit = np.real(arrays[axis].values), arrays[axis].unit
+        of_frequency = _is_of_frequency(axis, arrays[axis])
+        fault = fault or arrays[axis].fault
+    elif axes:
+        what = f"has several axes of as many values as {name}: {', '.join(sorted(axes))}"
+        fault = fault or (what, "attach the right one as its dimension scale, or remove the others")
+    function = function_over_frequency(f"{label} {array.words}", array.unit) if of_frequency else None
+    return MeasuredSignal(
+        label, x, array.values, of_frequency, array.unit, str(path), axis or "", axis_unit,
+        stated_function=None if function is FunctionType.SPECTRUM else function, scaling=array.scaling, fault=fault,
+    )  # fmt: skip
+
+
+def _is_axis(name: str) -> bool:
+    last = name.rpartition("/")[2]
+    return is_time(last) or is_frequency(last)
+
+
+def _is_of_frequency(name: str, array: _Array) -> bool:
+    last = name.rpartition("/")[2]
+    return is_frequency(last) or (not is_time(last) and is_unit_of(array.unit, si.FREQUENCY))
+
+
+def _axes_of(name: str, arrays: Mapping[str, _Array]) -> Iterator[str]:
+    """The dimension scale, else times and frequencies in the nearest enclosing group, if they are as many."""
+    array = arrays[name]
+    if array.scale:
+        scale = arrays.get(array.scale)
+        fits = scale is not None and array.scale != name and scale.values.size == array.values.size
+        if scale is not None and fits and (_is_axis(array.scale) or is_unit_of(scale.unit, si.TIME, si.FREQUENCY)):
+            yield array.scale
+        return
+    folders = name.split("/")[:-1]
+    for k in range(len(folders), -1, -1):
+        group = "/".join(folders[:k])
+        axes = [other for other in arrays if other.rpartition("/")[0] == group and _is_axis(other)]
+        if axes:
+            same = (other for other in axes if arrays[other].values.size == array.values.size)
+            yield from () if name in axes else same
+            return
+
+
+def scale_along(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
+    """The first scale of one dimension, None where it has none.
+
+    HDF5 takes the references of the attribute as they are: of another type or size they are addresses of nothing.
+
+    Raises
+    ------
+    ValueError
+        If the attribute that refers to the scales is not one that HDF5 writes.
+    """
+    if LIST not in dataset.attrs:
+        return None
+    listed = dataset.attrs.get_id(LIST)
+    kind = h5py.check_vlen_dtype(listed.dtype)
+    if kind is None or h5py.check_ref_dtype(kind) is not h5py.Reference or listed.shape != (dataset.ndim,):
+        raise ValueError(f"attribute {LIST} of {dataset.name} does not refer to its axes")
+    scales = dataset.dims[axis]
+    return scales[0] if len(scales) else None
