@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ class FileMatrix:
     values: Any  # (rows, columns) sparse, real or complex
     rows: tuple[Dof, ...] | None = None  # None where the file only counts them
     columns: tuple[Dof, ...] | None = None
+    place: str = ""  # where it is in the file; empty where a file has one, or names are unique
 
 
 def file_matrix(name: str, values: Any, *names: tuple[Dof, ...] | None, one_triangle: bool = False) -> FileMatrix:
@@ -58,11 +60,12 @@ def file_matrix(name: str, values: Any, *names: tuple[Dof, ...] | None, one_tria
     if one_triangle:
         matrix = matrix + (matrix.T - matrix.T.multiply(matrix != 0)).tocsc()
     matrix.eliminate_zeros()
-    return FileMatrix(name, matrix, *names)
+    rows, columns = names or (None, None)
+    return FileMatrix(name, matrix, rows, columns)
 
 
 def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = False) -> FileMatrix:
-    """The matrix of entries by degrees of freedom, in order of node and component; entries of one place are summed.
+    """The matrix of entries by degrees of freedom, in order of node and component.
 
     Parameters
     ----------
@@ -75,6 +78,11 @@ def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = Fals
     -------
     FileMatrix
         With names of rows and columns.
+
+    Raises
+    ------
+    MethodError
+        About ``file``, if two entries have the same place.
     """
     entries = np.asarray(entries)
     nodes, components = entries[:, 0:4:2].real.astype(int), entries[:, 1:4:2].real.astype(int)
@@ -82,8 +90,32 @@ def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = Fals
     axes = [np.unique(dofs if square else dofs[:, k]) for k in (0, 1)]
     numbers = entries[:, 4] if np.any(entries[:, 4].imag) else entries[:, 4].real
     at = tuple(np.searchsorted(axis, dofs[:, k]) for k, axis in enumerate(axes))
+    _demand_unique(at[0], at[1], lambda k: "node {:g} {:g}, node {:g} {:g}".format(*entries[k, :4].real))
     values = coo_array((numbers, at), shape=(axes[0].size, axes[1].size))
     return file_matrix(name, values, *(names_of(*divmod(axis, 7)) for axis in axes), one_triangle=one_triangle)
+
+
+def _demand_unique(rows: Any, columns: Any, place: Callable[[int], str]) -> None:
+    """Refuse two entries of one place, which a sparse matrix would sum.
+
+    Parameters
+    ----------
+    rows, columns : (n,) places of the entries.
+    place : name of that of an entry, by its number from 0.
+
+    Raises
+    ------
+    MethodError
+        About ``file``, with the numbers of both entries.
+    """
+    order = np.lexsort((columns, rows))
+    same = (np.diff(rows[order]) == 0) & (np.diff(columns[order]) == 0)
+    if same.any():
+        first, second = sorted(order[np.flatnonzero(same)[0] :][:2].tolist())
+        raise MethodError(
+            "file", f"has two entries for {place(second)}, numbers {first + 1} and {second + 1}",
+            "remove one of them, or give each of two matrices a file",
+        )  # fmt: skip
 
 
 def names_of(nodes: Iterable[int], components: Iterable[int]) -> tuple[Dof, ...]:
@@ -117,17 +149,29 @@ def read_op4(path: Path, name: str | None = None) -> list[FileMatrix]:
         warnings.simplefilter("ignore")
         warnings.filterwarnings("error", "Premature end-of-file")
         loaded = pyyeti().op4.load(str(path), name, into="list", sparse=True)
-    return [file_matrix(called, m, one_triangle=form == _SYMMETRIC) for called, m, form, _ in zip(*loaded, strict=True)]
+        names = loaded[0] if len(set(loaded[0])) == len(loaded[0]) else pyyeti().op4.dir(str(path), verbose=False)[0]
+    numbers = [number for number, called in enumerate(names, 1) if called in loaded[0]]
+    return [
+        replace(file_matrix(called, m, one_triangle=form == _SYMMETRIC), place=f"matrix {number} of the file")
+        for number, called, m, form in zip(numbers, *loaded[:3], strict=True)
+    ]
 
 
 def read_op2(path: Path, name: str | None = None) -> list[FileMatrix]:
-    """Matrices and DMIG tables of an OUTPUT2 file, of equal names the last; only that of a name if it is given."""
+    """Matrices and DMIG tables of an OUTPUT2 file; only those of a name if it is given."""
     nastran = pyyeti()
     with nastran.OP2(str(path)) as file:
-        matrices = file.rdop2mats([name] if name else None, lower=True)
+        matrices = file.rdop2mats([name] if name else None, lower=True, which="all")
         # tables of DMIG entries begin with these numbers
         tables = [each.name.lower() for each in file.dblist if each.headers and each.headers[0][0] == (114, 1, 120)]
-    found = [file_matrix(called, values) for called, values in matrices.items()]
+    if repeated := [called for called, times in Counter(tables).items() if times > 1 and called == (name or called)]:
+        places = [number for number, called in enumerate(tables, 1) if called == repeated[0]]
+        raise ValueError(f"it holds {repeated[0]} as DMIG tables {' and '.join(map(str, places))}: remove all but one")
+    found = [
+        replace(file_matrix(called, values), place=f"matrix {number} of this name")
+        for called, several in matrices.items()
+        for number, values in enumerate(several, 1)
+    ]
     for called, frame in (nastran.rddmig(str(path), tables, square=True) if tables else {}).items():
         axes = ([*zip(*axis, strict=True)] if axis.nlevels == 2 else (axis, [0] * axis.size) for axis in frame.axes)
         found.append(file_matrix(called, frame, *(names_of(*axis) for axis in axes)))
@@ -138,10 +182,33 @@ def read_dmig(path: Path, _: str | None = None) -> list[FileMatrix]:
     """Matrices of DMIG entries in small, large and free fields, as EXTSEOUT and PARAM,EXTOUT punch them."""
     with open(path, encoding="latin-1") as file:
         cards = pyyeti().rdcards(file, r"dmig\b", regex=True, return_var="list", blank=0, follow_includes=False)
-    by_name: dict[str, list[Any]] = {}
+    lines = _headings_of_dmig(path)
+    found: list[tuple[str, list[Any]]] = []
+    latest: dict[str, list[Any]] = {}  # cards of the last matrix of a name
     for name, *fields in cards or ():
-        by_name.setdefault(name.lower(), []).append(fields)
-    return [_of_cards(name, *fields) for name, fields in by_name.items()]
+        if fields[0] == 0 or name.lower() not in latest:  # a heading
+            latest[name.lower()] = []
+            found.append((name.lower(), latest[name.lower()]))
+        latest[name.lower()].append(fields)
+    return [
+        replace(_of_cards(name, *fields), place=f"line {lines[name].pop(0)}" if lines.get(name) else "")
+        for name, fields in found
+    ]
+
+
+def _headings_of_dmig(path: Path) -> dict[str, list[int]]:
+    """Lines with the headings of each matrix, from 1, by its name in lower case."""
+    found: dict[str, list[int]] = {}
+    with open(path, encoding="latin-1") as file:
+        for number, line in enumerate(file, 1):
+            card = line.lower()
+            if not card.startswith("dmig"):
+                continue
+            width = 16 if card[4:5] == "*" else 8
+            fields = card.split(",")[1:3] if "," in card else [card[8 : 8 + width], card[8 + width : 8 + 2 * width]]
+            if len(fields) == 2 and fields[1].strip() == "0":
+                found.setdefault(fields[0].strip(), []).append(number)
+    return found
 
 
 def _of_cards(name: str, heading: list[Any], *columns: list[Any]) -> FileMatrix:
@@ -165,8 +232,15 @@ def read_matrix(path: Path, name: str | None) -> FileMatrix:
         About ``file`` or ``name``: it does not exist or cannot be read, it has no matrix of that name, or several.
     """
     found = [each for each in read_matrices(path, name) if name is None or each.name.lower() == name.lower()]
-    if found and (name is not None or len(found) == 1):
+    found = [each for each in found if each.name == name] or found
+    if len(found) == 1:
         return found[0]
+    if len({each.name for each in found}) == 1:
+        places = " and ".join(each.place or each.name for each in found)
+        raise MethodError(
+            "file", f"= {path.name} holds {len(found)} matrices {found[0].name}: {places}",
+            "remove all but one of them from the file",
+        )  # fmt: skip
     known = ", ".join(matrix.name for matrix in read_matrices(path)) or "none"
     if name is None:
         raise MethodError("file", f"holds {len(found)} matrices", f"name one: {known}")
@@ -208,13 +282,17 @@ def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
     name = path.stem.lower()
     with open(path, encoding="latin-1") as file:
         if file.readline().lower().startswith("%%matrixmarket"):
-            return [file_matrix(name, mmread(path, spmatrix=False))]
+            values: Any = mmread(path, spmatrix=False)
+            if not isinstance(values, np.ndarray):
+                _demand_unique(values.row, values.col, lambda k: f"row {values.row[k] + 1}, column {values.col[k] + 1}")
+            return [file_matrix(name, values)]
         file.seek(0)
         lines = (line.replace(",", " ").upper().replace("D", "E") for line in file)
         entries = np.loadtxt(lines, comments=("*", "%", "#"), ndmin=2)
     if entries.shape[1] == 5:
         return [labelled(name, entries, square=True, one_triangle=True)]
     i, j, numbers = entries.T
+    _demand_unique(i, j, lambda k: f"row {i[k]:g}, column {j[k]:g}")
     size = int(max(i.max(), j.max()))
     values = coo_array((numbers, (i.astype(int) - 1, j.astype(int) - 1)), shape=(size, size))
     return [file_matrix(name, values, one_triangle=True)]
@@ -246,6 +324,8 @@ def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
         blocks.append(np.array(numbers, dtype=float))
     pointers, indices = (block.astype(int) - 1 for block in blocks[:2])
     values = blocks[2].view(complex) if kind[0] == "C" else blocks[2]
+    column_of = np.repeat(np.arange(columns), np.diff(pointers))
+    _demand_unique(indices, column_of, lambda k: f"row {indices[k] + 1}, column {column_of[k] + 1}")
     matrix = csc_array((values, indices, pointers), shape=(rows, columns))
     return [file_matrix(path.stem.lower(), matrix, one_triangle=kind[1] in "SH")]
 
@@ -347,6 +427,8 @@ def _array(item: Any) -> Any:
 def _numpy(path: Path, _: str | None) -> list[FileMatrix]:
     """Arrays by name, or the sparse matrix of `scipy.sparse.save_npz`."""
     with np.load(path, allow_pickle=False) as stored:
+        if len(set(stored.files)) < len(stored.files):
+            raise ValueError("it holds two arrays of one name")
         if not {"format", "shape", "data"} <= set(stored.files):
             return _named(stored.items())
     return [file_matrix(path.stem.lower(), load_npz(path))]
@@ -355,7 +437,7 @@ def _numpy(path: Path, _: str | None) -> list[FileMatrix]:
 def _named(items: Iterable[tuple[str, Any]]) -> list[FileMatrix]:
     """Arrays of numbers with two dimensions."""
     return [
-        file_matrix(name, values)
+        replace(file_matrix(name, values), place=name)
         for name, values in items
         if not isinstance(values, str) and values.ndim == 2 and values.dtype.kind in "fciu"
     ]

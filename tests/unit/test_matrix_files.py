@@ -4,6 +4,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -248,3 +249,93 @@ def test_names_that_the_file_does_not_have(tmp_path):
         read_matrix(path, "kxx")
     with pytest.raises(MethodError, match="holds 3 matrices; name one: dense, sparse, sym"):
         read_matrix(path, None)
+
+
+TWICE = """DMIG    KAA     0       6       1       0
+DMIG    KAA     1       1               1       1       2.0
+DMIG    MAA     0       6       1       0
+DMIG    MAA     1       1               1       1       1.0
+"""
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_a_matrix_that_an_op4_file_holds_twice_is_refused_with_both_places(tmp_path, binary):
+    path, k = tmp_path / "twice.op4", np.array(STIFFNESS)
+    op4.write(str(path), ["KAA", "MAA", "KAA"], [k, k, 2 * k], binary=binary)
+    np.testing.assert_array_equal(dense(read_matrix(path, "maa").values), k)
+    with pytest.raises(MethodError, match=r"2 matrices kaa: matrix 1 of the file and matrix 3 of the file"):
+        read_matrix(path, "KAA")
+
+
+@pytest.mark.parametrize(
+    ("text", "places"),
+    [
+        (TWICE + "$ the second subcase\n" + TWICE, "line 1 and line 6"),
+        (TWICE + TWICE.replace("    ", ",", 1).replace("DMIG,KAA     0       6", "DMIG,KAA,0,6"), "line 1 and line 5"),
+        ("$\n" + TWICE.replace("DMIG    KAA     0       6", f"DMIG*   KAA{0:>29}{6:>16}") + TWICE, "line 2 and line 6"),
+    ],
+)
+def test_a_matrix_that_a_punch_file_holds_twice_is_refused_with_both_lines(tmp_path, text, places):
+    path = tmp_path / "twice.pch"
+    path.write_text(text)
+    with pytest.raises(MethodError, match=f"holds 2 matrices kaa: {places}"):
+        read_matrix(path, "kaa")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "places"),
+    [
+        ("a.dmig", TWICE + "DMIG    KAA     1       1               1       1       2.0\n", "numbers 1 and 2"),
+        ("a.mtx", 2 * "*MATRIX INPUT\n1,1,1,1,2.0\n1,1,2,1,-1.0\n2,1,2,1,3.0\n", "node 1 1, numbers 1 and 4"),
+        ("a.mtx", "1 1 2.0\n1 2 -1\n2 2 3\n1 1 5\n", "row 1, column 1, numbers 1 and 4"),
+        (
+            "a.mtx",
+            "%%MatrixMarket matrix coordinate real general\n2 2 3\n2 1 2.0\n2 2 3\n2 1 5\n",
+            "row 2, column 1, numbers 1 and 3",
+        ),
+    ],
+)
+def test_entries_of_one_place_are_not_summed(tmp_path, name, text, places):
+    """Two matrices in one file would be added."""
+    (tmp_path / name).write_text(text)
+    with pytest.raises(MethodError, match=places):
+        read_matrix(tmp_path / name, "kaa" if name.endswith("dmig") else None)
+
+
+def test_matrices_in_structs_of_matlab_are_found_by_their_path(tmp_path):
+    k, parts = np.array(STIFFNESS), np.zeros((1, 2), dtype=[("K", "O"), ("name", "O")])
+    parts[0, 0], parts[0, 1] = (k, "panel"), (2 * k, "rib")
+    model = {"K": k, "note": "text", "inner": {"M": csc_array(k)}}
+    scipy.io.savemat(tmp_path / "five.mat", {"model": model, "parts": parts, "K": 3 * k, "k": 4 * k})
+    found = {each.name: dense(each.values) for each in read_matrices(tmp_path / "five.mat")}
+    factors = {"model.K": 1, "model.inner.M": 1, "parts(1).K": 1, "parts(2).K": 2, "K": 3, "k": 4}
+    assert found.keys() == factors.keys()
+    for name, factor in factors.items():
+        np.testing.assert_array_equal(found[name], factor * k)
+        np.testing.assert_array_equal(dense(read_matrix(tmp_path / "five.mat", name).values), factor * k)
+    with pytest.raises(MethodError, match=r"it holds model\.K"):
+        read_matrix(tmp_path / "five.mat", "stiffness")
+
+
+def test_matrices_in_structs_of_matlab_7_3_are_found_by_their_path(tmp_path):
+    k = np.array(STIFFNESS) + np.triu(np.ones((len(STIFFNESS), len(STIFFNESS))))
+    with h5py.File(tmp_path / "new.mat", "w", userblock_size=512) as file:
+        for path, kind in (("model", "struct"), ("model/inner", "struct")):
+            file.create_group(path).attrs["MATLAB_class"] = np.bytes_(kind)
+        for path, values, kind in (
+            ("model/inner/M", k.T, "double"),
+            ("model/note", np.array([[75], [76]], dtype="u2"), "char"),
+        ):
+            file.create_dataset(path, data=values).attrs["MATLAB_class"] = np.bytes_(kind)
+    np.testing.assert_array_equal(dense(read_matrix(tmp_path / "new.mat", "MODEL.inner.m").values), k)
+    assert [each.name for each in read_matrices(tmp_path / "new.mat")] == ["model.inner.M"]
+
+
+def test_a_variable_that_a_matlab_file_holds_twice_is_refused(tmp_path):
+    for number, name in enumerate(("one.mat", "other.mat"), 1):
+        scipy.io.savemat(tmp_path / name, {"K": number * np.array(STIFFNESS)})
+    header = 128  # bytes before the first variable
+    both = (tmp_path / "one.mat").read_bytes() + (tmp_path / "other.mat").read_bytes()[header:]
+    (tmp_path / "both.mat").write_bytes(both)
+    with pytest.raises(MethodError, match="the variable K occurs twice, as number 1 and 2"):
+        read_matrix(tmp_path / "both.mat", "K")
