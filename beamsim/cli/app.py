@@ -155,7 +155,9 @@ def identify_stiffness(
 @command(Stored, *COMPUTING[1:])
 def compare(
     given: Given,
-    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv or .h5.")],
+    measured: Annotated[
+        Path, typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv, .h5, .nc or .mat.")
+    ],
     channel: Annotated[str | None, typer.Option("--channel", help="Channel of the measurement.")] = None,
     probe: Annotated[str | None, typer.Option("--probe", help="Probe (or snubber) to compare with.")] = None,
     quantity: Annotated[str | None, typer.Option("--quantity", help="E.g. absolute_acceleration, force.")] = None,
@@ -164,6 +166,9 @@ def compare(
     ] = None,
     axis_unit: Annotated[
         str | None, typer.Option("--axis-unit", help="Unit of its times or frequencies, e.g. ms, likewise.")
+    ] = None,
+    level: Annotated[
+        str | None, typer.Option("--level", help="Excitation at which a frequency response was measured, e.g. '2 g'.")
     ] = None,
     harmonics: Annotated[int, typer.Option("--harmonics", min=1, help="Number of harmonics in the table.")] = 10,
     last: Annotated[
@@ -187,7 +192,14 @@ def compare(
     """Overlay a run or sweep with measured signals. Prints differences of harmonics, phase aligned; of sweeps peaks."""
     from beamsim.cli.comparisons import compare_signals
 
-    pairing = {"channel": channel, "place": probe, "quantity": quantity, "unit": unit, "axis_unit": axis_unit}
+    pairing = {
+        "channel": channel,
+        "place": probe,
+        "quantity": quantity,
+        "unit": unit,
+        "axis_unit": axis_unit,
+        "level": level,
+    }
     of_runs = {"harmonics": harmonics, "last": last}
     of_sweeps = {"curve": curve, "detector": detector, "reference": reference, "begin": begin, "cycles": cycles}
     compare_signals(given, measured, pairing, of_runs, of_sweeps)

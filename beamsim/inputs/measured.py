@@ -157,8 +157,8 @@ def _along_time(signal: MeasuredSignal, signals: list[MeasuredSignal], excitatio
     """The values over the times that are asked for."""
     if excitation.sample_rate is not None:
         even = np.arange(signal.y.size) / excitation.sample_rate
-        return replace(signal, x=even, of_frequency=False, axis="time", axis_unit="s")
-    if excitation.time_column is not None:
+        signal = replace(signal, x=even, of_frequency=False, axis="time", axis_unit="s")
+    elif excitation.time_column is not None:
         time = column_named(signals, excitation.time_column)
         if time.y.size != signal.y.size:
             raise MeasurementError(f"has {time.y.size} times for {signal.y.size} values", "name another column")

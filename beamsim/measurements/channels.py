@@ -10,12 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.functions import FunctionType
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.quantities import motion_dimension
 
+_FOR_TESTS = {  # function types that tests of a kind take; frequency responses have no harmonics
+    "steady": ((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), "the test of a steady vibration"),
+    "transient": ((FunctionType.TIME_HISTORY,), "the test of a transient"),
+}
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
 
 
@@ -43,7 +48,10 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
                 read_signals(path, test.axis_unit), name, test.quantity, path, required=test.channel is not None,
                 at=f"{at}.channel",
             )  # fmt: skip
+            signal = signal.required(*_FOR_TESTS[test.kind])
             signals.append(in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit"))
+        except MeasurementError as fault:
+            problems.append(Problem(f"{at}.file", f"= {test.file} {fault.message}", fault.remedy))
         except ScenarioError as error:
             problems += [
                 p if p.path else Problem(f"{at}.file", f"= {test.file}: {p.message}", p.remedy) for p in error.problems
@@ -150,9 +158,10 @@ def history_named(path: Path, name: str, axis_unit: str | None = None) -> Measur
         If the file cannot be used, there is none, or the channel is a function of frequency.
     """
     signal = channel_named(read_signals(path, axis_unit), name, "", path, required=True)
-    if signal.of_frequency:
-        raise unusable(f"{path}: {signal.name} is no time history", "choose the channel of the excitation over time")
-    return signal
+    try:
+        return signal.required((FunctionType.TIME_HISTORY,), "the excitation of a tracked sweep")
+    except MeasurementError as fault:
+        raise unusable(f"{path} {fault.message}", fault.remedy) from None
 
 
 def _checked(signal: MeasuredSignal, path: Path) -> MeasuredSignal:

@@ -16,7 +16,7 @@ from beamsim.typing import Complexes, Floats
 TIME_NAMES = ("time", "t", "zeit", "temps")
 _FREQUENCY_NAMES = ("frequency", "f", "freq", "frequenz", "fréquence")
 
-_BRACKETS = re.compile(r"(.*?)\s*[(\[]([^)\]]*)[)\]]\s*")
+_BRACKETS = re.compile(r"(.*?)\s*[(\[]((?:[^()\[\]]|\([^()]*\))*)[)\]]\s*")
 _ENDING = re.compile(r"(.+?)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|n_m|m|n|g|s|ms|us|k?hz|rad|deg|pa|j)", re.IGNORECASE)
 _SPELLED = {"m_per_s2": "m/s^2", "m_per_s": "m/s", "m/s2": "m/s^2", "n": "N", "n_m": "N m", "pa": "Pa",
             "j": "J", "hz": "Hz", "khz": "kHz"}  # fmt: skip
@@ -79,6 +79,14 @@ class Reference:
 
 
 @dataclass(frozen=True)
+class Level:
+    """Amplitude of the excitation in a test."""
+
+    amplitude: float  # in SI units
+    dimension: units.Dimension
+
+
+@dataclass(frozen=True)
 class MeasuredSignal:
     """One measured channel: its values on an axis, and what the file says of them.
 
@@ -100,6 +108,7 @@ class MeasuredSignal:
     direction: str = ""  # +X to -RZ, as in the file
     reference: Reference | None = None  # what the values are divided by
     scaling: tuple[str, ...] = ()  # what was done to the values of the file, in words
+    level: Level | None = None  # of the excitation, by which the values of a ratio were multiplied
     fault: tuple[str, str] | None = None  # why the values cannot be used, and a remedy
 
     @property
@@ -142,7 +151,7 @@ class MeasuredSignal:
         raise MeasurementError(
             f"has {self.function.with_article} in {self.name}{f' ({self.unit_text})' if self.unit_text else ''}, and "
             f"{purpose} needs {needed}",
-            f"choose another channel, or export {needed}",
+            f"choose another channel, or export {'one of these' if others else last}",
         )
 
     @property
@@ -162,7 +171,8 @@ class MeasuredSignal:
         Returns
         -------
         MeasuredSignal
-            An amplitude spectrum; a signal of another function type as it is.
+            An amplitude spectrum, its phases those under an excitation that is a sine; a signal of another function
+            type as it is.
 
         Raises
         ------
@@ -188,10 +198,11 @@ class MeasuredSignal:
             amplitude, stated = units.read_level(level, (dimension or units.ACCELERATION,))
         except units.UnitError as error:
             raise MeasurementError(f"{what}, and {key} = {level} {error.message}", remedy) from None
-        if stated is None or amplitude <= 0.0:
+        if dimension is None or stated is None or amplitude <= 0.0:
             raise MeasurementError(f"{what}, and {key} = {level} is no amplitude with a unit", remedy)
+        factor = amplitude / size * (-1j if np.iscomplexobj(self.y) else 1.0)
         return replace(
-            self, y=self.y * (amplitude / size), unit=numerator, reference=None,
+            self, y=np.asarray(factor * self.y), unit=numerator, reference=None, level=Level(amplitude, dimension),
             stated_function=FunctionType.SPECTRUM, scaling=(*self.scaling, f"times {level}"),
         )  # fmt: skip
 
@@ -229,6 +240,8 @@ class MeasuredSignal:
         MeasurementError
             If neither states a unit, or it is not one of time (of frequency).
         """
+        if self.fault is not None:  # which `checked` states
+            return self
         kind, example = ("frequency", "frequency (Hz)") if self.of_frequency else ("time", "time (ms)")
         named = unit or self.axis_unit
         remedy = f"name its unit in the heading, for example {example}, or give {key}"

@@ -11,11 +11,13 @@ from beamsim.analyses.quality import peaks_of
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import read_signals
+from beamsim.measurements.functions import BY_NUMBER
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 from tests.helpers.commands import invoke
+from tests.helpers.universal_files import function
 
 G = 9.80665
 CASE = {
@@ -255,3 +257,66 @@ def test_stored_and_drawn(swept, tmp_path):
     assert set(figures) == {"first_absolute_acceleration", "second_absolute_acceleration", "fdac"}
     for name, figure in figures.items():
         figure.savefig(tmp_path / f"{name}.png")
+
+
+@pytest.fixture(scope="module")
+def stored(swept, tmp_path_factory):
+    path = tmp_path_factory.mktemp("swept") / "sweep.h5"
+    write_result(swept, path)
+    return path
+
+
+def response(swept, *, over, kind=4, level=1.0):
+    """The sweep as a frequency response: a data set 58 of the second probe over what excites it."""
+    curve = swept.curves["up_0"]
+    f = np.arange(16.0, 34.0, 0.1)
+    values = curve.acceleration["second"].harmonics[0]
+    phase = np.interp(f, curve.frequency_hz, np.unwrap(np.angle(values)))
+    y = np.interp(f, curve.frequency_hz, np.abs(values)) * np.exp(1j * phase) / level
+    fields = {"kind": kind, "over": over, "begin": f[0], "step": 0.1, "axis": (0, "", "Hz"), "name": "second"}
+    return function(y, **fields)
+
+
+@pytest.mark.parametrize("kind", [4, 5])
+@pytest.mark.parametrize(("unit", "level"), [("g", G), ("m/s^2", 1.0)])
+def test_a_frequency_response_times_its_level_is_compared_with_the_sweep(stored, swept, tmp_path, kind, unit, level):
+    (tmp_path / "a.uff").write_text(response(swept, over=(12, "", unit), kind=kind, level=G / level))
+    output = ["-o", tmp_path / "c.h5", "--no-plots"]
+    without = invoke("compare", stored, tmp_path / "a.uff", *output)
+    assert without.exit_code == 2
+    assert "a structure with stops responds differently at each level; give" in without.stderr
+    assert f"--level '2 {unit}'" in without.stderr
+    assert invoke("compare", stored, tmp_path / "a.uff", "--level", "1 g", *output).exit_code == 0
+    result = open_result(tmp_path / "c.h5")
+    (channel,) = result.sweeps
+    assert channel.frac == pytest.approx(1.0, abs=1e-4)
+    assert channel.peaks[0].difference_db == pytest.approx(0.0, abs=0.05)
+    assert channel.channel == "second, times 1 g"
+    assert result.warnings == ()
+
+
+def test_a_response_at_another_level_is_warned_of_and_one_to_a_force_refused(stored, swept, tmp_path):
+    (tmp_path / "a.uff").write_text(response(swept, over=(12, "", "g"), level=G))
+    assert invoke("compare", stored, tmp_path / "a.uff", "--level", "2 g", "-o", tmp_path / "c.h5").exit_code == 0
+    (warning,) = open_result(tmp_path / "c.h5").warnings
+    assert "second was measured at 19.61 m/s^2, and the sweep is computed at 9.807 m/s^2" in warning
+    (tmp_path / "a.uff").write_text(response(swept, over=(13, "", "N")))
+    refused = invoke("compare", stored, tmp_path / "a.uff", "--level", "2 N")
+    assert refused.exit_code == 2
+    assert "was measured under an excitation in N, and the sweep is computed under one in m/s^2" in refused.stderr
+
+
+@pytest.mark.parametrize("kind", [2, 3, 6, 9, 10, 18, 24])
+def test_what_is_no_amplitude_is_not_compared_with_a_sweep(stored, swept, tmp_path, kind):
+    (tmp_path / "a.uff").write_text(response(swept, over=(0, "", "NONE"), kind=kind))
+    refused = invoke("compare", stored, tmp_path / "a.uff", "--unit", "g")
+    assert refused.exit_code == 2
+    assert f"{BY_NUMBER[kind]} in second" in refused.stderr
+    assert "a comparison with a sweep needs a time history, an amplitude spectrum" in refused.stderr
+
+
+def test_channels_that_cannot_be_compared_are_left_out_where_others_can(stored, swept, tmp_path):
+    coherence = response(swept, over=(0, "", "NONE"), kind=6).replace("second", "second absolute acceleration")
+    (tmp_path / "a.uff").write_text(coherence + response(swept, over=(0, "", "NONE"), kind=12))
+    assert invoke("compare", stored, tmp_path / "a.uff", "-o", tmp_path / "c.h5").exit_code == 0
+    assert open_result(tmp_path / "c.h5").sweeps[0].frac == pytest.approx(1.0, abs=1e-4)

@@ -24,6 +24,7 @@ from beamsim.analyses.run.spectra import amplitude_db, spectrum
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import channel_named, holds_name, read_signals, unusable
+from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.excitation import spoken
@@ -134,7 +135,7 @@ def _channel(
         place=place,
         quantity=quantity,
         unit=unit,
-        channel=signal.name,
+        channel=signal.description,
         source=signal.source,
         excitation_hz=excitation,
         delay_s=delay,
@@ -314,11 +315,15 @@ def pair_channels(
     channel: str | None = None,
     unit: str | None = None,
     axis_unit: str | None = None,
+    level: str | None = None,
 ) -> list[tuple[str, str, MeasuredSignal]]:
     """The measured channels of a file that belong to places of a result by name, in SI units.
 
     With `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or unit says,
     else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
+
+    Time histories and amplitude spectra can be compared; with a sweep frequency responses, too, times the level at
+    which they were measured. Channels of other function types are left out where others are named after the places.
 
     Parameters
     ----------
@@ -328,6 +333,7 @@ def pair_channels(
     quantity : of the channel; without it and `channel` all of `quantities_of` the place are paired.
     channel : its name.
     unit, axis_unit : of its values, and of its time or frequency, where the file does not say.
+    level : amplitude of the excitation at which frequency responses were measured, with its unit.
 
     Returns
     -------
@@ -337,7 +343,7 @@ def pair_channels(
     Raises
     ------
     ScenarioError
-        If the file cannot be used or no channel matches.
+        If the file cannot be used, no channel matches, or the one that does is of a function type that cannot be used.
     """
     signals = read_signals(path, axis_unit)
     found = quantities_of(result)
@@ -347,9 +353,12 @@ def pair_channels(
         signal = channel_named(
             signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
         )
+        signal = _amplitudes(signal, isinstance(result, SweepResult), path, level)
         at, compared = _owner(signal, found, path, place, quantity, unit)
         return [(at, compared, in_si(signal, unit, found[at][compared], "--unit"))]
-    pairs = _by_name(signals, found, path, place, quantity, unit)
+    usable = [each for each in signals if each.function in _functions(isinstance(result, SweepResult))]
+    pairs = _by_name(usable or signals, found, path, place, quantity, unit)
+    pairs = [(name, q, _amplitudes(each, isinstance(result, SweepResult), path, level)) for name, q, each in pairs]
     try:
         return [(name, q, in_si(signal, unit, found[name][q], "--unit")) for name, q, signal in pairs]
     except ScenarioError as error:
@@ -359,6 +368,26 @@ def pair_channels(
         problem = error.problems[0]
         remedy = f"the file has {', '.join(several)}: choose one with --quantity, for example --quantity {several[0]}"
         raise ScenarioError.at(problem.path, problem.message, remedy) from None
+
+
+def _functions(of_sweep: bool) -> tuple[FunctionType, ...]:
+    """Function types that are compared with a sweep, and with a run."""
+    return (FunctionType.TIME_HISTORY, FunctionType.SPECTRUM, *(RATIOS if of_sweep else ()))
+
+
+def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str | None) -> MeasuredSignal:
+    """A time history or amplitudes: those of a frequency response at a level.
+
+    Raises
+    ------
+    ScenarioError
+        If it is none of them, or has no level.
+    """
+    purpose = f"a comparison with a {'sweep' if of_sweep else 'run'}"
+    try:
+        return signal.required(_functions(of_sweep), purpose).at_level(level, "--level")
+    except MeasurementError as fault:
+        raise unusable(f"{path} {fault.message}", fault.remedy) from None
 
 
 _Quantities = Mapping[str, Mapping[str, Dimension]]  # by place and name

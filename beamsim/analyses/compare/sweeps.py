@@ -9,7 +9,7 @@ bandwidth is the N-th part of the frequency.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal
@@ -23,6 +23,8 @@ from beamsim.analyses.sweep.result import Envelope, OutputEnvelope, SweepCurve, 
 from beamsim.measurements.channels import unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import COMPLETE
+from beamsim.scenario.quantities import amplitude_unit
+from beamsim.scenario.units import FORCE, MOMENT, PRESSURE
 from beamsim.typing import Complexes, Floats, Ints, not_none
 
 Detector = Literal["peak", "fundamental", "rms"]
@@ -74,6 +76,7 @@ def compare_sweep(
     begin = perf_counter()
     chosen = _curve(result, curve)
     tracking = _settled(result, chosen, pairs, tracking or Tracking())
+    warnings = [text for _, _, signal in pairs for text in _level_warnings(chosen, signal)]
     channels = tuple(_channel(chosen, *pair, detector, tracking) for pair in pairs)
     return Comparison(
         scenario=result.scenario,
@@ -81,6 +84,7 @@ def compare_sweep(
         channels=(),
         sweeps=channels,
         assurance=_assurance(channels),
+        warnings=tuple(warnings),
         wall_time_s=perf_counter() - begin,
     ).with_summary(sweeps=[_compared(channel) for channel in channels])
 
@@ -93,6 +97,35 @@ def _curve(result: SweepResult, name: str | None) -> SweepCurve:
         what = "--curve is missing, and the sweep has several curves" if name is None else f"--curve {name} is unknown"
         raise unusable(what, f"choose one of {', '.join(names)}")
     return result.curves[name]
+
+
+def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
+    """Warnings that a frequency response was measured at another level than the sweep was computed at.
+
+    Raises
+    ------
+    ScenarioError
+        If the structure was excited by a force in one and by a motion of the base in the other.
+    """
+    if signal.level is None:
+        return
+    loads = (FORCE.unit, MOMENT.unit, PRESSURE.unit)
+    unit, computed = signal.level.dimension.unit, amplitude_unit(curve.quantity)
+    if (unit in loads) != (computed in loads):
+        raise unusable(
+            f"{signal.label} was measured under an excitation in {unit}, and the sweep is computed under one in "
+            f"{computed}",
+            "compute the sweep with the excitation of the test",
+        )
+    inside = (curve.frequency_hz >= signal.x[0]) & (curve.frequency_hz <= signal.x[-1])
+    amplitude = curve.excitation_amplitude[inside]
+    # 0.01: relative difference of levels that count as equal
+    if unit == computed and np.any(np.abs(amplitude / signal.level.amplitude - 1.0) > 0.01):
+        most = float(amplitude[np.argmax(np.abs(amplitude / signal.level.amplitude - 1.0))])
+        yield (
+            f"{signal.name} was measured at {signal.level.amplitude:.4g} {unit}, and the sweep is computed at "
+            f"{most:.4g} {unit}: a structure with stops responds differently at each level"
+        )
 
 
 def _settled(
@@ -179,7 +212,7 @@ def _channel(
         place=place,
         quantity=quantity,
         unit=envelope.unit,
-        channel=signal.name,
+        channel=signal.description,
         source=signal.source,
         curve=curve.name,
         detector=detector,
