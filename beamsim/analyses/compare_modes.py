@@ -344,9 +344,10 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
             rows.append(row)
     if not rows:
         moving = [direction for direction, values in motion.items() if values.any()]
+        if not moving:
+            raise _wrong(path, "has shapes without any motion", "export them again")
         raise _wrong(
-            path, f"has shapes that move in {' and '.join(moving) or 'no direction'} alone, and bodies of this case "
-            "deflect in z",
+            path, f"has shapes that move in {' and '.join(moving)} alone, and bodies of this case deflect in z",
             "turn the axes of the measurement so that z is the direction of the deflection, or use CSV",
         )  # fmt: skip
     return ShapesAtPlaces(tuple(places), frequencies, np.array(rows), str(path), tuple(labels))

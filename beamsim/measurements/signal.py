@@ -148,9 +148,9 @@ class MeasuredSignal:
             return self
         *others, last = (each.with_article for each in functions)
         needed = f"{', '.join(others)} or {last}" if others else last
+        unit = f" ({self.unit_text})" if self.unit_text and self.unit_text not in self.name else ""
         raise MeasurementError(
-            f"has {self.function.with_article} in {self.name}{f' ({self.unit_text})' if self.unit_text else ''}, and "
-            f"{purpose} needs {needed}",
+            f"has {self.function.with_article} in {self.name}{unit}, and {purpose} needs {needed}",
             f"choose another channel, or export {'one of these' if others else last}",
         )
 
