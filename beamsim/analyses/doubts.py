@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.contacts.pads import ForceCurve
+from beamsim.inputs.statements import InputStatement
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import large_deflections
@@ -18,6 +19,7 @@ from beamsim.typing import Floats
 
 WORTHLESS_REDUCTION = 0.1
 """Bound of the receptance's error over the static compliance above which a result is not to be trusted."""
+LINES_OF_BANDWIDTH = 0.25  # largest distance of the sines of a random input, over the half-power bandwidth of a mode
 _REST = "; the last slope continues beyond it, which may be too soft: measure further, or add points"
 
 
@@ -65,6 +67,38 @@ def deflection_warnings(scenario: Scenario, modes: ModeTable, motions: Iterable[
         for probe, values in motion.items():
             peaks[probe] = max(peaks.get(probe, 0.0), float(np.nanmax(values, initial=0.0)))
     return large_deflections(scenario, peaks)
+
+
+def line_warnings(inputs: Iterable[InputStatement], modes: ModeTable) -> list[str]:
+    """A warning for each random input whose sines are too far apart for the resonances in its band.
+
+    Parameters
+    ----------
+    inputs : of the run.
+    modes : of its structure; as it rests, where that is known, else with open contacts.
+
+    Returns
+    -------
+    One sentence an input, about the mode with the smallest bandwidth.
+    """
+    frequency, ratio = modes.resting_frequencies_hz, modes.resting_damping_ratios
+    if frequency is None or ratio is None:
+        frequency, ratio = modes.open_frequencies_hz, modes.damping_ratios
+    width = 2.0 * np.asarray(ratio) * frequency
+    warnings = []
+    for each in inputs:
+        within = np.flatnonzero((frequency >= each.from_hz) & (frequency <= each.to_hz) & (width > 0.0))
+        if within.size == 0:
+            continue
+        k = within[np.argmin(width[within])]
+        if each.line_spacing_hz > LINES_OF_BANDWIDTH * width[k]:
+            warnings.append(
+                f"{each.path}: the sines of the random input are {each.line_spacing_hz:.4g} Hz apart, which is "
+                f"{each.line_spacing_hz / width[k]:.2g} of the half-power bandwidth of mode {k + 1}, {width[k]:.3g} Hz "
+                f"at {frequency[k]:.4g} Hz (at most {LINES_OF_BANDWIDTH:g}): the response depends on where they lie; "
+                f"give a run.duration or excitation.period of {1.0 / (LINES_OF_BANDWIDTH * width[k]):.3g} s"
+            )
+    return warnings
 
 
 def curve_warnings(scenario: Scenario, modes: ModeTable, curves: Sequence[Any]) -> list[str]:

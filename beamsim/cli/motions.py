@@ -41,6 +41,7 @@ def run_screen(result: RunResult) -> Screen:
     ]
     if outputs:
         lines.append(f"peaks of outputs: {first_of(outputs, SHOWN)}")
+    lines += [f"{path}: {text}" for path, text in input_texts(result).items()]
     if "matched" in s:
         of = s["matched"]
         band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"
@@ -62,6 +63,18 @@ def run_screen(result: RunResult) -> Screen:
         diverge = "" if until >= result.time[-1] else f" until {until:.4g} s, where the contact sequences diverge"
         lines.append(f"{compared['method']}: displacements differ by at most {apart}{diverge}")
     return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+
+
+def input_texts(result: RunResult, _: object = None) -> dict[str, str]:
+    """By path of the excitation the size of a random input or record, its sampling, and how it was made."""
+    texts = {}
+    for each in result.inputs:
+        band = f", {each.from_hz:.4g} to {each.to_hz:.4g} Hz" if is_known(each.from_hz) else ""
+        unit = "g" if each.unit == "m/s^2" else each.unit
+        size = f"rms {each.rms / STANDARD_GRAVITY:.4g} g" if unit == "g" else f"rms {amount(each.rms, unit)}"
+        rate = "" if band else f", {amount(each.sample_rate_hz, 'Hz')}"
+        texts[each.path] = f"{size}{band}{rate}{f'; {each.treatment}' if each.treatment else ''}"
+    return texts
 
 
 def sensitivity_texts(result: RunResult) -> dict[str, list[str]]:
@@ -286,6 +299,7 @@ RUN_VIEWS: Views = {
     "peak_moment_n_m": together("peak_moment_n_m"),
     "gap_rad": together("gap_rad", "static_moment_n_m", "blocked_moment_n_m"),
     "sensitivities": lambda result, _: {name: ", ".join(of) for name, of in sensitivity_texts(result).items()},
+    "inputs": input_texts,
     "spectral_lines": _spectral_lines,
     "impacts": _impacts,
     "random": _random,

@@ -5,90 +5,108 @@ start from d = d' = 0.
 
 A random input follows from a table of power spectral density,
 
-.. math:: s(t) = \sum_k r_k \sqrt{2 S(f_k) \Delta f}\, \cos(2\pi f_k t + \varphi_k), \qquad f_k = k \Delta f,
+.. math:: s(t) = \sum_k r_k a_k \cos(2\pi f_k t + \varphi_k), \qquad f_k = k \Delta f, \qquad
+          \tfrac{1}{2} a_k^2 = \int_{f_k - \Delta f/2}^{f_k + \Delta f/2} S\, df,
 
 with independent uniform phases. With fixed amplitudes, :math:`r_k = 1`, every realisation has exactly the given
 density; the sum is Gaussian by the central limit theorem, but its mean square over a period is always the same. With
 random ones, :math:`r_k^2` exponentially distributed with unit mean, the sum is a Gaussian process: its mean square over
 a period T has the relative variance :math:`\int S^2 df / (T (\int S df)^2)` (S. O. Rice, Bell System Technical
-Journal 23, 1944).
+Journal 23, 1944). Of a clipped input the samples are cut off at a number of standard deviations; what that adds below
+the band is taken away.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamsim.errors import ScenarioError
+from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
 from beamsim.inputs.drift import Correction, jumps
 from beamsim.inputs.measured import sampled_signal
 from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import MOST_PIECES, CubicRecord, Signal, StreamedSignal
+from beamsim.inputs.statements import InputAccount, InputStatement
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
 from beamsim.scenario.excitation import Excitation, One, RandomInput, SweptSineInput
-from beamsim.scenario.quantities import blended, power_of
+from beamsim.scenario.quantities import amplitude_unit, blended, power_of
 from beamsim.typing import Complexes, Floats, Ints
 
+SAMPLES_OF_CYCLE = 20  # of the highest frequency of a random input
+CLIPPINGS = 8  # of a record, with what lies below its band taken away in between
 MOST_OF_ANY_SIZE = (
     4_000_000  # of a period; more are rounded up, as else the transform may need several times the memory
 )
 
 
-def density(frequency_hz: Floats, at_hz: Floats, value: Floats) -> Floats:
-    """One-sided density by log-log interpolation, zero outside the table.
-
-    Parameters
-    ----------
-    frequency_hz : (n,) Hz, where it is asked for.
-    at_hz, value : (p,) Hz and (p,) unit^2/Hz, the table.
-
-    Returns
-    -------
-    ndarray
-        (n,) unit^2/Hz.
-    """
-    inside = (frequency_hz >= at_hz[0] * (1 - 1e-12)) & (frequency_hz <= at_hz[-1] * (1 + 1e-12))
-    out = np.zeros(frequency_hz.shape)
-    f = np.clip(frequency_hz[inside], at_hz[0], at_hz[-1])
-    k = np.clip(np.searchsorted(at_hz, f, side="right") - 1, 0, at_hz.size - 2)
-    a, b = value[k], value[k + 1]
-    share = np.log(f / at_hz[k]) / np.log(at_hz[k + 1] / at_hz[k])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        logarithmic = np.exp((1 - share) * np.log(a) + share * np.log(b))
-    out[inside] = np.where((a > 0) & (b > 0), logarithmic, np.where(share == 0, a, 0.0))
+def _spectrum(density: SpectralDensity, period: float, count: int, seed: int | str, gaussian: bool) -> Complexes:
+    """(count // 2 + 1,) complex amplitudes of the sines, at multiples of 1 / period."""
+    amplitude = density.lines(period, count // 2 + 1)
+    used = np.flatnonzero(amplitude)
+    out = np.zeros(amplitude.size, dtype=complex)
+    for each, share in blended(seed):
+        generator = np.random.default_rng(each)
+        phase, size = generator.uniform(0, 2 * np.pi, amplitude.size)[used], amplitude[used]
+        if gaussian:
+            size = size * np.sqrt(generator.standard_exponential(amplitude.size))[used]
+        out[used] += share * np.exp(1j * phase) * size
     return out
 
 
-def _spectrum(
-    at_hz: Floats, value: Floats, period: float, count: int, seed: int | str, gaussian: bool
-) -> tuple[Floats, Complexes]:
-    """Frequencies (Hz) and complex amplitudes of the sines."""
-    frequency = np.arange(count // 2 + 1) / period
-    amplitude = np.sqrt(2 * density(frequency, at_hz, value) / period)
-    used = np.flatnonzero(amplitude)
-    out = np.zeros(frequency.size, dtype=complex)
-    for each, share in blended(seed):
-        generator = np.random.default_rng(each)
-        phase, size = generator.uniform(0, 2 * np.pi, frequency.size)[used], amplitude[used]
-        if gaussian:
-            size = size * np.sqrt(generator.standard_exponential(frequency.size))[used]
-        out[used] += share * np.exp(1j * phase) * size
-    return frequency, out
+def _clipped(amplitude: Complexes, count: int, limit: float) -> Complexes:
+    """Amplitudes of the sines of a record whose samples are clipped, without what lies below its lowest sine.
+
+    A base would drift with what clipping adds below the band. Taking it away moves samples beyond the limit again, so
+    both are done in turn; each is a projection on a convex set, and what is left beyond the limit falls quickly.
+
+    Parameters
+    ----------
+    amplitude : (count // 2 + 1,) of the record.
+    count : samples of a period.
+    limit : largest magnitude.
+    """
+    lowest = int(np.flatnonzero(amplitude)[0])
+    spectrum = 0.5 * count * amplitude
+    for _ in range(CLIPPINGS):
+        spectrum = np.fft.rfft(np.clip(np.fft.irfft(spectrum, count), -limit, limit))
+        spectrum[:lowest] = 0.0
+    if count % 2 == 0:
+        spectrum[-1] = 0.0  # half of the sampling rate, which has no phase
+    return np.asarray(spectrum / (0.5 * count), dtype=complex)
 
 
-def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Signal, Signal, Signal]:
+def random_signals(
+    excitation: RandomInput, duration: float | None, folder: Path | None = None
+) -> tuple[Signal, Signal, Signal]:
     """The noise as a smooth piecewise cubic over the run, and its integrals; it does not depend on where the run ends.
 
     The integrals start at the values of the integrated sines, so that a base does not drift, or at 0 with a ramp.
+
+    Parameters
+    ----------
+    excitation, duration, folder : see `level_signal`.
+
+    Returns
+    -------
+    tuple
+        The noise in SI units and its first and second integral over time.
+
+    Raises
+    ------
+    ScenarioError
+        If its sines are too far apart for its density, or it has too many samples.
     """
-    at = np.array([p.frequency for p in excitation.psd])
-    value = np.array([p.density for p in excitation.psd])
+    density = density_of(excitation, folder)
     period = excitation.period or duration or 1.0
-    rate = excitation.sample_rate or 20 * float(at[-1])  # samples in a cycle of the highest frequency
+    if excitation.period is not None or duration is not None:  # else nothing is simulated
+        density.demand_resolved(period, "run.duration" if excitation.period is None else "excitation.period")
+    rate = excitation.sample_rate or SAMPLES_OF_CYCLE * density.highest_hz
     total = duration if duration is not None else period
     for samples, most, remedy in (
         (period * rate, 50_000_000, "give a shorter excitation.period, after which the noise repeats"),
@@ -101,16 +119,19 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
         from scipy.fft import next_fast_len
 
         count = int(next_fast_len(count, real=True))
-    frequency, amplitude = _spectrum(at, value, period, count, excitation.seed, excitation.amplitudes == "random")
+    amplitude = _spectrum(density, period, count, excitation.seed, excitation.amplitudes == "random")
+    limit = np.inf
+    if excitation.clip is not None:
+        limit = excitation.clip * density.rms
+        amplitude = _clipped(amplitude, count, limit)
     step = period / count
     pieces = int(np.ceil(total / step)) + 1
     velocity_0 = displacement_0 = 0.0
     if excitation.ramp == 0:
         used = np.flatnonzero(amplitude)
-        omega = 2 * np.pi * frequency[used]
+        omega = 2 * np.pi * used / period
         velocity_0 = float(np.sum(amplitude[used] / (1j * omega)).real)
         displacement_0 = float(np.sum(-amplitude[used] / omega**2).real)
-    del frequency
     amplitude *= 0.5 * count
     one_period = np.fft.irfft(amplitude, count)
     del amplitude
@@ -122,8 +143,32 @@ def random_signals(excitation: RandomInput, duration: float | None) -> tuple[Sig
             samples = samples * x**2 * (3 - 2 * x)
         return samples
 
-    record = CubicRecord(samples_at, step, pieces, (velocity_0, displacement_0))
+    record = CubicRecord(samples_at, step, pieces, (velocity_0, displacement_0), limit)
     return StreamedSignal(record, 0), StreamedSignal(record, 1), StreamedSignal(record, 2)
+
+
+def _statement(excitation: RandomInput, duration: float | None, folder: Path | None) -> InputStatement:
+    """Size and sampling of a random input; arguments are those of `random_signals`."""
+    density = density_of(excitation, folder)
+    rms, clip = density.rms, excitation.clip
+    clipped_rms = rms * clipped_mean_square(clip) ** 0.5
+    unit = amplitude_unit(excitation.quantity)
+    treatment = "" if clip is None else (
+        f"clipped at {clip:g} sigma, {clip * rms:.4g} {unit}: the rms falls from {rms:.4g} to {clipped_rms:.4g} {unit}"
+    )  # fmt: skip
+    return InputStatement(
+        path="", quantity=excitation.quantity, unit=unit, rms=clipped_rms,
+        sample_rate_hz=excitation.sample_rate or SAMPLES_OF_CYCLE * density.highest_hz, treatment=treatment,
+        from_hz=density.lowest_hz, to_hz=density.highest_hz,
+        line_spacing_hz=1.0 / (excitation.period or duration or 1.0),
+    )  # fmt: skip
+
+
+class PrescribedInput(NamedTuple):
+    """A prescribed quantity in time, and what a result says of it."""
+
+    signal: Signal  # SI
+    account: InputAccount
 
 
 @dataclass(frozen=True)
@@ -134,6 +179,7 @@ class BaseMotion:
     velocity: Signal  # m/s
     displacement: Signal  # m
     corrections: tuple[Correction, ...] | None = None  # of a swept sine, where its velocity would jump
+    account: InputAccount = field(default_factory=InputAccount)
 
 
 def step(level: float, rise: float, fall_after: float | None, time: float) -> Signal:
@@ -223,7 +269,7 @@ def sweep_windows(
     return cut_into_windows([leg], profile, phase=phase, corrections=corrections), corrections
 
 
-def level_signal(excitation: One, duration: float | None = None, folder: Path | None = None) -> Signal:
+def level_signal(excitation: One, duration: float | None = None, folder: Path | None = None) -> PrescribedInput:
     """The prescribed quantity as a signal.
 
     Parameters
@@ -234,7 +280,7 @@ def level_signal(excitation: One, duration: float | None = None, folder: Path | 
 
     Returns
     -------
-    Signal
+    PrescribedInput
         In SI units.
 
     Raises
@@ -242,12 +288,18 @@ def level_signal(excitation: One, duration: float | None = None, folder: Path | 
     ScenarioError
         If a swept or measured input ends before the run, or its file cannot be read.
     """
+    if excitation.kind == "sampled":
+        return PrescribedInput(*sampled_signal(excitation, duration, folder))
+    if excitation.kind == "random":
+        signal = random_signals(excitation, duration, folder)[0]
+        return PrescribedInput(signal, InputAccount(_statement(excitation, duration, folder)))
+    return PrescribedInput(_specified_signal(excitation, duration, folder), InputAccount())
+
+
+def _specified_signal(excitation: Any, duration: float | None, folder: Path | None) -> Signal:
+    """The signal of what is neither a record nor random; arguments are those of `level_signal`."""
     if excitation.kind == "swept_sine":
         return swept_signals(sweep_windows(excitation, duration)[0])[0]
-    if excitation.kind == "random":
-        return random_signals(excitation, duration)[0]
-    if excitation.kind == "sampled":
-        return sampled_signal(excitation, duration, folder)
     if excitation.kind == "matched":
         from beamsim.inputs.matched import matched_signal
 
@@ -303,8 +355,9 @@ def base_motion(excitation: One, duration: float | None = None, folder: Path | N
         acceleration, velocity, displacement = swept_signals(windows)
         return BaseMotion(acceleration, velocity, displacement, corrections)
     if excitation.kind == "random":
-        return BaseMotion(*random_signals(excitation, duration))
-    given = level_signal(excitation, duration, folder)
+        statement = _statement(excitation, duration, folder)
+        return BaseMotion(*random_signals(excitation, duration, folder), account=InputAccount(statement))
+    given, account = level_signal(excitation, duration, folder)
     integral = _without_drift if excitation.kind in ("harmonic", "multi_tone") else Signal.antiderivative
     integrals = power_of(excitation.quantity)
     motion = [given]  # acceleration, velocity and displacement
@@ -313,7 +366,7 @@ def base_motion(excitation: One, duration: float | None = None, folder: Path | N
     for _ in range(2 - integrals):
         motion.append(integral(motion[-1]))
     acceleration, velocity, displacement = motion
-    return BaseMotion(acceleration, velocity, displacement)
+    return BaseMotion(acceleration, velocity, displacement, account=account)
 
 
 def single_frequency_hz(excitation: Excitation) -> float:

@@ -12,15 +12,16 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError, rooted
 from beamsim.inputs.signal import MOST_PIECES, Signal
+from beamsim.inputs.statements import InputAccount
 from beamsim.measurements.arrays import HDF5
 from beamsim.measurements.functions import FunctionType
-from beamsim.measurements.read import read_file
+from beamsim.measurements.read import TEXT, read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named, in_si
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
-from beamsim.scenario.base import path_text
-from beamsim.scenario.excitation import MatchedInput, ProfilePoint, SampledInput, spoken
-from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue, meant
+from beamsim.scenario.base import Unfit, path_text
+from beamsim.scenario.excitation import MatchedInput, ProfilePoint, RandomInput, SampledInput, spoken
+from beamsim.scenario.quantities import DENSITY_DIMENSIONS, LEVEL_DIMENSIONS, LevelValue, meant
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import (
     ACCELERATION,
@@ -66,7 +67,9 @@ def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:
     return Signal.polynomial_pieces(time, np.concatenate([pieces, last]))
 
 
-def sampled_signal(excitation: SampledInput, duration: float | None, folder: Path | None = None) -> Signal:
+def sampled_signal(
+    excitation: SampledInput, duration: float | None, folder: Path | None = None
+) -> tuple[Signal, InputAccount]:
     """The samples as a signal from t = 0 on.
 
     Parameters
@@ -77,8 +80,8 @@ def sampled_signal(excitation: SampledInput, duration: float | None, folder: Pat
 
     Returns
     -------
-    Signal
-        In SI units.
+    tuple
+        The signal in SI units, and what a result says of it.
 
     Raises
     ------
@@ -106,7 +109,7 @@ def sampled_signal(excitation: SampledInput, duration: float | None, folder: Pat
             "shorten the run, or set excitation.resample to a lower rate",
         )
     signal = interpolate(time, samples * excitation.factor, excitation.interpolation)
-    return Signal(signal.start[:pieces], signal.exponent, signal.coefficient[:pieces])
+    return Signal(signal.start[:pieces], signal.exponent, signal.coefficient[:pieces]), InputAccount()
 
 
 def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[Floats, Floats]:
@@ -322,25 +325,86 @@ def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[
     return frequency, level
 
 
+def read_density(excitation: RandomInput, folder: Path | None = None) -> tuple[Floats, Floats]:
+    """The density of a random input from a file.
+
+    Parameters
+    ----------
+    excitation : whose density is the name of a file.
+    folder : to which its path is relative, by default the current one.
+
+    Returns
+    -------
+    tuple
+        Frequencies (p,), Hz, two equal ones at a step, and densities (p,), SI.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, or is no table of frequencies and positive densities of that quantity.
+    """
+    file = str(excitation.psd)
+    dimensions: dict[str, Dimension] = {excitation.quantity: DENSITY_DIMENSIONS[excitation.quantity]}
+    path = (folder or Path()) / file
+    if path.suffix.lower() in TEXT:
+        frequency, value, _ = _read_table(path, file, "excitation.psd", dimensions, steps=True)
+    else:
+        frequency, value = _read_function(path, file, dimensions[excitation.quantity])
+    try:
+        excitation.check_sample_rate(float(frequency[-1]))
+    except Unfit as fault:
+        raise ScenarioError(fault.problem(("excitation",))) from None
+    return frequency, value
+
+
+def _read_function(path: Path, file: str, dimension: Dimension) -> tuple[Floats, Floats]:
+    """Frequencies, Hz, and densities, SI, of the only density in a file of an analyser, without its mean at 0 Hz.
+
+    Parameters
+    ----------
+    path, file : of the file, and as the scenario has it.
+    dimension : of the density.
+    """
+    try:
+        densities = [each for each in read_file(path) if each.function == FunctionType.POWER_DENSITY]
+        if len(densities) != 1:
+            has = f"has {len(densities)} power spectral densities" if densities else "has no power spectral density"
+            raise MeasurementError(has, "export one alone, or as CSV with the columns frequency (Hz) and PSD (g^2/Hz)")
+        density = densities[0].on_si_axis(None, "the unit of the axis in the file").checked()
+        if not density.unit:
+            raise MeasurementError(f"states no unit of {density.name}", f"export it with its unit, {dimension.example}")
+        factor = read_quantity(f"1 {density.unit}", dimension)
+    except (MeasurementError, UnitError) as fault:
+        _reject(f"= {file} {fault.message}", fault.remedy, "excitation.psd")
+    given = density.x > 0.0
+    frequency, value = density.x[given], np.real(density.y[given]) * factor
+    if np.any(value <= 0.0):
+        at = frequency[np.argmax(value <= 0.0)]
+        _reject(f"= {file} has a density of zero or less at {at:g} Hz", "cut the table off there", "excitation.psd")
+    return np.asarray(frequency, dtype=float), np.asarray(value, dtype=float)
+
+
 def highest_excited_hz(scenario: Scenario) -> float:
     """Highest frequency of the excitation, Hz, also where a curve in a file says it.
 
     Raises
     ------
     ScenarioError
-        As `target_curve`.
+        As `target_curve` and `read_density`.
     """
     highest: float = scenario.excitation.highest_frequency_hz
     for path, each in scenario.excitation.items:
-        if isinstance(each, MatchedInput):
-            at: Keys = ("excitation", *path)
-            with rooted("excitation", path_text(at)):
+        at: Keys = ("excitation", *path)
+        with rooted("excitation", path_text(at)):
+            if isinstance(each, MatchedInput):
                 highest = max(highest, float(target_curve(each, scenario.folder_of(*at, "srs"))[0][-1]))
+            elif isinstance(each, RandomInput) and isinstance(each.psd, str):
+                highest = max(highest, float(read_density(each, scenario.folder_of(*at, "psd"))[0][-1]))
     return highest
 
 
 def _read_table(
-    path: Path, file: str, at: str, dimensions: Mapping[str, Dimension]
+    path: Path, file: str, at: str, dimensions: Mapping[str, Dimension], *, steps: bool = False
 ) -> tuple[Floats, Floats, str | None]:
     """Frequencies, Hz, and levels in SI units of a table, and the quantity of the levels.
 
@@ -349,6 +413,7 @@ def _read_table(
     path, file : of the CSV file, and as the scenario has it.
     at : the key that names it.
     dimensions : what the levels may be, by quantity; levels that may be nothing have no unit.
+    steps : whether two rows within the table may have one frequency.
     """
     try:
         table = read_file(path)
@@ -359,8 +424,11 @@ def _read_table(
     level = np.asarray(table[1].y * factors[1], dtype=float)
     if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
         _reject(f"= {file} has frequencies or levels that are no positive numbers", "correct the table", at)
-    if np.any(np.diff(frequency) <= 0):
-        row = int(np.flatnonzero(np.diff(frequency) <= 0)[0]) + 2
+    rising = np.diff(frequency) > 0
+    if steps and rising.size > 2:  # one that stands between two lines
+        rising[1:-1] |= (np.diff(frequency)[1:-1] == 0) & rising[:-2] & rising[2:]
+    if not rising.all():
+        row = int(np.flatnonzero(~rising)[0]) + 2
         _reject(f"= {file} has frequencies that do not increase at row {row}", "sort the table", at)
     if np.any(level <= 0):
         row = int(np.flatnonzero(level <= 0)[0]) + 1

@@ -134,12 +134,19 @@ class CubicRecord:
     step : s, between two samples.
     pieces : number of pieces from t = 0 on; the last never ends.
     integrals_at_0 : values of the first and of the second integral at t = 0.
+    limit : magnitude that the record does not exceed between samples either, if no sample does: its slopes are reduced
+        near it.
     """
 
     def __init__(
-        self, samples_at: Callable[[Ints], Floats], step: float, pieces: int, integrals_at_0: tuple[float, float]
+        self,
+        samples_at: Callable[[Ints], Floats],
+        step: float,
+        pieces: int,
+        integrals_at_0: tuple[float, float],
+        limit: float = np.inf,
     ) -> None:
-        self.samples_at, self.step, self.pieces = samples_at, step, pieces
+        self.samples_at, self.step, self.pieces, self.limit = samples_at, step, pieces, limit
         self._at_start = [integrals_at_0]  # of each block that was reached
         self._at_hand: dict[int, tuple[Signal, Signal, Signal]] = {}
         self._few: tuple[Floats, Floats] | None = None  # times in many blocks, and the values there
@@ -149,10 +156,16 @@ class CubicRecord:
         return np.asarray(np.arange(first, last) * self.step, dtype=float)
 
     def _spline(self, first: int, last: int) -> Signal:
-        from scipy.interpolate import CubicSpline
+        from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
         index = np.arange(first - MARGIN, last + MARGIN + 1)
-        coefficient = CubicSpline(index * self.step, self.samples_at(index)).c[::-1].T
+        time, samples = index * self.step, self.samples_at(index)
+        spline: PPoly = CubicSpline(time, samples)
+        if np.isfinite(self.limit):
+            # a cubic stays between its Bezier points, which lie a third of a step along the slopes at its ends
+            steepest = 3.0 * np.maximum(self.limit - np.abs(samples), 0.0) / self.step
+            spline = CubicHermiteSpline(time, samples, np.clip(spline(time, 1), -steepest, steepest))
+        coefficient = spline.c[::-1].T
         return Signal.polynomial_pieces(self.start(first, last), coefficient[MARGIN : MARGIN + last - first])
 
     def block(self, number: int) -> tuple[Signal, Signal, Signal]:

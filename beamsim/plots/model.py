@@ -17,6 +17,7 @@ from beamsim.plots.style import amount, extent, round_length
 from beamsim.scenario import Scenario
 from beamsim.scenario.body import MovedStop, MovedSupport
 from beamsim.scenario.checks import in_metres
+from beamsim.scenario.excitation import RandomInput
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.sweep import LevelPath
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
@@ -124,8 +125,9 @@ def _excitation_text(scenario: Scenario, part: Any, swept: str) -> str:
         words.append(_level_text(part, max(levels, key=abs)))
     if swept:
         words += _swept(scenario, part)
-    if getattr(part, "psd", ()):
-        words.append(f"{part.psd[0].frequency:.6g} to {part.psd[-1].frequency:.6g} Hz")
+    if isinstance(part, RandomInput):
+        ends = "" if isinstance(part.psd, str) else f"{part.psd[0].frequency:.6g} to {part.psd[-1].frequency:.6g} Hz"
+        words.append(ends or part.psd)
     tones = () if swept else part.frequencies_hz
     if 0 < len(tones) <= 3:
         words.append(" and ".join(f"{tone:.6g} Hz" for tone in tones))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
@@ -14,7 +15,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedStop, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
-from beamsim.scenario.units import STANDARD_GRAVITY, UnitError
+from beamsim.scenario.units import LEVEL_PSD, STANDARD_GRAVITY, UnitError, read_level
 
 AtLeastTwo = Field(min_length=2)
 Quantity = Literal[
@@ -616,12 +617,59 @@ class SampledInput(Driven):
 
 
 class PsdPoint(Schema):
-    """A point in a table of power spectral density."""
+    """A point in a table of power spectral density: its density, or the slope of the line that leads to it."""
 
     frequency: q.Frequency
-    """Frequency."""
-    density: q.SpectralDensity
-    """One-sided density: g^2/Hz for an acceleration, N^2/Hz for a force."""
+    """Frequency; two points at one frequency are a step of the density."""
+    density: q.SpectralDensity | None = None
+    """One-sided density: g^2/Hz or (m/s^2)^2/Hz for an acceleration, N^2/Hz for a force."""
+    slope: q.DensitySlope | None = None
+    """Instead of a density the slope of the line from the point before, in dB/oct: 3 dB/oct doubles the density in an
+    octave; at the first point, of the line to the point behind it."""
+
+    def check(self) -> None:
+        """Demand one of the two."""
+        super().check()
+        if (self.density is None) == (self.slope is None):
+            raise Unfit("needs either density or slope", "give one of the two, for example density: 0.01 g^2/Hz")
+
+
+def density_table(points: Sequence[PsdPoint]) -> tuple[tuple[float, float], ...]:
+    """Frequencies, Hz, and densities, SI, of a table with slopes and steps.
+
+    Raises
+    ------
+    Unfit
+        If the frequencies fall, or are those of a point that follows from nothing, or a density is out of range.
+    """
+    frequency = [point.frequency for point in points]
+    for k, (before, here) in enumerate(pairwise(frequency), 1):
+        in_order = "list them from the lowest to the highest; two points at one frequency within the band are a step"
+        again = here == before and (k in (1, len(frequency) - 1) or frequency[k - 2] == here)
+        if here < before or again:
+            raise Unfit(f"= {here:g} Hz does not lie above the one before, {before:g} Hz", in_order, (k, "frequency"))
+        if here == before and points[k].slope is not None:
+            raise Unfit("is that of a line between two points at one frequency", "give the density", (k, "slope"))
+    first = points[0].density
+    if first is None:
+        known = points[1].density
+        if known is None:
+            raise Unfit("is missing: the first two points have slopes alone", "give the density of one", (1, "density"))
+        first = known * _growth(points[0].slope, frequency[0] / frequency[1])
+    densities = [first]
+    for k, point in enumerate(points[1:], 1):
+        growth = 1.0 if point.slope is None else _growth(point.slope, frequency[k] / frequency[k - 1])
+        densities.append(densities[-1] * growth if point.density is None else float(point.density))
+    for k, density in enumerate(densities):
+        if not 1e-60 < density < 1e60:
+            raise Unfit(f"leads to a density of {density:g}", "give a flatter one", (k, "slope"))
+    return tuple(zip(frequency, densities, strict=True))
+
+
+def _growth(slope: float | None, ratio: float) -> float:
+    """Factor of the density along a line of a slope in dB/oct over a ratio of frequencies."""
+    exponent = 0.1 * (slope or 0.0) * math.log2(ratio)
+    return 10.0**exponent if abs(exponent) < 300.0 else math.inf
 
 
 class RandomInput(Driven):
@@ -629,8 +677,11 @@ class RandomInput(Driven):
 
     kind: Literal["random"] = "random"
     """Random input."""
-    psd: Annotated[tuple[PsdPoint, ...], AtLeastTwo]
-    """Density over frequency; log-log interpolation between the points, zero outside."""
+    psd: Annotated[Annotated[tuple[PsdPoint, ...], AtLeastTwo] | q.FileName, BY_FORM]
+    """Density over frequency: points, or a file with two columns; log-log interpolation between them, zero outside."""
+    clip: q.Sigmas | None = None
+    """Largest magnitude of the noise in standard deviations, as a controller clips its drive signal: 3 sigma; by
+    default it is not clipped."""
     seed: q.Seed = 0
     """Seed of the random numbers: the same seed gives the same input. Or a blend of the inputs of several seeds with
     random amplitudes, 0.8*4 + 0.6*7, as studies of reliability find it."""
@@ -638,7 +689,8 @@ class RandomInput(Driven):
     """Amplitudes of the sines: fixed by the density, or random as those of a Gaussian process, whose RMS scatters
     between records. By default fixed, but random in a study over seeds."""
     period: q.Duration | None = None
-    """The noise is a sum of sines that repeats after this time; the run's duration by default."""
+    """The noise is a sum of sines that repeats after this time; the run's duration by default. It may be longer than
+    the run."""
     sample_rate: q.Frequency | None = None
     """Sample rate used for interpolation; by default 20 times the highest frequency."""
     ramp: q.Time = 0.0
@@ -647,26 +699,53 @@ class RandomInput(Driven):
     def check(self) -> None:
         """Check the table."""
         super().check()
-        demand_rising((point.frequency for point in self.psd), "Hz", lambda k: ("psd", k, "frequency"))
-        highest = self.psd[-1].frequency
+        if self.quantity != self.takes[0]:
+            raise Unfit(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
+        if isinstance(self.seed, str) and self.amplitudes != "random":
+            raise Unfit("blends inputs of random amplitudes", "write amplitudes: random", ("seed",))
+        if isinstance(self.psd, str):
+            with suppress(UnitError):
+                read_level(self.psd, LEVEL_PSD)
+                raise Unfit(
+                    f"= {self.psd} is one density, without its band",
+                    f"give its ends, as [{{frequency: 20 Hz, density: {self.psd}}}, {{frequency: 2 kHz, density: "
+                    f"{self.psd}}}], or the name of a file",
+                    ("psd",),
+                )
+            return
+        try:
+            highest = density_table(self.psd)[-1][0]
+        except Unfit as fault:
+            raise Unfit(fault.message, fault.remedy, ("psd", *fault.at)) from None
+        for k, point in enumerate(self.psd):
+            of = q.meant(point.density)
+            if of not in (None, self.quantity):
+                why, _ = not_taken(str(of), self.takes)
+                remedy = f"give a density such as {q.DENSITY_DIMENSIONS[self.quantity].example}, or change applied_to"
+                raise Unfit(f"is of {why}", remedy, ("psd", k, "density"))
+        self.check_sample_rate(highest)
+
+    def check_sample_rate(self, highest: float) -> None:
+        """Refuse a sample rate that does not resolve the highest frequency of the density, Hz; raises `Unfit`."""
         if self.sample_rate is not None and self.sample_rate < 4 * highest:
             raise Unfit(
                 f"= {self.sample_rate:g} Hz is too low for noise up to {highest:g} Hz",
                 f"use {20 * highest:g} Hz, or leave it out",
                 ("sample_rate",),
             )
-        if self.quantity != self.takes[0]:
-            raise Unfit(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
-        if isinstance(self.seed, str) and self.amplitudes != "random":
-            raise Unfit("blends inputs of random amplitudes", "write amplitudes: random", ("seed",))
+
+    @property
+    def table(self) -> tuple[tuple[float, float], ...]:
+        """Frequencies, Hz, and densities, SI, of points; none of a density in a file."""
+        return () if isinstance(self.psd, str) else density_table(self.psd)
 
     stationary: ClassVar[bool] = True
     """It is."""
 
     @property
     def highest_frequency_hz(self) -> float:
-        """End of the table, Hz."""
-        return self.psd[-1].frequency
+        """End of the table, Hz; 0 of one in a file (see `beamsim.inputs.measured.highest_excited_hz`)."""
+        return 0.0 if isinstance(self.psd, str) else self.psd[-1].frequency
 
 
 ShockCurve = Annotated[

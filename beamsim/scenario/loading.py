@@ -176,9 +176,9 @@ def _field(root: type[Schema], location: Path) -> tuple[type[Schema], FieldInfo 
     schema, field = root, None
     choices: dict[str, type[Schema]] = {}
     within_mapping = False
-    for part in location:
+    for number, part in enumerate(location, 1):
         if _is_tag(part):
-            if part in choices:
+            if part in choices and number < len(location):  # the last one is a form of the field itself
                 schema, choices = choices[str(part)], {}
         elif within_mapping:  # the part is a name, such as a body's
             within_mapping = False

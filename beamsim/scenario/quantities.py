@@ -139,6 +139,33 @@ class Quantity(Bounded):
 
 
 @dataclass(frozen=True)
+class NonzeroType(Quantity):
+    """A number of either sign, but not zero."""
+
+    def read(self, value: Any) -> float:
+        """Return the number."""
+        number = super().read(value)
+        if number == 0.0:
+            raise UnitError("must not be zero", f"write for example {self.example}")
+        return number
+
+    def json_schema(self) -> JsonSchemaValue:
+        """Return number-or-string, without zero."""
+        return super().json_schema() | {"not": {"const": 0}}
+
+
+@dataclass(frozen=True)
+class SigmasType(Quantity):
+    """A number of standard deviations, with or without the word sigma."""
+
+    def read(self, value: Any) -> float:
+        """Return the number."""
+        if isinstance(value, str):
+            value = re.sub(r"\s*(sigmas?|σ)\s*$", "", value)
+        return super().read(value)
+
+
+@dataclass(frozen=True)
 class Share:
     """A share of a length of the body that it belongs to, see `beamsim.scenario.body.Body.metres`."""
 
@@ -523,11 +550,19 @@ PositiveLevel = Annotated[float, LevelType(above=0.0)]
 SweepRate = Annotated[Rate, RateType()]
 NotNegativeWhole = Annotated[int, Whole(0)]
 Seed = Annotated[int | str, SeedType()]
+DENSITY_DIMENSIONS = dict(
+    zip(("acceleration", "force", "force_per_length", "pressure", "angular_acceleration"), units.LEVEL_PSD, strict=True)
+)
+"""Dimension of the spectral density of a quantity."""
 SpectralDensity = Annotated[
     float,
-    LevelType(tuple((d.name, d) for d in units.LEVEL_PSD), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), minimum=0.0),
+    LevelType(tuple(DENSITY_DIMENSIONS.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0),
 ]
 """One-sided, of an acceleration, a force, a pressure and the like."""
+DensitySlope = Annotated[float, Quantity(units.DENSITY_SLOPE)]
+Sigmas = Annotated[float, SigmasType(replace(units.NUMBER, name="number of standard deviations", example="3 sigma"),
+                                     minimum=1.0, maximum=10.0)]  # fmt: skip
+NonzeroNumber = Annotated[float, NonzeroType(replace(units.NUMBER, name="factor", example="-1"))]
 
 SHAPE_DISPLACEMENTS = (
     replace(units.LENGTH, name="displacement", example="1 mm"),

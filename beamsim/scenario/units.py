@@ -90,14 +90,16 @@ ANGULAR_ACCELERATION_PSD = Dimension(
 FORCE_PER_LENGTH = Dimension("force per length", "N/m", "50 N/m")
 FORCE_PER_LENGTH_PSD = Dimension("spectral density of a force per length", "N^2/m^2/Hz", "4 N^2/m^2/Hz", power=2)
 PRESSURE_PSD = Dimension("pressure spectral density", "Pa^2/Hz", "10 Pa^2/Hz", power=2)
+DENSITY_SLOPE = Dimension("slope of a density", "dB/oct", "3 dB/oct")
 LEVEL_PSD = (ACCELERATION_PSD, FORCE_PSD, FORCE_PER_LENGTH_PSD, PRESSURE_PSD, ANGULAR_ACCELERATION_PSD)
 """Densities of what an excitation may be."""
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:_\d+)*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 # Letters, exponents, products, quotients and parentheses; a numeral is an exponent or a leading 1.
-_UNIT = re.compile(r"[A-Za-zµμΩ°%_][\w°%²³⁴¹⁻/*·⋅^()+\-. ]*|1\s*/[\w²³⁴¹⁻/*·⋅^()+\-. ]*")
-_PLAIN_POWER = re.compile(r"(?<=[A-Za-zµμ])([2-4])(?![\w.])")  # m/s2, kg/m3: a numeral that ends the name of a unit
-_TOWER = re.compile(r"\d{3,}|(\^|\*\*)[\s()+\-]*[\d.]+[\s()]*(\^|\*\*)")
+_UNIT = re.compile(r"[A-Za-zµμΩ°%_(][\w°%²³⁴¹⁻/*·⋅^()+\-. ]*|1\s*/[\w²³⁴¹⁻/*·⋅^()+\-. ]*")
+_PLAIN_POWER = re.compile(r"(?<=[A-Za-zµμ)\]])([2-4])(?![\w.])")  # m/s2, (m/s2)2: a numeral that ends a unit or bracket
+_POWER = r"(\^|\*\*)\s*"
+_TOWER = re.compile(rf"\d{{3,}}|{_POWER}(?:[+\-]?[\d.]+|\(\s*[+\-]?[\d.]+\s*\))\s*{_POWER}")  # m^2^3 has two readings
 _GRAVITY = re.compile(r"(?<![A-Za-z_µμ])(m?)g(?![A-Za-z_0-9])")
 _SPELLINGS = {
     unit.lower(): unit
@@ -182,7 +184,7 @@ _ALONE = {
     "dyn": "1/100000 kg m s-2",
     "kip": "4448.2216152605 kg m s-2", "psi": "{4.4482216152605/0.0254/0.0254} kg m-1 s-2",
     "ksi": "{4448.2216152605/0.0254/0.0254} kg m-1 s-2", "atm": "101325 kg m-1 s-2", "Wh": "3600 kg m2 s-2",
-    "g_0": "9.80665 m s-2", "gravity": "9.80665 m s-2", "degC": "degC", "degF": "degF", "dB": "dB",
+    **dict.fromkeys(("g_0", "g_n", "gn", "gravity"), "9.80665 m s-2"), "degC": "degC", "degF": "degF", "dB": "dB",
     "oct": "oct", "dec": "3.3219280948873623479 oct",
 }  # fmt: skip
 _OF_TURN = {
@@ -236,7 +238,11 @@ def _named(symbol: str, gravity: bool) -> Unit | None:
 
 
 _SUPERSCRIPTS = str.maketrans("²³⁴¹⁻", "2341-")
-_FACTOR = re.compile(r"\s*([*/]?)\s*(?:(\()|(1)(?=\s*/)|([A-Za-zµμ_]+|%)(?:\s*\^\s*(-?\d|\(-?\d\)))?)")
+_EXPONENT = r"(?:\s*\^\s*(-?\d|\(-?\d\)))?"
+_FACTOR = re.compile(rf"\s*([*/]?)\s*(?:(\()|(1)(?=\s*/)|([A-Za-zµμ_]+|%){_EXPONENT})")
+_CLOSING = re.compile(rf"\){_EXPONENT}")
+_BRACKETS = str.maketrans("[]", "()")
+_MOST_DIGITS = 200  # of the size of a unit in brackets, to a power: larger ones are no physical units
 
 
 @lru_cache(maxsize=1024)
@@ -248,6 +254,7 @@ def _unit(text: str, gravity: bool) -> Unit:
     UnitError
         If it is no product and quotient of known units.
     """
+    text = text.translate(_BRACKETS)
     if not _UNIT.fullmatch(text) or _TOWER.search(text) or len(text) > 60:
         raise UnitError("is not a number, or a number with a unit", "")
     plain = re.sub("[²³⁴¹⁻]+", lambda power: "^" + power[0].translate(_SUPERSCRIPTS), text)
@@ -270,9 +277,11 @@ def _product(text: str, gravity: bool) -> tuple[Unit | None, str]:
         inner: Unit | None = Unit()
         if match[2]:
             inner, text = _product(text, gravity)
-            if not text.startswith(")"):
+            closing = _CLOSING.match(text)
+            if inner is None or closing is None:
                 return None, text
-            text = text[1:]
+            text = text[closing.end() :]
+            inner = _to_power(inner, int((closing[1] or "1").strip("()")))
         elif match[4]:
             inner = _named(match[4], gravity)
         if inner is None:
@@ -280,6 +289,13 @@ def _product(text: str, gravity: bool) -> tuple[Unit | None, str]:
         power = int((match[5] or "1").strip("()"))
         unit, first = unit.times(inner, -power if match[1] == "/" else power), False
     return (None if first else unit), text.lstrip() if text.strip() else ""
+
+
+def _to_power(unit: Unit, power: int) -> Unit | None:
+    """A power of a unit; None where that is no physical unit but a number too large to compute with."""
+    digits = max(math.log10(unit.factor.numerator), math.log10(unit.factor.denominator))
+    large = abs(power) * digits > _MOST_DIGITS or any(abs(power * of) > _MOST_DIGITS for _, of in unit.powers)
+    return None if large else Unit().times(unit, power)
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from beamsim.contacts.snubbers import (
 from beamsim.errors import NotTrustedError, Problem, ScenarioError, rooted
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.excitation import BaseMotion, base_motion, level_signal, single_frequency_hz
+from beamsim.inputs.statements import InputAccount
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
 from beamsim.scenario.body import Located
@@ -103,8 +104,16 @@ def _phasor(sine: Any) -> complex:
     return complex(sine.level * np.exp(1j * sine.phase))
 
 
-def time_dependent_loads(parts: Parts, pushing: _Pushing) -> tuple[BaseMotion | None, Forcing]:
-    """The base's motion (None at rest) and the time-dependent loads.
+class TimeDependent(NamedTuple):
+    """What depends on time in the equations, by itself."""
+
+    base: BaseMotion | None  # None at rest
+    forcing: Forcing
+    accounts: list[tuple[str, InputAccount]]  # of every input, with its path
+
+
+def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
+    """The base's motion and the time-dependent loads.
 
     They are those of the forces, three of each support that moves, one of each stop that moves by itself, which loads
     nothing, then those of the base.
@@ -112,14 +121,18 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> tuple[BaseMotion | 
     scenario, structure = parts.scenario, parts.structure
     duration = None if scenario.run is None else scenario.run.duration
 
+    accounts: list[tuple[str, InputAccount]] = []
+
     def signal_of(driven: One, at: Path, signal: Callable[..., Any]) -> Any:
-        folder = scenario.folder_of(*at, "srs" if driven.kind == "matched" else "file")
+        folder = scenario.folder_of(*at, {"matched": "srs", "random": "psd"}.get(driven.kind, "file"))
         key = (driven, duration, folder)
         with rooted("excitation", path_text(at)):
-            return parts.shared.once("signal", key, lambda: signal(driven, duration, folder))
+            made = parts.shared.once("signal", key, lambda: signal(driven, duration, folder))
+        accounts.append((path_text(at), made.account))
+        return made
 
     loads = [
-        (parts.shape(force.applied_to), signal_of(force, path, level_signal))
+        (parts.shape(force.applied_to), signal_of(force, path, level_signal).signal)
         for path, force in exciting_forces(scenario)
     ]
     for moved in parts.moved:
@@ -143,9 +156,10 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> tuple[BaseMotion | 
     displacement = motion.displacement if motion is not None and on_ground else None
     influence = parts.influence(len(loads))
     of_contacts = np.vstack([influence, np.zeros((len(parts.spring_sites), len(loads)))])[pushing.owner]
-    return motion, Forcing(
+    forcing = Forcing(
         load, tuple(signal for _, signal in loads), displacement, of_contacts if influence.any() else None
     )
+    return TimeDependent(motion, forcing, accounts)
 
 
 def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, recovered: bool = True) -> StructuralSystem:
@@ -244,7 +258,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     beginning = contacts.mounted
     first = equilibrium if beginning is contacts else _equilibrium(parts, beginning, resting, cubic)
     initial, warnings = initial_state(parts, beginning, resting, cubic, first)
-    motion, forcing = time_dependent_loads(parts, pushing)
+    motion, forcing, accounts = time_dependent_loads(parts, pushing)
     initial += supported_start(parts, forcing)
 
     corrections = None if motion is None else motion.corrections
@@ -279,7 +293,9 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
             *warnings,
             *_remarks(snubbers, pushing.tables),
             *(correction.warnings(held=held) if correction else ()),
+            *(f"{path}: {text}" for path, account in accounts for text in account.warnings),
         ),
+        inputs=tuple(replace(a.statement, path=path) for path, a in accounts if a.statement is not None),
         base_correction=correction,
         sine=sine_loads(parts, forcing),
     )

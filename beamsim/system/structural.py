@@ -13,6 +13,7 @@ from beamsim.contacts.snubbers import SpringInfo
 from beamsim.fields import attribute, declared, key
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
+from beamsim.inputs.statements import InputStatement
 from beamsim.scenario import Scenario
 from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.places import Place
@@ -108,6 +109,7 @@ class StructuralSystem:
     outputs: tuple[Channel, ...] = ()  # that the scenario asks for
     remarks: tuple[str, ...] = ()  # on what was built
     files: tuple[FileSummary, ...] = ()  # of the bodies that are read from files
+    inputs: tuple[InputStatement, ...] = ()  # records and random inputs
     base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
     sine: SineLoads | None = None  # how the loads follow a sine; None where the excitation is none
 

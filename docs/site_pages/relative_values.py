@@ -133,6 +133,7 @@ DEFAULTS = {
     "SampledInput.unit": "what the file states",
     "SampledInput.time_unit": "what the file states",
     "RandomInput.amplitudes": "`fixed`; `random` in a study over seeds",
+    "RandomInput.clip": "root mean square of the noise before it is clipped",
     "RandomInput.period": "`run.duration`",
     "RandomInput.sample_rate": "20 times the highest frequency",
     "BendingOutput.component": "x",

@@ -5,7 +5,8 @@ import pytest
 
 from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import plan_designs
-from beamsim.inputs.excitation import density, random_signals
+from beamsim.inputs.density import SpectralDensity
+from beamsim.inputs.excitation import random_signals
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import RandomInput
 
@@ -32,12 +33,12 @@ def rms_of_seeds(count, amplitudes):
 
 
 def test_rms_scatters_between_seeds_as_theory_says():
-    expected = scatter_in_theory(f := np.linspace(0, 100, 100_001), density(f, *TABLE))
+    expected = scatter_in_theory(f := np.linspace(0, 100, 100_001), SpectralDensity(*TABLE)(f))
     seeds = 2000
     rms = rms_of_seeds(seeds, "random")
     # the standard deviation of a sample of 2000 is known to 1.6 %
     assert rms.std() / rms.mean() == pytest.approx(expected, rel=0.06)
-    total = np.sum(density(f, *TABLE)) * (f[1] - f[0])
+    total = np.sum(SpectralDensity(*TABLE)(f)) * (f[1] - f[0])
     assert np.mean(rms**2) == pytest.approx(total, rel=4 * 2 * expected / np.sqrt(seeds))
     fixed = rms_of_seeds(20, "fixed")
     assert fixed.std() / fixed.mean() < 1e-9 < expected
@@ -50,7 +51,7 @@ def test_the_density_is_kept_on_average_and_lines_are_exponentially_distributed(
         lines.append(np.abs(np.fft.rfft(x)[1:]) ** 2 * 2 * DURATION / x.size**2)
     frequency = np.arange(1, len(lines[0]) + 1) / DURATION
     inside = (frequency > 6) & (frequency < 79)
-    power = np.array(lines)[:, inside] / density(frequency[inside], *TABLE)
+    power = np.array(lines)[:, inside] / SpectralDensity(*TABLE)(frequency[inside])
     assert power.mean() == pytest.approx(1.0, abs=0.02)
     assert power.std() == pytest.approx(
         1.0, abs=0.03

@@ -8,7 +8,8 @@ from scipy.integrate import quad
 
 import beamsim
 from beamsim.errors import ScenarioError
-from beamsim.inputs.excitation import base_motion, density, random_signals
+from beamsim.inputs.density import SpectralDensity
+from beamsim.inputs.excitation import base_motion, random_signals
 from beamsim.inputs.measured import read_samples
 from beamsim.measurements.channels import channel_named, read_signals
 from beamsim.measurements.read import read_file
@@ -204,7 +205,7 @@ TABLE = (np.array([5.0, 20.0, 80.0]), np.array([0.01, 0.04, 0.01]))
 
 def test_density_between_its_points():
     f = np.array([4.9, 5.0, 10.0, 20.0, 40.0, 80.0, 81.0])
-    np.testing.assert_allclose(density(f, *TABLE), [0, 0.01, 0.02, 0.04, 0.02, 0.01, 0])
+    np.testing.assert_allclose(SpectralDensity(*TABLE)(f), [0, 0.01, 0.02, 0.04, 0.02, 0.01, 0])
 
 
 def noise(seed):
@@ -215,7 +216,7 @@ def noise(seed):
 
 def test_noise_has_the_variance_of_its_density_and_the_seed_decides():
     x = noise(3)
-    variance, _ = quad(lambda f: float(density(np.array([f]), *TABLE)[0]), 5.0, 80.0, points=[20.0], limit=200)
+    variance, _ = quad(lambda f: float(SpectralDensity(*TABLE)(np.array([f]))[0]), 5.0, 80.0, points=[20.0], limit=200)
     assert x.var() == pytest.approx(variance, rel=2e-3)
     assert abs(x.mean()) < 1e-12
     kurtosis = np.mean(x**4) / x.var() ** 2

@@ -14,7 +14,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import h5py
 import numpy as np
 
-from beamsim.analyses.doubts import compressed_beyond_tables, deflection_warnings, reduction_checked
+from beamsim.analyses.doubts import (
+    compressed_beyond_tables,
+    deflection_warnings,
+    line_warnings,
+    reduction_checked,
+)
 from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
@@ -122,6 +127,7 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         method=motion.method,
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
         contact=contact_instant(motion),
+        inputs=system.inputs,
         base_unit="rad" if any(each.on_base and each.rotates for _, each in scenario.excitation.items) else "m",
         events=motion.events,
         spectra=spectra,
@@ -165,6 +171,7 @@ def _warnings(motion: RunMotion) -> list[str]:
         *system.warnings,
         *motion.warnings,
         *pull_warnings(motion),
+        *line_warnings(system.inputs, system.modes),
         *compressed_beyond_tables(scenario, compression),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
     ]

@@ -41,7 +41,7 @@ from beamsim.analyses.values import FORCE, PENETRATION, Extremes
 from beamsim.contacts.laws import ContactLaw
 from beamsim.flow.channels import Observed
 from beamsim.flow.transient import simulate
-from beamsim.inputs.excitation import density
+from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
 from beamsim.scenario.excitation import RandomInput, Shock
 from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.scenario.run import Run
@@ -66,8 +66,8 @@ class LinearInput(NamedTuple):
     """A structure with one random input."""
 
     system: StructuralSystem  # whose loads follow a sine
-    frequency_hz: Floats  # (p,) of the points of the density
-    density: Floats  # (p,) SI
+    density: SpectralDensity  # SI
+    clipping: float  # mean square of the input over that of its density
 
 
 def linear_input(system: StructuralSystem) -> LinearInput | None:
@@ -81,11 +81,10 @@ def linear_input(system: StructuralSystem) -> LinearInput | None:
     resting = system.forcing.influence is None  # stops move with the base alone
     if not isinstance(excitation, RandomInput) or not alone or not linear or not resting or not system.snubbers:
         return None
-    at = np.array([point.frequency for point in excitation.psd])
-    value = np.array([point.density for point in excitation.psd])
+    given = density_of(excitation, system.scenario.folder_of("excitation", "psd"))
     loads = system.forcing.load.shape[0]  # of the base: its acceleration, and its displacement where springs feel it
     sine = SineLoads(np.ones(loads, dtype=complex), np.array([0, -2])[:loads])
-    return LinearInput(replace(system, sine=sine), at, value)
+    return LinearInput(replace(system, sine=sine), given, clipped_mean_square(excitation.clip))
 
 
 def linear_responses(system: StructuralSystem, frequency_hz: Floats) -> dict[tuple[str, str], dict[str, Any]]:
@@ -184,7 +183,10 @@ def stationary_powers(
     By name and quantity (B,) between the edges, SI, 0 outside the input's band; None with an undamped resonance within
     the band.
     """
-    panels, count = _panels(driven.system, phases, driven.frequency_hz), NODES if edges is None else NODES_OF_BINS
+    panels, count = (
+        _panels(driven.system, phases, driven.density.frequency_hz),
+        NODES if edges is None else NODES_OF_BINS,
+    )
     if panels is None:
         return None
     edges = panels[[0, -1]] if edges is None else edges
@@ -192,7 +194,7 @@ def stationary_powers(
     names = _names(driven.system)
     power = np.zeros((edges.size - 1, len(names)))
     for frequency, weight in _nodes(np.unique(np.concatenate([panels, inside])), count):
-        within = weight * density(frequency, driven.frequency_hz, driven.density)
+        within = weight * driven.clipping * driven.density(frequency)
         bins = np.clip(np.searchsorted(edges, frequency) - 1, 0, edges.size - 2)
         np.add.at(power, bins, within[:, None] * _squared_responses(driven.system, phases, frequency))
     return dict(zip(names, power.T, strict=True))

@@ -25,6 +25,7 @@ from beamsim.fields import (
     table,
 )
 from beamsim.inputs.drift import CorrectionSize
+from beamsim.inputs.statements import InputStatement
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.modes import ModeTable
 from beamsim.system.structural import ContactUnits, SnubberNumbers
@@ -684,6 +685,7 @@ def _spectrum_group(key: tuple[str, str]) -> tuple[str, ...]:
 
 _SUMMARY = (
     STATUS,
+    InputStatement.ENTRY,
     BY_ENTRY["contact_share"].summary_entry(),
     BY_ENTRY["contacts"].summary_entry(),
     Entry("events", "1", "closings and openings of all snubbers"),
@@ -791,6 +793,9 @@ class RunResult(Result):
         "sensitivities", Derivative, Counter("row", "number of the derivative"), empty=False, default=()
     )
 
+    inputs: tuple[InputStatement, ...] = table(  # records and random inputs
+        "inputs", InputStatement, Counter("number", "number of the input"), empty=False, default=()
+    )
     base_unit: str = attribute("", "unit of a displacement of the base: rad where it turns", default="m")
     low_pass_hz: float | None = attribute(
         "Hz", "-3 dB frequency of the 4-pole Butterworth low-pass in front of the peak accelerations", default=None

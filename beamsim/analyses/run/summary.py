@@ -88,6 +88,7 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
     return {
         **{entry: of or None for entry, of in crushed.items()},
         "largest_von_mises_stress_pa": max((float(x.max()) for x in von_mises if x is not None), default=None),
+        "inputs": {of.path: of.summary() for of in result.inputs} or None,
         "friction": {name: contact.summary() for name, contact in result.friction.items()} or None,
         "impacts": None if impacts is None else impacts.summary(),
         "impacts_total": None if impacts is None else impacts.total(),
