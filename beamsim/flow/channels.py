@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +14,11 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
+from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_integrals, interpolated
 from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.typing import Complexes, Floats, Ints
+
+MARGIN = 18  # half steps of frequency beyond the highest, that windows need
 
 
 class Acting(NamedTuple):
@@ -115,86 +119,105 @@ class Observed:
 
 @dataclass(frozen=True)
 class MotionPart:
-    """K outputs on a part of a motion.
-
-    Free oscillations above ``cut`` (rad/s) are left out of the samples and Fourier integrals: the samples would not
-    cover them, and the vectors that a reduction adds for static deflections have such frequencies without a meaning.
+    """K outputs on a part of a motion, with its Fourier integrals up to a frequency, free of aliasing.
 
     Parameters
     ----------
-    motion : cut to the part.
-    output_of : the outputs, nothing left out.
-    table : (S, T, K) their coefficients but for what is left out.
-    known : (K,) Fourier integrals so far, by frequency in rad/s.
+    motion : cut to the part; its contact states are all kept.
+    output_of : the outputs.
+    highest : rad/s, up to which Fourier integrals are asked for; the side lobes of windows may lie beyond.
     """
 
     motion: Trajectory
     output_of: OutputOf
-    table: Complexes
-    known: dict[float, Complexes] = field(default_factory=dict)
+    highest: float
 
     @classmethod
-    def of(cls, trajectory: Trajectory, output_of: OutputOf, begin: float, end: float, cut: float) -> MotionPart:
+    def of(cls, trajectory: Trajectory, output_of: OutputOf, span: tuple[float, float], highest: float) -> MotionPart:
         """The outputs between two times.
 
         Parameters
         ----------
         trajectory, output_of : the motion and K outputs.
-        begin, end : s, within the motion.
-        cut : rad/s.
+        span : s, begin and end, within the motion.
+        highest : rad/s, of the Fourier integrals.
 
         Returns
         -------
         MotionPart
-            Without its free motions above the cut.
         """
-        part = trajectory.between(begin, end).held()
-        table = part.flow.output_table(output_of)
-        for s, state in enumerate(part.flow.states):
-            free = state.term_source >= part.flow.sources.count
-            fast = np.abs(state.exponent.imag[state.term_basis]) > cut
-            table[s, : free.size][free & fast & (state.power[state.term_basis] == 0)] = 0.0
-        return cls(part, output_of, table)
+        return cls(trajectory.between(*span).held(), output_of, highest)
 
     @property
-    def segments(self) -> int:
-        """Number of pieces between events, breakpoints of the inputs and horizons of the tables."""
-        return int(self.motion.time.size)
+    def begin(self) -> float:
+        """When the part begins, s."""
+        return float(self.motion.time[0])
 
-    def samples(self, count: int) -> Floats:
-        """(count, K) at equal steps from the beginning of the part; the end would be the next."""
-        m = self.motion
-        return m.sample_table(m.time[0] + np.arange(count) * ((m.end - m.time[0]) / count), self.table)
+    @property
+    def duration(self) -> float:
+        """Its length, s."""
+        return self.motion.end - self.begin
 
-    def at_end(self) -> Floats:
-        """(K,) at the end of the part."""
-        return np.asarray(self.motion.sample_table(np.array([self.motion.end]), self.table)[0])
+    @cached_property
+    def known(self) -> Complexes:
+        """(K, count) Fourier integrals at multiples of half the inverse of the duration."""
+        step, table = np.pi / self.duration, self.motion.flow.output_table(self.output_of)
+        count = int(self.highest / step) + MARGIN + NEIGHBOURS
+        return evenly_spaced_integrals(self.motion, table, step, count)
+
+    def integrals(self, omega: Floats, column: int) -> Complexes:
+        """Fourier integrals (W,) of one of the outputs since the begin; omega (W,) in rad/s, up to the highest."""
+        position = omega * (self.duration / np.pi)
+        whole = np.rint(position)
+        if np.all(np.abs(position - whole) < 1e-9):  # of a step: no interpolation changes these
+            found = self.known[column, np.abs(whole).astype(np.int64)]
+        else:
+            found = interpolated(self.known[column], np.abs(position))
+        return np.asarray(np.where(position < 0.0, found.conj(), found))
+
+    @cached_property
+    def means(self) -> Floats:
+        """(K,) mean values."""
+        return np.asarray(self.known[:, 0].real / self.duration)
 
     @cached_property
     def mean_squares(self) -> Floats:
-        """(K,) mean of the square, nothing left out."""
-        m = self.motion
-        return np.asarray(m.square_integrals(self.output_of) / (m.end - m.time[0]))
+        """(K,) means of the squares."""
+        return np.asarray(self.motion.square_integrals(self.output_of) / self.duration)
+
+    def deviations(self, levels: Floats) -> Floats:
+        """(K,) root mean squares about levels (K,), without the digits that a large mean costs."""
+
+        def about(phases: Ints) -> LinearOutput:
+            output = self.output_of(phases)
+            direct = output.direct.copy()
+            direct[:, 0] -= levels  # of the constant source
+            return replace(output, direct=direct)
+
+        return np.sqrt(np.maximum(self.motion.square_integrals(about) / self.duration, 0.0))
+
+    @cached_property
+    def extrema(self) -> Extrema:
+        """(K,) extreme values."""
+        return self.motion.extrema(self.output_of)
+
+    @cached_property
+    def quarter_deviations(self) -> tuple[Floats, Floats]:
+        """(K,) root mean squares about the means, of the first and of the last quarter of the time."""
+        first, *_, last = self.divided(4)
+        return first.deviations(self.means), last.deviations(self.means)
 
     @cached_property
     def halves(self) -> tuple[MotionPart, MotionPart]:
         """Both halves of the time."""
-        begin, end = float(self.motion.time[0]), self.motion.end
-        middle = begin + 0.5 * (end - begin)
-        first, second = self.motion.between(begin, middle), self.motion.between(middle, end)
-        return replace(self, motion=first, known={}), replace(self, motion=second, known={})
+        early, late = self.divided(2)
+        return early, late
 
-    def integrals(self, omega: Floats, column: int) -> Complexes:
-        """Fourier integrals (W,) of one of the outputs, see `fourier_integrals`; omega (W,) in rad/s.
-
-        Without powers of time one sum over the segments serves all outputs, which mostly ask for the same frequencies.
-        """
-        if not self.motion.exponentials:
-            return np.asarray(fourier_integrals(self.motion, self.table[:, :, column : column + 1], omega)[0])
-        if missing := [w for w in dict.fromkeys(omega.tolist()) if w not in self.known]:
-            found = fourier_integrals(self.motion, self.table, np.array(missing))
-            self.known.update(zip(missing, found.T, strict=True))
-        return np.array([self.known[w][column] for w in omega.tolist()])
+    def divided(self, parts: int) -> list[MotionPart]:
+        """Equal parts of the time, one after the other."""
+        edges = np.linspace(self.begin, self.motion.end, parts + 1)
+        cut = [self.motion.between(*map(float, span)) for span in pairwise(edges)]
+        return [replace(self, motion=each) for each in cut]
 
 
 def fourier_integrals(motion: Trajectory, table: Complexes, omega: Floats) -> Complexes:

@@ -773,3 +773,26 @@ def fill_moments(x, out):
     """Moments (n, top + 1) of exponents (n,)."""
     for i in range(x.size):
         _moments(x[i], out.shape[1] - 1, out[i])
+
+
+@kernel
+def spread_to_grid(position, value, width, sharpness, grid):
+    """Spread values over the points of a periodic grid next to them, by ``exp(sharpness (sqrt(1 - z^2) - 1))``.
+
+    Parameters
+    ----------
+    position : (n,) in steps of the grid.
+    value : (n, k).
+    width : how many points, at z from -1 to 1.
+    sharpness : of the function.
+    grid : (points, k) added to.
+    """
+    points, half = grid.shape[0], 0.5 * width
+    for i in range(position.size):
+        first = math.ceil(position[i] - half)
+        for j in range(width):
+            z = (first + j - position[i]) / half
+            weight = math.exp(sharpness * (math.sqrt(max(1.0 - z * z, 0.0)) - 1.0))
+            point = (first + j) % points
+            for c in range(value.shape[1]):
+                grid[point, c] += weight * value[i, c]

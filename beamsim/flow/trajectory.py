@@ -455,17 +455,19 @@ class Trajectory:
                 products = terms.function_products(length) @ np.concatenate([table, table.conj()])
                 out += np.einsum("bk,bk->k", table, products).real
                 continue
-            every = np.eye(out.size)
             for some, alike in _alike(length, 2 * state.amplitude_count):
-                if alike:  # a form of the amplitudes, whose products are summed first
-                    unit, products = state.unit_outputs(table), np.zeros(1)
+                if alike:  # forms of the amplitudes, whose products are summed first
+                    products = np.zeros(1)
                     for block in blocks(some.size, 3 * state.amplitude_count):
-                        zeta = self._sources(state, segments[some[block]])
+                        zeta = self.source_amplitudes(state, segments[some[block]])
                         products = products + zeta.T @ np.concatenate([zeta, zeta.conj()], axis=1)
-                    forms = unit.product_forms(unit, float(length[some[0]]), every)
-                    out += np.einsum("krs,rs->k", forms, products).real
+                    for k in range(out.size):
+                        unit = state.unit_outputs(table[:, k : k + 1])
+                        (form,) = unit.product_forms(unit, float(length[some[0]]), np.ones((1, 1)))
+                        out[k] += np.einsum("rs,rs->", form, products).real
                 else:
-                    out += self._single_products(state, segments[some], length[some], table, table, every).sum(axis=0)
+                    each = self._single_products(state, segments[some], length[some], table, table, np.eye(out.size))
+                    out += each.sum(axis=0)
         return out
 
     def _products(self, segment: Ints, tau: Floats, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
@@ -506,7 +508,7 @@ class Trajectory:
         one, other = state.unit_outputs(left), state.unit_outputs(right)
         forms, out = one.product_forms(other, float(tau[0]), weight), np.empty((tau.size, weight.shape[1]))
         for block in blocks(tau.size, forms.shape[2]):
-            zeta = self._sources(state, segment[block])
+            zeta = self.source_amplitudes(state, segment[block])
             both = np.concatenate([zeta, zeta.conj()], axis=1)
             out[block] = np.stack([np.einsum("ns,ns->n", zeta @ form, both).real for form in forms], axis=1)
         return out
@@ -546,7 +548,7 @@ class Trajectory:
         K outputs on n segments.
         """
         if not state.exponential:
-            return state.unit_outputs(table).combined(self._sources(state, segments))
+            return state.unit_outputs(table).combined(self.source_amplitudes(state, segments))
         basis, amplitude = state.term_basis, self.amplitudes(state, segments)
         return SegmentOutputs(state.exponent[basis], state.power[basis], amplitude[:, :, None] * table)
 
@@ -557,9 +559,9 @@ class Trajectory:
 
     def amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
         """(n, T) amplitudes of the terms where segments of one contact state begin."""
-        return self._sources(state, segments)[:, state.term_source]
+        return self.source_amplitudes(state, segments)[:, state.term_source]
 
-    def _sources(self, state: ContactState, segments: Ints) -> Complexes:
+    def source_amplitudes(self, state: ContactState, segments: Ints) -> Complexes:
         """(n, F + Z) amplitudes of the inputs and of the free motions where segments begin."""
         given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
         return state.amplitudes(given, self.y[segments])

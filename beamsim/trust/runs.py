@@ -34,7 +34,7 @@ from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_respons
 from beamsim.analyses.run.linear_prediction import gapping_of_sine
 from beamsim.analyses.run.motion import Histories, RunMotion, output_times
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
-from beamsim.analyses.run.records import SampledRecord
+from beamsim.analyses.run.records import SampledRecord, SpectrumRecord
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, RunResult, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of
 from beamsim.analyses.run.summary import (
@@ -443,7 +443,7 @@ class DerivedValues:
             One for each part.
         """
         of_parts = [
-            _by_name({key: (*found_again(records[key], s), records[key].rms()) for key, s in self.spectra.items()})
+            _by_name({key: (*found_again(records[key], s), records[key].rms) for key, s in self.spectra.items()})
             for records in self._records(system, motion, parts)
         ]
         if self.random is not None:
@@ -464,7 +464,7 @@ class DerivedValues:
 
     def _records(
         self, system: StructuralSystem, motion: Trajectory | Histories, parts: int
-    ) -> Iterator[Mapping[SpectrumKey, SampledRecord]]:
+    ) -> Iterator[Mapping[SpectrumKey, SpectrumRecord]]:
         if not self.spectra:
             yield from ({} for _ in range(parts))
             return
@@ -477,12 +477,11 @@ class DerivedValues:
             yield {key: SampledRecord(motion.time[inside], x, rate) for key, x in zip(keys, samples.T, strict=True)}
             return
         span = s.start_s, min(s.start_s + s.duration_s, motion.end)
-        records = records_of(system, motion, channels, span)
-        if parts == 1:
-            yield dict(zip(keys, records, strict=True))
-            return
-        for indices in np.array_split(np.arange(records[0].x.size), parts):  # of samples: two motions are compared
-            pieces = [SampledRecord(r.time[indices], r.x[indices], r.rate) for r in records]
+        listed = max((line.frequency_hz for of in self.spectra.values() for line in of.lines), default=0.0)
+        records = records_of(system, motion, channels, span, listed)
+        divided = records[0].part.divided(parts)
+        for part in divided:
+            pieces = [replace(record, part=part, size=record.size // parts) for record in records]
             yield dict(zip(keys, pieces, strict=True))
 
     def _statistics(

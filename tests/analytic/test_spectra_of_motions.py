@@ -118,3 +118,43 @@ def test_amplitudes_at_chosen_frequencies(tmp_path):
     assert [(k.frequency_hz, k.amplitude, k.kind) for k in kept] == [
         (k.frequency_hz, k.amplitude, k.kind) for k in spectrum.lines
     ]
+
+
+BETWEEN_STOPS = {
+    "chain": {"masses": [1.0], "springs": [0.0]}, "gravity": 9.81,
+    "snubbers": [
+        {"name": name, "mass": 1, "side": name, "stiffness": 1e5, "gap": 0.01} for name in ("below", "above")
+    ],
+    "run": {"duration": 2.0, "start": {"velocity": [-1.0]}, "convergence": "off"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("highest", [None, 200.0, 2000.0])
+def test_lines_of_a_mass_between_stops_are_multiples_of_its_frequency(highest):
+    """Its acceleration has harmonics far beyond the curve, which showed as a peak at 35.5 Hz and as lines."""
+    result = run(BETWEEN_STOPS, **({} if highest is None else {"run__spectrum__to": highest}))
+    spectrum = next(s for s in result.spectra.values() if s.quantity == "absolute_acceleration")
+    found = [line for line in spectrum.lines if line.kind != "mean"]
+    closings = result.events.time[result.events.closing & (result.events.snubber == 0)]
+    frequency = 1.0 / np.diff(closings).mean()
+    orders = np.array([line.frequency_hz for line in found]) / frequency
+    assert len(found) >= 3
+    np.testing.assert_allclose(orders, np.rint(orders), atol=1e-5)
+    assert np.unique(np.rint(orders)).size == len(found)
+    near = (spectrum.frequency_hz > 1.7 * frequency) & (spectrum.frequency_hz < 2.3 * frequency)
+    beside = near & (np.abs(spectrum.frequency_hz - 2.0 * frequency) > 1.5)
+    assert spectrum.amplitude[beside].max() < 2e-3 * spectrum.amplitude.max()
+    strongest = max(found, key=lambda line: line.amplitude)
+    assert all(line.amplitude >= 1e-3 * strongest.amplitude for line in found)
+
+
+def test_lines_and_levels_do_not_depend_on_how_far_the_curve_goes():
+    few, many = (run(BETWEEN_STOPS, run__spectrum__to=highest) for highest in (60.0, 2000.0))
+    for key, spectrum in few.spectra.items():
+        others, least = many.spectra[key].lines, 1e-6 * max(line.amplitude for line in spectrum.lines)
+        for line in spectrum.lines:
+            same = min(others, key=lambda k, at=line.frequency_hz: abs(k.frequency_hz - at))
+            assert same.frequency_hz == pytest.approx(line.frequency_hz, rel=1e-6)
+            assert same.amplitude == pytest.approx(line.amplitude, rel=1e-5, abs=least)
+            if line.kind != "mean":
+                assert same.amplitude_db == pytest.approx(line.amplitude_db, abs=1e-4)

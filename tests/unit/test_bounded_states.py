@@ -11,7 +11,7 @@ from beamsim.analyses.run.motion import memory_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
-from beamsim.flow.channels import MotionPart, fourier_integrals
+from beamsim.flow.channels import MotionPart
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
@@ -67,8 +67,8 @@ def test_everything_is_that_of_a_motion_that_keeps_all(law, most):
         bounded.product_integrals(times, other, other, weight), whole.product_integrals(times, one, one, weight),
         rtol=1e-12, atol=1e-15,
     )  # fmt: skip
-    parts = [MotionPart.of(m, of, 3.0, END, 100.0) for m, of in ((whole, one), (bounded, other))]
-    lines = [fourier_integrals(part.motion, part.table, np.array([1.0, 6.0, 9.0])) for part in parts]
+    parts = [MotionPart.of(m, of, (3.0, END), 100.0) for m, of in ((whole, one), (bounded, other))]
+    lines = [part.integrals(np.array([1.0, 6.0, 9.0]), 0) for part in parts]
     np.testing.assert_allclose(*lines, atol=1e-13)
 
 

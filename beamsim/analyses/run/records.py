@@ -2,8 +2,9 @@ r"""Records that a spectrum is made of: samples, or a motion in closed form.
 
 Both are projected on sinusoids of known frequencies by least squares, with a window as weight. Of samples the sums are
 taken as they are. Of a motion in closed form they are integrals: those of the sinusoids are transforms of the window,
-those of the motion are Fourier integrals over the pieces between its events, so that nothing is folded and no sampling
-rate enters. Windows are sums of cosines, whose transforms are known in closed form.
+those of the motion are Fourier integrals over the pieces between its events. The curve of a spectrum consists of the
+same integrals at multiples of one over the duration. Nothing is aliased, and no sampling rate enters. Windows are sums
+of cosines, whose transforms are known in closed form.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Protocol
 
 import numpy as np
 
@@ -26,7 +28,6 @@ _COSINE_SUMS = {
     "blackmanharris": (0.35875, 0.48829, 0.14128, 0.01168),
     "flattop": (0.21557895, 0.41663158, 0.277263158, 0.083578947, 0.006947368),
 }
-MOST_TERMS = 5_000_000  # segments x basis functions x frequencies, above which a projection takes the samples
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,8 @@ class Window:
         window, total = _sampled(self, x.size)
         mean = float(window @ x) / total
         out = np.fft.rfft(window * (x - mean)) * (2.0 / total)
+        if x.size % 2 == 0:
+            out[-1] /= 2.0  # the line at half the rate is not doubled
         out[0] = mean
         return np.asarray(out)
 
@@ -115,6 +118,49 @@ def _sampled(window: Window, size: int) -> tuple[Floats, float]:
 RECTANGULAR = Window("rectangular")
 
 
+class SpectrumRecord(Protocol):
+    """What a spectrum is made of."""
+
+    @property
+    def start(self) -> float:
+        """When it begins, s."""
+
+    @property
+    def duration(self) -> float:
+        """Its length, s; the curve of the spectrum is known at multiples of its inverse."""
+
+    @property
+    def size(self) -> int:
+        """Number of samples, or of those that would cover the curve."""
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude."""
+
+    @property
+    def deviation(self) -> float:
+        """Largest deviation from the mean."""
+
+    @property
+    def rms(self) -> float:
+        """Root mean square, mean included."""
+
+    def amplitudes(self, window: Window) -> Floats:
+        """(F,) single-sided amplitudes under a window, the weighted mean first; see `spectrum_of`."""
+
+    def refined(self, frequency_hz: float, window: Window) -> float:
+        """Frequency, Hz, of the maximum of the amplitude under a window, from that between the points of the curve."""
+
+    def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
+        """Mean and complex amplitudes (k,) of sinusoids (k,) by least squares, see `project`."""
+
+    def residual(self, frequency_hz: Floats) -> float:
+        """Root mean square of what the projection on sinusoids (k,) leaves."""
+
+    def halves(self) -> tuple[SpectrumRecord, SpectrumRecord]:
+        """The first and the second half of the time."""
+
+
 @dataclass(frozen=True)
 class SampledRecord:
     """Equally spaced samples."""
@@ -123,75 +169,166 @@ class SampledRecord:
     x: Floats  # (N,) unit of the signal
     rate: float  # samples per second
 
+    @property
+    def start(self) -> float:
+        """See `SpectrumRecord`."""
+        return float(self.time[0])
+
+    @property
+    def duration(self) -> float:
+        """See `SpectrumRecord`."""
+        return self.x.size / self.rate
+
+    @property
+    def size(self) -> int:
+        """See `SpectrumRecord`."""
+        return int(self.x.size)
+
+    @property
+    def peak(self) -> float:
+        """See `SpectrumRecord`."""
+        return float(np.max(np.abs(self.x)))
+
+    @property
+    def deviation(self) -> float:
+        """See `SpectrumRecord`."""
+        return float(np.max(np.abs(self.x - np.mean(self.x))))
+
+    @property
+    def rms(self) -> float:
+        """See `SpectrumRecord`."""
+        size = float(np.abs(self.x).max(initial=0.0))  # a motion without bound has squares beyond all numbers
+        return size * float(np.sqrt(np.mean((self.x / size) ** 2))) if size else 0.0
+
+    def amplitudes(self, window: Window) -> Floats:
+        """See `SpectrumRecord`; up to half the rate."""
+        return np.abs(window.amplitudes(self.x))
+
+    def refined(self, frequency_hz: float, window: Window) -> float:
+        """See `SpectrumRecord`; samples give no better one."""
+        return frequency_hz
+
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
-        """Mean and complex amplitudes of sinusoids, see `project`: by sums over the samples."""
+        """See `SpectrumRecord`; by sums over the samples."""
         weight = None if window is None else window.values(np.arange(self.x.size) / self.x.size)
         return project(self.time, self.x, frequency_hz, weight)
 
+    def residual(self, frequency_hz: Floats) -> float:
+        """See `SpectrumRecord`."""
+        mean, c = self.project(frequency_hz)
+        fit = mean + (np.exp(2j * np.pi * np.outer(self.time, frequency_hz)) @ c).imag
+        return float(np.sqrt(np.mean((self.x - fit) ** 2)))
+
     def halves(self) -> tuple[SampledRecord, SampledRecord]:
-        """Half of the samples each."""
+        """See `SpectrumRecord`; half of the samples each."""
         half = self.x.size // 2
         early = replace(self, time=self.time[:half], x=self.x[:half])
         return early, replace(self, time=self.time[half:], x=self.x[half:])
 
-    def band(self, lines: int) -> int:
-        """How many of the lines from 0 to half the rate belong to the spectrum: all."""
-        return lines
-
-    def rms(self) -> float:
-        """Root mean square of the samples, mean included."""
-        size = float(np.abs(self.x).max(initial=0.0))  # a motion without bound has squares beyond all numbers
-        return size * float(np.sqrt(np.mean((self.x / size) ** 2))) if size else 0.0
-
 
 @dataclass(frozen=True)
-class MotionRecord(SampledRecord):
-    """One output of a motion in closed form, with samples for the curve, which divide its duration.
+class MotionRecord:
+    """One output of a motion in closed form.
 
     Parameters
     ----------
     part : outputs on the part that is analysed, of which this is number ``column``.
     highest_hz : end of the spectrum.
+    size : number of samples that would cover it.
     """
 
     part: MotionPart
     column: int
     highest_hz: float
+    size: int
+
+    @property
+    def start(self) -> float:
+        """See `SpectrumRecord`."""
+        return self.part.begin
 
     @property
     def duration(self) -> float:
-        """Of the part, s."""
-        return self.x.size / self.rate
+        """See `SpectrumRecord`."""
+        return self.part.duration
+
+    @property
+    def peak(self) -> float:
+        """See `SpectrumRecord`."""
+        return float(max(-self.part.extrema.low[self.column], self.part.extrema.high[self.column]))
+
+    @property
+    def deviation(self) -> float:
+        """See `SpectrumRecord`."""
+        mean, found = self.part.means[self.column], self.part.extrema
+        return float(max(mean - found.low[self.column], found.high[self.column] - mean))
+
+    @property
+    def rms(self) -> float:
+        """See `SpectrumRecord`."""
+        return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
+
+    def deviations_of_quarters(self) -> tuple[float, float]:
+        """Root mean squares of the first and the last quarter of the time, about the mean of all."""
+        first, last = self.part.quarter_deviations
+        return float(first[self.column]), float(last[self.column])
+
+    def amplitudes(self, window: Window) -> Floats:
+        """See `SpectrumRecord`; up to the highest frequency."""
+        count = int(self.highest_hz * self.duration * (1 + 1e-12)) + 1
+        omega = 2.0 * np.pi / self.duration * np.arange(count, dtype=np.float64)
+        mean, amplitude = self._seen(window, omega)
+        amplitude[0] = abs(mean)
+        return amplitude
+
+    def _seen(self, window: Window, omega: Floats) -> tuple[float, Floats]:
+        """Weighted mean, and single-sided amplitudes (W,) of what is beside it, at angular frequencies (W,), rad/s."""
+        total = float(window.transform(np.zeros(1), self.duration)[0].real)
+        seen = window.weigh(lambda nu: self.part.integrals(nu, self.column), np.append(0.0, omega), self.duration)
+        mean = float(seen[0].real) / total
+        rest = seen[1:] - mean * window.transform(omega, self.duration)
+        return mean, np.abs(rest) * (2.0 / total)
+
+    def refined(self, frequency_hz: float, window: Window) -> float:
+        """See `SpectrumRecord`; of the continuous motion."""
+        place = frequency_hz * self.duration
+        for width in (0.1, 0.01):  # of a parabola, over one over the duration
+            around = place + width * np.array([-1.0, 0.0, 1.0])
+            place += width * parabola_top(self._seen(window, 2.0 * np.pi / self.duration * around)[1])
+        return place / self.duration
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
-        """The same by integrals; by sums over the samples where a motion has very many pieces (a sampled input)."""
-        window = window or RECTANGULAR
-        frequencies = (2 * window.cosines.size - 1) * (1 + np.size(frequency_hz))
-        if self.part.segments * self.part.table.shape[1] * frequencies > MOST_TERMS:
-            return super().project(frequency_hz, window)
-        omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
+        """See `SpectrumRecord`; by integrals."""
+        omega, (fit, _) = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float), self._fit(frequency_hz, window)
+        c = fit[1 : 1 + omega.size] + 1j * fit[1 + omega.size :]
+        return float(fit[0]), c * np.exp(-1j * omega * self.start)
+
+    def _fit(self, frequency_hz: Floats, window: Window | None) -> tuple[Floats, Floats]:
+        """(2 k + 1,) factors of 1, sines and cosines since the start of the record, and what they are fitted to."""
+        window, omega = window or RECTANGULAR, 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
         gram, total = _normal_equations(window, omega.tobytes(), self.duration)
         moved = window.weigh(lambda nu: self.part.integrals(nu, self.column), np.append(0.0, omega), self.duration)
-        right = np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real])
-        fit = np.linalg.lstsq(gram, right / total, rcond=None)[0]  # of least norm where two lines have one frequency
-        c = fit[1 : 1 + omega.size] + 1j * fit[1 + omega.size :]
-        return float(fit[0]), c * np.exp(-1j * omega * self.time[0])
+        right = np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real]) / total
+        return np.asarray(np.linalg.lstsq(gram, right, rcond=None)[0]), np.asarray(
+            right
+        )  # of least norm where two lines have one frequency
+
+    def residual(self, frequency_hz: Floats) -> float:
+        """See `SpectrumRecord`."""
+        fit, right = self._fit(frequency_hz, None)
+        return float(np.sqrt(max(self.part.mean_squares[self.column] - fit @ right, 0.0)))
 
     def halves(self) -> tuple[MotionRecord, MotionRecord]:
-        """Both halves of the duration."""
-        (early, late), half = self.part.halves, self.x.size // 2
-        return (
-            replace(self, part=early, time=self.time[:half], x=self.x[:half]),
-            replace(self, part=late, time=self.time[half:], x=self.x[half:]),
-        )
+        """See `SpectrumRecord`."""
+        early, late = self.part.halves
+        return replace(self, part=early, size=self.size // 2), replace(self, part=late, size=self.size // 2)
 
-    def band(self, lines: int) -> int:
-        """Up to the highest frequency."""
-        return min(lines, int(self.highest_hz * self.duration * (1 + 1e-12)) + 1)
 
-    def rms(self) -> float:
-        """In closed form, free motions that the samples leave out included."""
-        return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
+def parabola_top(around: Floats) -> float:
+    """Offset of the top of a parabola through three logarithms of equally spaced amplitudes, in their spacing."""
+    a, b, c = np.log(np.maximum(around, np.finfo(float).tiny))
+    curvature = a - 2 * b + c
+    return float(0.5 * (a - c) / curvature) if curvature < 0 else 0.0
 
 
 @lru_cache(maxsize=4)

@@ -348,8 +348,9 @@ class Spectrum:
     start_s: float = attribute("s", "beginning of the part that is analysed")
     duration_s: float = attribute("s", "its duration")
     lines: tuple[SpectralLine, ...] = table("lines", SpectralLine, Counter("line", "number of the line"), default=())
-    # None in files of earlier versions
-    rate_hz: float | None = attribute("Hz", "rate of the samples that the curve is made of", default=None)
+    rate_hz: float | None = attribute(
+        "Hz", "rate of the samples that a spectrum of a time-stepped motion is made of", default=None
+    )
     rms: float | None = attribute(
         "{unit}", "root mean square over the part that is analysed, mean included", default=None
     )

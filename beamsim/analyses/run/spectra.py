@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 
 from beamsim.analyses.run.motion import RunMotion
-from beamsim.analyses.run.records import MotionRecord, SampledRecord, Window
+from beamsim.analyses.run.records import MotionRecord, SampledRecord, SpectrumRecord, Window, parabola_top
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import MotionPart, Observed
@@ -20,11 +20,12 @@ from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
-SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency shown
+SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency: as many as would cover a curve
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
 MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
 FLOOR_LINES = 16  # beyond the highest content: a line is told by what lies beside it
-FEWEST_SAMPLES, MOST_SAMPLES = 256, 2**17
+FEWEST_SAMPLES = 256
+MOST_FREQUENCIES = 50_000  # of a curve
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
 FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
 # The rule for a line, see `spectrum_of`.
@@ -72,10 +73,7 @@ def spectra_of(motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
     spectra = {}
     records = records_of(system, trajectory, channels, (begin, trajectory.end))
     for of, record in zip(labels, records, strict=True):
-        window = settings.window or _suited_window(system.scenario, record.x)
-        if window == "rectangular":
-            # both ends of the part are one sample of the periodic record
-            record.x[0] = 0.5 * (record.x[0] + record.part.at_end()[record.column])
+        window = settings.window or _suited_window(system.scenario, record)
         spectra[of[:2]] = spectrum_of(
             record, window, excitation_hz, *of, residual_hz=residual, chosen_hz=settings.frequencies
         )
@@ -85,33 +83,41 @@ def spectra_of(motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
 def coverage_notes(
     system: StructuralSystem, spectra: Mapping[tuple[str, str], Spectrum], *, closed_form: bool
 ) -> list[str]:
-    """A note where samples of spectra do not cover every mode kept.
+    """A note where spectra do not cover every mode kept.
 
     Parameters
     ----------
     system : of the motion.
     spectra : by name and quantity.
-    closed_form : whether the motion is known in closed form, so that a shorter part of it is sampled at a higher rate.
+    closed_form : whether the motion is known in closed form, of which nothing is aliased.
 
     Returns
     -------
     One sentence, or none.
     """
     highest = float(system.closed_frequencies_hz[: system.kept_modes].max(initial=0.0))
+    if closed_form:
+        cut = [float(s.frequency_hz[-1]) for s in spectra.values() if s.frequency_hz.size >= MOST_FREQUENCIES]
+        if not cut or (shown := min(cut)) >= highest:
+            return []
+        return [
+            f"spectra end at {shown:.4g} Hz, their {MOST_FREQUENCIES}th frequency, and the highest mode kept has "
+            f"{highest:.4g} Hz; analyse a shorter part of the run (run.spectrum.last)"
+        ]
     rate = min((s.rate_hz for s in spectra.values() if s.rate_hz is not None), default=np.inf)
     if rate >= 2.0 * highest:
         return []
-    remedy = "analyse a shorter part of the run (run.spectrum.last)" if closed_form else "raise run.sample_rate"
     return [
-        f"spectra are made of samples at {rate:g} Hz, and the highest mode kept has {highest:.4g} Hz: what moves "
-        f"faster than {0.5 * rate:g} Hz shows at lower frequencies; {remedy}"
+        f"spectra are made of samples at {rate:g} Hz, and the highest mode kept has {highest:.4g} Hz: content above "
+        f"{0.5 * rate:g} Hz is aliased; raise run.sample_rate"
     ]
 
 
 def records_of(
-    system: StructuralSystem, trajectory: Trajectory, channels: ChannelSet, span: tuple[float, float]
-) -> list[MotionRecord]:
-    """Records of a part of a motion; samples cover the modes kept.
+    system: StructuralSystem, trajectory: Trajectory, channels: ChannelSet, span: tuple[float, float],
+    least_hz: float = 0.0,
+) -> list[MotionRecord]:  # fmt: skip
+    """Records of a part of a motion, whose spectra cover the modes kept.
 
     Parameters
     ----------
@@ -119,22 +125,19 @@ def records_of(
     trajectory : the motion.
     channels : linear ones.
     span : s, begin and end of the part.
+    least_hz : Hz, that the spectra cover at least.
 
     Returns
     -------
     A record of each channel.
     """
-    settings, (begin, end) = not_none(system.scenario.run).spectrum, span
-    duration = end - begin
+    settings, duration = not_none(system.scenario.run).spectrum, span[1] - span[0]
     content = _highest_content(system, trajectory, duration)
-    highest = max(settings.to or content, *settings.frequencies, 0.0)
-    rate = SAMPLES_OF_A_PERIOD * max(highest, content)
-    size = _even_size(min(max(rate * duration, FEWEST_SAMPLES), MOST_SAMPLES))
-    rate = size / duration
-    highest = min(highest, rate / SAMPLES_OF_A_PERIOD)
-    part = MotionPart.of(trajectory, Observed(trajectory.flow, channels).linear, begin, end, np.pi * rate)
-    time, columns = begin + np.arange(size) / rate, np.ascontiguousarray(part.samples(size).T)
-    return [MotionRecord(time, x, rate, part, k, highest) for k, x in enumerate(columns)]
+    highest = min(max(settings.to or content, *settings.frequencies, 0.0), MOST_FREQUENCIES / duration)
+    highest = max(highest, least_hz)
+    part = MotionPart.of(trajectory, Observed(trajectory.flow, channels).linear, span, 2.0 * np.pi * highest)
+    size = max(int(SAMPLES_OF_A_PERIOD * highest * duration), FEWEST_SAMPLES)
+    return [MotionRecord(part, k, highest, size) for k in range(channels.order.size)]
 
 
 def _duration(settings: SpectrumSettings, available: float, excitation_hz: float) -> float:
@@ -166,20 +169,12 @@ def _highest_content(system: StructuralSystem, trajectory: Trajectory, duration:
     return highest
 
 
-def _even_size(samples: float) -> int:
-    """A number of samples, not less, whose largest prime factor is small."""
-    size = int(np.ceil(samples))
-    step = 1 << max(size.bit_length() - 5, 0)
-    return -(-size // step) * step
-
-
-def _suited_window(scenario: Scenario, x: Floats) -> str:
+def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
     """Hann for a motion that lasts, ``decaying`` for a shock and for what dies away, of which the beginning counts."""
     if scenario.excitation.shock:
         return "decaying"
-    if scenario.excitation.highest_frequency_hz == 0.0 and x.size >= 4:  # none, or records
-        quarter, y = x.size // 4, x - np.mean(x)
-        first, last = (float(np.sqrt(np.mean(part**2))) for part in (y[:quarter], y[-quarter:]))
+    if scenario.excitation.highest_frequency_hz == 0.0:  # none, or records
+        first, last = record.deviations_of_quarters()
         if last < DECAYED * first:
             return "decaying"
     return "hann"
@@ -195,8 +190,8 @@ def amplitude_db(amplitude: Floats, peak: float) -> Floats:
 def spectrum(time: Floats, x: Floats, settings: SpectrumSettings, excitation_hz: float, *of: str) -> Spectrum:
     """Spectrum of the last part of a record of samples, see `spectrum_of`.
 
-    Samples are taken as they are: what they hold beyond half the sample rate has folded back, and shows up as lines of
-    the kind "other".
+    Samples are taken as they are: content beyond half the sample rate is aliased, and shows as lines of the kind
+    "other".
 
     Parameters
     ----------
@@ -226,7 +221,7 @@ def spectrum(time: Floats, x: Floats, settings: SpectrumSettings, excitation_hz:
 
 
 def spectrum_of(
-    record: SampledRecord, window: str, excitation_hz: float, *of: str, residual_hz: tuple[float, ...] = (),
+    record: SpectrumRecord, window: str, excitation_hz: float, *of: str, residual_hz: tuple[float, ...] = (),
     chosen_hz: tuple[float, ...] = (),
 ) -> Spectrum:  # fmt: skip
     r"""Single-sided peak-amplitude spectrum of a record, and its table of lines.
@@ -236,9 +231,9 @@ def spectrum_of(
     .. math:: A_j = \frac{2}{\sum_n w_n} \Big| \sum_n w_n (x_n - \bar x) e^{-2 \pi i j n / N} \Big|, \quad
               A_0 = |\bar x|, \quad L_j = 20 \log_{10} \frac{A_j}{\max |x|}
 
-    (the line at half the sample rate is not doubled). The division by :math:`\sum w` corrects the
-    window's coherent gain: a sinusoid on a bin shows its own amplitude with every window; the mean is
-    taken out first because it would otherwise leak into the first bins.
+    (the line at half the sample rate is not doubled); of a motion in closed form the sums are integrals. The division
+    by :math:`\sum w` corrects the window's coherent gain: a sinusoid on a bin shows its own amplitude with every
+    window; the mean is taken out first because it would otherwise leak into the first bins.
 
     Phases are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
     0 or 180 degrees, its sign.
@@ -259,29 +254,27 @@ def spectrum_of(
         Up to the highest frequency that the record covers; the mean is the first line, the others follow by frequency.
         Without lines where the record is not finite.
     """
-    (probe, quantity, unit), shape, x, rate = of, Window.named(window), record.x, record.rate
-    peak = float(np.max(np.abs(x)))
-    kept = record.band(x.size // 2 + 1)
-    amplitude = _windowed_amplitude(x, shape)[:kept]
+    (probe, quantity, unit), shape, peak = of, Window.named(window), record.peak
+    amplitude = record.amplitudes(shape)
     lines = _lines(record, excitation_hz, peak, shape.one_sided, residual_hz, chosen_hz) if np.isfinite(peak) else ()
     return Spectrum(
         probe=probe,
         quantity=quantity,
         unit=unit,
-        frequency_hz=np.arange(kept) * rate / x.size,
+        frequency_hz=np.arange(amplitude.size) / record.duration,
         amplitude=amplitude,
         amplitude_db=amplitude_db(amplitude, peak),
         excitation_hz=excitation_hz,
         window=window,
-        start_s=float(record.time[0]),
-        duration_s=x.size / rate,
+        start_s=record.start,
+        duration_s=record.duration,
         lines=lines,
-        rate_hz=rate,
-        rms=record.rms(),
+        rate_hz=record.rate if isinstance(record, SampledRecord) else None,
+        rms=record.rms,
     )
 
 
-def found_again(record: SampledRecord, known: Spectrum) -> tuple[Floats, Floats]:
+def found_again(record: SpectrumRecord, known: Spectrum) -> tuple[Floats, Floats]:
     """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a spectrum, the mean first, in another record.
 
     Orders of the excitation keep their frequency. Any other line is sought near its own, since a natural frequency
@@ -293,33 +286,31 @@ def found_again(record: SampledRecord, known: Spectrum) -> tuple[Floats, Floats]
     frequency = np.array([line.frequency_hz for line in lines])
     free = [k for k, line in enumerate(lines) if line.kind in ("other", "residual")]
     if free and examined is not None:
-        amplitude = _windowed_amplitude(record.x, examined)
-        bins = frequency * (record.x.size / record.rate)
+        amplitude = record.amplitudes(examined)
+        bins = frequency * record.duration
         between = np.concatenate([[-np.inf], 0.5 * (bins[1:] + bins[:-1]), [np.inf]])  # lines are in order of frequency
         for k in free:
-            peak = _nearby_peak(amplitude, bins[k], lines[k].amplitude, between[k], between[k + 1])
-            frequency[k] = peak * (record.rate / record.x.size)
+            j = _nearby_peak(amplitude, bins[k], lines[k].amplitude, between[k], between[k + 1])
+            if j is not None:
+                frequency[k] = record.refined(_peak_hz(record, amplitude, j), examined)
     mean, c = record.project(frequency, examined)
     return np.append(0.0, frequency), np.append(abs(mean), np.abs(c))
 
 
-def _nearby_peak(amplitude: Floats, near: float, size: float, least: float, most: float) -> float:
-    """The nearest local maximum from least to most, in bins, not much smaller than a known line; else where it is."""
+def _nearby_peak(amplitude: Floats, near: float, size: float, least: float, most: float) -> int | None:
+    """The nearest local maximum from least to most, in bins, not much smaller than a known line; None without one."""
     reach = max(NEARBY_BINS, NEARBY * near)
     low, high = max(1, int(near - reach)), min(amplitude.size - 1, int(near + reach) + 2)
     inner = np.arange(low, high)
     inner = inner[(inner > least) & (inner < most)]
     top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
     top = top[amplitude[top] >= 0.5 * size]
-    if top.size == 0:
-        return near
-    j = int(top[np.abs(top - near).argmin()])
-    return float(j + _parabola_top(amplitude[j - 1 : j + 2]))
+    return int(top[np.abs(top - near).argmin()]) if top.size else None
 
 
-def _examined(record: SampledRecord, excitation_hz: float, one_sided: bool) -> Window | None:
+def _examined(record: SpectrumRecord, excitation_hz: float, one_sided: bool) -> Window | None:
     """The window through which lines are seen; None where the record holds a few periods of the excitation alone."""
-    short = np.isfinite(excitation_hz) and 0 < excitation_hz * record.x.size / record.rate < 2 * LOBE
+    short = np.isfinite(excitation_hz) and 0 < excitation_hz * record.duration < 2 * LOBE
     return None if short else Window("blackmanharris", one_sided)
 
 
@@ -333,22 +324,19 @@ def _samples_analysed(available: int, rate: float, settings: SpectrumSettings, e
     return min((available - 1, available), key=lambda n: abs(n * periods - round(n * periods)))
 
 
-def _windowed_amplitude(x: Floats, shape: Window) -> Floats:
-    amplitude = np.abs(shape.amplitudes(x))
-    if x.size % 2 == 0:
-        amplitude[-1] /= 2.0
-    return np.asarray(amplitude)
-
-
 @dataclass(frozen=True)
 class _Candidate:
     order: Fraction | None  # None: belongs to no order
     frequency_hz: float  # exact for an order, interpolated otherwise
     peak_hz: float  # interpolated
 
+    def refined(self, record: SpectrumRecord, window: Window) -> _Candidate:
+        """With the frequency at which the amplitude of the record under the window is largest."""
+        return replace(self, frequency_hz=record.refined(self.frequency_hz, window))
+
 
 def _lines(
-    record: SampledRecord,
+    record: SpectrumRecord,
     excitation_hz: float,
     peak: float,
     one_sided: bool,
@@ -376,16 +364,22 @@ def _lines(
     forced = bool(np.isfinite(excitation_hz) and excitation_hz > 0)
     window = _examined(record, excitation_hz, one_sided)
     if window is None:
-        periods = excitation_hz * record.x.size / record.rate
+        periods = excitation_hz * record.duration
         candidates = _orders_of_short_record(record, excitation_hz, peak) if periods >= 1 - _ROUND_OFF else []
     else:
         candidates = _peaks(record, window, excitation_hz, peak)
         if forced and candidates:
             candidates = _only_locked(record, candidates)
+        candidates = [c if c.order is not None else c.refined(record, window) for c in candidates]
     candidates = sorted(_with_chosen(candidates, chosen_hz, record), key=lambda c: c.frequency_hz)
     window = window if candidates else None
     mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)
-    near = 2.0 * record.rate / record.x.size
+    worth = np.abs(c) >= WORTH_LISTING * np.abs(c).max(initial=0.0)
+    worth |= np.array([k.frequency_hz in chosen_hz for k in candidates], dtype=bool)
+    if not worth.all():  # what leaks from others into the curve is no line
+        candidates = [k for k, listed in zip(candidates, worth, strict=True) if listed]
+        mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)
+    near = 2.0 / record.duration
 
     def line(order: float, frequency: float, amplitude: float, phase_deg: float, kind: str) -> SpectralLine:
         return SpectralLine(
@@ -408,9 +402,11 @@ def _lines(
     return tuple(lines)
 
 
-def _with_chosen(candidates: list[_Candidate], chosen_hz: tuple[float, ...], record: SampledRecord) -> list[_Candidate]:
+def _with_chosen(
+    candidates: list[_Candidate], chosen_hz: tuple[float, ...], record: SpectrumRecord
+) -> list[_Candidate]:
     """Chosen frequencies instead of what is nearer than a bin; an order that has one is that line."""
-    bin_hz = record.rate / record.x.size
+    bin_hz = 1.0 / record.duration
     added = [
         _Candidate(None, f, f)
         for f in chosen_hz
@@ -420,21 +416,19 @@ def _with_chosen(candidates: list[_Candidate], chosen_hz: tuple[float, ...], rec
     return apart + added
 
 
-def _peaks(record: SampledRecord, window: Window, excitation_hz: float, peak: float) -> list[_Candidate]:
+def _peaks(record: SpectrumRecord, window: Window, excitation_hz: float, peak: float) -> list[_Candidate]:
     """Local maxima that are lines, strongest first, each with the order its frequency suggests."""
-    x, rate = record.x, record.rate
-    amplitude = _windowed_amplitude(x, window)
-    amplitude = amplitude[: record.band(amplitude.size)]
+    amplitude = record.amplitudes(window)
     inner = np.arange(LOBE - 1, amplitude.size - 1)
     if inner.size == 0:
         return []
-    bin_hz = rate / x.size
+    bin_hz = 1.0 / record.duration
     forced = np.isfinite(excitation_hz)
     top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
     if top.size == 0:
         return []
-    deviation = float(np.max(np.abs(x - np.mean(x))))
-    least = max(WORTH_LISTING * float(np.max(amplitude[top])), _OVER_SIDE_LOBES * deviation, _ROUND_OFF * peak)
+    side_lobes = _OVER_SIDE_LOBES * record.deviation
+    least = max(WORTH_LISTING * float(np.max(amplitude[top])), side_lobes, _ROUND_OFF * peak)
     top = top[amplitude[top] >= least]
     top = top[np.argsort(-amplitude[top])][: 4 * _MOST_LINES]
     reach = max(32, round(excitation_hz / bin_hz)) if forced else 32
@@ -446,20 +440,18 @@ def _peaks(record: SampledRecord, window: Window, excitation_hz: float, peak: fl
         floor = float(np.percentile(amplitude[max(1, low) : high], 25.0))
         if amplitude[j] < (_OVER_FLOOR if not window.one_sided else _OVER_SKIRTS) * floor:
             continue
-        frequency = float((j + _parabola_top(amplitude[j - 1 : j + 2])) * bin_hz)
+        frequency = _peak_hz(record, amplitude, int(j))
         order = _nearest_order(frequency, excitation_hz, bin_hz) if forced else None
         exact = frequency if order is None else float(order) * excitation_hz
         candidates.setdefault(frequency if order is None else order, _Candidate(order, exact, frequency))
-        if len(candidates) == min(_MOST_LINES, (x.size - 1) // 4):
+        if len(candidates) == min(_MOST_LINES, (record.size - 1) // 4):
             break
     return list(candidates.values())
 
 
-def _parabola_top(around: Floats) -> float:
-    """Offset in bins of the top of a parabola through three logarithmic amplitudes."""
-    a, b, c = np.log(np.maximum(around, np.finfo(float).tiny))
-    curvature = a - 2 * b + c
-    return float(0.5 * (a - c) / curvature) if curvature < 0 else 0.0
+def _peak_hz(record: SpectrumRecord, amplitude: Floats, j: int) -> float:
+    """Frequency, Hz, of the maximum j of a curve, between its points."""
+    return (j + parabola_top(amplitude[j - 1 : j + 2])) / record.duration
 
 
 def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fraction | None:
@@ -472,7 +464,7 @@ def _nearest_order(frequency: float, excitation_hz: float, bin_hz: float) -> Fra
     return None
 
 
-def _only_locked(record: SampledRecord, candidates: list[_Candidate]) -> list[_Candidate]:
+def _only_locked(record: SpectrumRecord, candidates: list[_Candidate]) -> list[_Candidate]:
     """Take the order away from what does not keep its amplitude and phase relative to the excitation."""
     frequency = np.array([k.frequency_hz for k in candidates])
     (_, early), (_, late) = (half.project(frequency) for half in record.halves())
@@ -483,15 +475,14 @@ def _only_locked(record: SampledRecord, candidates: list[_Candidate]) -> list[_C
     ]
 
 
-def _orders_of_short_record(record: SampledRecord, excitation_hz: float, peak: float) -> list[_Candidate]:
-    x, rate = record.x, record.rate
-    highest = min(_ORDERS_OF_A_SHORT_RECORD, int(0.49 * rate / excitation_hz), (x.size - 1) // 4)
+def _orders_of_short_record(record: SpectrumRecord, excitation_hz: float, peak: float) -> list[_Candidate]:
+    rate = record.size / record.duration
+    highest = min(_ORDERS_OF_A_SHORT_RECORD, int(0.49 * rate / excitation_hz), (record.size - 1) // 4)
     frequency = excitation_hz * np.arange(1, highest + 1, dtype=np.float64)
     if frequency.size == 0:
         return []
-    mean, c = record.project(frequency)
-    residual = x - mean - (np.exp(2j * np.pi * np.outer(record.time, frequency)) @ c).imag
-    floor = float(np.sqrt(np.mean(residual**2) * 2.0 / x.size))
+    _, c = record.project(frequency)
+    floor = record.residual(frequency) * float(np.sqrt(2.0 / record.size))
     amplitude = np.abs(c)
     limit = max(WORTH_LISTING * float(np.max(amplitude)), _OVER_FLOOR * floor, _ROUND_OFF * peak)
     return [
