@@ -120,6 +120,12 @@ class _Describing(GenerateJsonSchema):
             described["required"] = sorted({"kind", *described.get("required", ())})
         return described
 
+    def encode_default(self, dft: Any) -> Any:
+        """A default as JSON; pydantic before 2.14 cannot encode a section that it has not built yet."""
+        if isinstance(dft, Schema):
+            type(dft).model_rebuild()
+        return super().encode_default(dft)
+
 
 def _unit(schema: dict[str, Any]) -> str | None:
     """Return the SI unit of a quantity, an optional quantity or a list of them."""

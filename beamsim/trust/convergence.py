@@ -189,7 +189,7 @@ def divergence(first: ContactEvents, second: ContactEvents) -> float:
     Each contact has its own sequence: which of two comes first is round-off where a symmetric structure meets both.
     """
     end = min(first.end, second.end)
-    contacts = np.union1d(first.contact, second.contact)
+    contacts: list[int] = np.union1d(first.contact, second.contact).tolist()
     return min((_divergence_of(first.of_contact(k), second.of_contact(k), end) for k in contacts), default=math.inf)
 
 

@@ -417,7 +417,7 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> Tracked:
     at_ends = np.abs(history(edges[np.stack([inside, inside + 1])])).max(axis=0)
     weight = clock(turns, 1)  # the root mean square is over time, as that of the sweep is
     weight /= weight.sum(axis=1, keepdims=True)
-    fundamental = values @ np.exp(-2j * np.pi * share) * (2.0 / count)
+    fundamental = np.asarray(values @ np.exp(-2j * np.pi * share) * (2.0 / count), dtype=complex)
     rising = np.argsort(curve.frequency_hz[inside], kind="stable")
     return Tracked(
         cycle=inside[rising],

@@ -591,7 +591,7 @@ def best_cases(
     """
     names, each = list(margins), np.array([margin.values.ravel() for margin in margins.values()])
     smallest = each.min(axis=0) if names else None
-    decisive = np.where(np.isnan(each), -np.inf, each).argmin(axis=0) if names else []
+    decisive = np.where(np.isnan(each), -np.inf, each).argmin(axis=0).tolist() if names else []
     values = smallest if values is None else values
     if values is None:
         return []

@@ -417,7 +417,9 @@ def listed_values(parameter: VariedParameter) -> list[Value]:
     spaced = np.geomspace if parameter.spacing == "logarithmic" else np.linspace
     values = spaced(parameter.low, parameter.high, parameter.points)
     values[0], values[-1] = parameter.low, parameter.high
-    return [*dict.fromkeys(int(v) for v in np.rint(values))] if parameter.whole else values.tolist()
+    if parameter.whole:
+        return [*dict.fromkeys(int(v) for v in np.rint(values))]
+    return [float(v) for v in values]
 
 
 def one_at_a_time(varied: tuple[VariedParameter, ...]) -> list[list[Value]]:

@@ -235,7 +235,8 @@ def butterworth(frequency_hz: float) -> tuple[Complexes, Complexes]:
     ``p_j = Omega exp(i pi (2 j + 3) / 8)``, ``j = 1 ... 4``. The others are conjugates.
     """
     omega = 2 * np.pi * frequency_hz
-    poles = omega * np.exp(1j * np.pi * (2 * np.arange(1, POLES + 1) + POLES - 1) / (2 * POLES))
+    turns = (2 * np.arange(1, POLES + 1) + POLES - 1) / (4 * POLES)
+    poles = np.asarray(omega * np.exp(2j * np.pi * turns), dtype=complex)
     others = poles[:, None] - poles + np.eye(POLES)
     residues = omega**POLES / others.prod(axis=1)
     upper = poles.imag > 0

@@ -234,7 +234,7 @@ def rms_interval(x: Floats) -> dict[str, float]:
     square, fourth = float(np.mean(squares)), float(np.mean(squares * squares))
     if square == 0.0:
         return {}
-    freedom = 4.0 * power.sum() ** 2 / float(power @ power) - 2.0
+    freedom = 4.0 * float(power.sum()) ** 2 / float(power @ power) - 2.0
     freedom = float(max(freedom / max(1.0, 0.5 * (fourth / square**2 - 1.0)), 1.0))
     tail = 0.5 * (1.0 - CONFIDENCE)
     low, high = (
