@@ -153,18 +153,17 @@ def text_of_attribute(value: object) -> str:
 def _unpacked(name: str, item: h5py.Dataset) -> _Array:
     """The array of a data set by its attributes."""
     given = {key: item.attrs[key] for key in item.attrs if key != LIST}
+    given = {key: value for key, value in given.items() if not isinstance(value, h5py.Empty)}
     units = {text_of_attribute(value) for key, value in given.items() if key.lower() in ("unit", "units")} - {""}
     unit = stated(next(iter(units), "")) or split_heading(name.rpartition("/")[2])[1]
     again = "export the values in their unit"
     fault = (f"states several units of {name}: {', '.join(sorted(units))}", again) if len(units) > 1 else None
-    if not units and any(key.lower() in ("unit", "units") and np.size(given[key]) > 1 for key in given):
-        fault = (f"states several units of {name}", again)
     raw = np.asarray(item[()]).ravel()
     if raw.dtype.names:
         raw = raw["real"] + 1j * raw["imag"]
+    missing = _missing(raw, given)
     if text_of_attribute(given.get("_Unsigned", "")).lower() == "true" and raw.dtype.kind == "i":
         raw = raw.view(raw.dtype.str.replace("i", "u"))
-    missing = _missing(raw, given)
     if match := _SINCE.fullmatch(unit):
         raw, unit = raw - raw[0], match[1]
     values = raw.astype(complex if raw.dtype.kind == "c" else float)
@@ -183,6 +182,7 @@ def _unpacked(name: str, item: h5py.Dataset) -> _Array:
             f"has integers in {name} with the attribute {unknown}, which is not one of netCDF",
             "name it scale_factor or add_offset, or export the values in their unit",
         )
+    values[_outside(raw, values, given)] = np.nan
     words = " ".join(text_of_attribute(given.get(key, "")) for key in ("long_name", "standard_name", "description"))
     scale = scale_along(item, 0 if item.shape[0] == item.size else int(np.argmax(item.shape)))
     of_scale = "" if scale is None or not _is_channel("", scale) else str(scale.name).lstrip("/")
@@ -190,21 +190,27 @@ def _unpacked(name: str, item: h5py.Dataset) -> _Array:
 
 
 def _missing(raw: Any, given: Mapping[str, Any]) -> Any:
-    """(n,) whether a stored value stands for a missing one."""
+    """(n,) whether a stored value is one that stands for a missing one."""
     missing = np.zeros(raw.shape, dtype=bool)
     for key in ("_FillValue", "missing_value"):
-        if key in given and np.asarray(given[key]).dtype.kind in "iufc":
-            missing |= np.isin(raw, np.asarray(given[key]).astype(raw.dtype))
-    least, most = given.get("valid_min"), given.get("valid_max")
-    if np.size(given.get("valid_range", ())) == 2:
-        least, most = np.ravel(given["valid_range"])
-    if raw.dtype.kind != "c":
-        for bound, beyond in ((least, np.less), (most, np.greater)):
-            if bound is not None and np.size(bound) == 1 and np.asarray(bound).dtype.kind in "iuf":
-                missing |= beyond(raw, np.ravel(bound)[0])
-    if raw.dtype.kind == "f":
-        missing |= raw == raw.dtype.type(_NETCDF_FILL)
-    return missing
+        marks = np.asarray(given.get(key, ())).ravel()
+        if marks.dtype.kind in "iufc":
+            marks = marks.astype(raw.dtype) if raw.dtype.kind == "f" else marks[np.isfinite(marks)]
+            missing |= np.isin(raw, marks)
+    return missing | (raw == raw.dtype.type(_NETCDF_FILL)) if raw.dtype in (np.float32, np.float64) else missing
+
+
+def _outside(raw: Any, values: Any, given: Mapping[str, Any]) -> Any:
+    """(n,) whether a value is outside the valid range: stored integers are compared with integers."""
+    bounds = {key: np.asarray(given[key]).ravel() for key in ("valid_min", "valid_max", "valid_range") if key in given}
+    least, most = bounds.get("valid_min"), bounds.get("valid_max")
+    if "valid_range" in bounds and bounds["valid_range"].size == 2:
+        least, most = bounds["valid_range"][:1], bounds["valid_range"][1:]
+    outside = np.zeros(raw.shape, dtype=bool)
+    for bound, beyond in ((least, np.less), (most, np.greater)):
+        if bound is not None and bound.size == 1 and bound.dtype.kind in "iuf" and raw.dtype.kind != "c":
+            outside |= beyond(values if bound.dtype.kind == "f" else raw, bound[0])
+    return outside
 
 
 def _signal(name: str, label: str, arrays: Mapping[str, _Array], path: Path) -> MeasuredSignal:

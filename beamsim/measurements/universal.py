@@ -62,6 +62,7 @@ class DataSet:
 
 _TAG = re.compile(rb" {4}-1(?=[\r\n]|\Z| {74})")
 _EXPONENT = re.compile(rb"(?<=[\d.])[Dd](?=[+-]\d)")
+_BLANKS = re.compile(rb"[ \t]+(?=\r?\n)")
 _NUMBERS = re.compile(rb"(?m)^[ \t\d.+\-DdEe]*[Dd][+-]\d+[ \t\d.+\-DdEe]*\r?$")
 
 
@@ -102,7 +103,7 @@ def _plain(block: bytes) -> bytes:
     binary = len(lines) > 1 and lines[1][6:7].lower() == b"b"
     if not binary and _EXPONENT.search(block):
         head, rest = (_NUMBERS.sub(lambda match: _EXPONENT.sub(b"E", match[0]), part) for part in (head, rest))
-    return head + rest
+    return head + (rest if binary else _BLANKS.sub(b"", rest))
 
 
 def _read(path: Path, lines: list[int]) -> Iterator[DataSet]:
