@@ -121,7 +121,7 @@ class _Describing(GenerateJsonSchema):
         return described
 
     def encode_default(self, dft: Any) -> Any:
-        """A default as JSON; pydantic before 2.14 cannot encode a section that it has not built yet."""
+        """A default as JSON; pydantic 2.13 cannot encode a section that it has not built yet."""
         if isinstance(dft, Schema):
             type(dft).model_rebuild()
         return super().encode_default(dft)
