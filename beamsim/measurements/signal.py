@@ -79,7 +79,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Level:
+class ExcitationLevel:
     """Amplitude of the excitation in a test."""
 
     amplitude: float  # in SI units
@@ -108,7 +108,7 @@ class MeasuredSignal:
     direction: str = ""  # +X to -RZ, as in the file
     reference: Reference | None = None  # what the values are divided by
     scaling: tuple[str, ...] = ()  # what was done to the values of the file, in words
-    level: Level | None = None  # of the excitation, by which the values of a ratio were multiplied
+    level: ExcitationLevel | None = None  # of the excitation, by which the values of a ratio were multiplied
     fault: tuple[str, str] | None = None  # why the values cannot be used, and a remedy
 
     @property
@@ -202,8 +202,9 @@ class MeasuredSignal:
             raise MeasurementError(f"{what}, and {key} = {level} is no amplitude with a unit", remedy)
         factor = amplitude / size * (-1j if np.iscomplexobj(self.y) else 1.0)
         return replace(
-            self, y=np.asarray(factor * self.y), unit=numerator, reference=None, level=Level(amplitude, dimension),
-            stated_function=FunctionType.SPECTRUM, scaling=(*self.scaling, f"times {level}"),
+            self, y=np.asarray(factor * self.y), unit=numerator, reference=None,
+            level=ExcitationLevel(amplitude, dimension), stated_function=FunctionType.SPECTRUM,
+            scaling=(*self.scaling, f"times {level}"),
         )  # fmt: skip
 
     @property
