@@ -19,12 +19,12 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import Channel, ChannelSet, Key
-from beamsim.typing import Bools, Floats
+from beamsim.typing import Bools, Floats, not_none
 
 ALWAYS = 1e-12  # contact shares within this distance of 0 or 1 count as never or always
 ROUND_OFF_PULL = 1e-9  # of the largest contact force
 DISPLACEMENT, ACCELERATION = ("probes", "displacement"), ("probes", "absolute_acceleration")
-FORCE, PENETRATION = ("snubbers", "force"), ("snubbers", "penetration")
+FORCE, PENETRATION, OPENING = ("snubbers", "force"), ("snubbers", "penetration"), ("snubbers", "opening")
 STRESS = ("bodies", "bending_stress")
 ALWAYS_THERE = ("probes", "snubbers")  # sections whose entries are there even where they are empty
 
@@ -81,9 +81,17 @@ def largest_pulls(forces: Extreme) -> Floats:
     return np.where(-low > ROUND_OFF_PULL * high, np.maximum(-low, 0.0), 0.0)
 
 
-def openings(penetrations: Extreme) -> Floats:
-    """(m,) largest openings of contacts, m."""
-    return np.asarray(np.maximum(-penetrations[0], 0.0))
+def largest_openings(openings: Extreme) -> Floats:
+    """(m,) largest distances of contacts to their faces, m."""
+    return np.asarray(np.maximum(openings[2], 0.0))
+
+
+def by_magnitude(channels: Sequence[Channel], extreme: Extreme) -> Extreme:
+    """Extremes of channels, where a force that counts in both directions has its largest magnitude as the highest."""
+    both = np.repeat([channel.both_ways for channel in channels], [channel.columns for channel in channels])
+    low, when_low, high, when_high = extreme
+    pulls = both & (-low > high)
+    return np.array([low, when_low, np.where(pulls, -low, high), np.where(pulls, when_low, when_high)])
 
 
 def outer(before: Extreme | None, new: Extreme) -> Extreme:
@@ -111,6 +119,10 @@ class Value(NamedTuple):
     limit: str = ""  # by which it is limited
     scale: float = 1.0  # SI over the unit of the entry
     decibels: float = 0.0  # of a decade of the ratio to a curve: 20 of an amplitude, 10 of a power; 0 of other values
+
+    def of_channels(self, channels: Sequence[Channel], extreme: Extreme) -> Floats:
+        """Its values from the extremes of channels, of which each that acts in both directions counts in both."""
+        return not_none(self.of)(by_magnitude(channels, extreme))
 
     def takes(self, channel: Channel) -> bool:
         """Whether it is an extreme of a channel: of its section, quantity and unit."""
@@ -145,18 +157,21 @@ class Value(NamedTuple):
 
 
 VALUES = (
-    Value("peak_force", "peak_force_n", *FORCE, itemgetter(2), "N", "largest contact force of a snubber",
-          "peak contact force", "peak_force"),
-    Value("peak_moment", "peak_moment_n_m", *FORCE, itemgetter(2), "N m", "largest contact moment of a stop of a hinge",
+    Value("peak_force", "peak_force_n", *FORCE, itemgetter(2), "N",
+          "largest contact force of a snubber; of a latch, which also pulls, its magnitude", "peak contact force",
+          "peak_force"),
+    Value("peak_moment", "peak_moment_n_m", *FORCE, itemgetter(2), "N m",
+          "largest contact moment of a stop of a hinge; of a latch, which also pulls, its magnitude",
           "peak contact moment", "peak_moment"),
     Value("largest_pull", "largest_pull_n", *FORCE, largest_pulls, "N",
           "largest tensile force of a snubber, 0 where it never pulls"),
     Value("largest_pulling_moment", "largest_pulling_moment_n_m", *FORCE, largest_pulls, "N m",
           "largest moment with which a stop of a hinge pulls, 0 where it never does"),
-    Value("largest_gap", "largest_gap_m", *PENETRATION, openings, "m", "largest opening of a contact",
+    Value("largest_gap", "largest_gap_m", *OPENING, largest_openings, "m",
+          "largest distance of a contact to its face as it is then (crushed, recovering); 0 of what touches or is held",
           limit="gap"),
-    Value("largest_gap_angle", "largest_gap_rad", *PENETRATION, openings, "rad",
-          "largest opening of a stop of a hinge"),
+    Value("largest_gap_angle", "largest_gap_rad", *OPENING, largest_openings, "rad",
+          "largest distance of a stop of a hinge to its face as it is then"),
     Value("peak_displacement", "peak_displacement_m", *DISPLACEMENT, largest, "m",
           "largest magnitude of a probe's displacement relative to the base", "peak displacement",
           "peak_displacement"),
@@ -184,7 +199,7 @@ VALUES = (
     Value("contact_share", "contact_share", "snubbers", "", None, "1", "share of the time in contact of a snubber",
           "time in contact"),
     Value("contacts", "contacts", "snubbers", "", None, "1",
-          "closings of a snubber; a contact that begins at t = 0 counts, that of one pressed there does not"),
+          "closings of a snubber; a gap that is just closed at t = 0 is made there, what touched before is not"),
     Value("gapping", "gapping_ratio", "snubbers", "", None, "1",
           "level of a sine over that at which the linear motion first changes contact of a snubber, where that is "
           "predicted", limit="gapping"),
@@ -272,7 +287,7 @@ class AlongCurve:
             elif value is RESPONSE:
                 limited = [each for each in (*self.probes, *self.snubbers) if getattr(each, "limit", None) is not None]
                 of = {each.name: each.peak / each.limit for each in limited}
-            elif value.key == PENETRATION:
+            elif value.key == OPENING:
                 of = self.peak_gap
             elif value.key == STRESS and self.peak_bending_stress is not None:
                 of = {"": self.peak_bending_stress}
@@ -294,10 +309,10 @@ def largest_along(curves: Sequence[AlongCurve]) -> Iterator[tuple[Value, str, fl
             yield value, name, float(along[best]), np.nan if np.isnan(along[best]) else float(at[best])
 
 
-def searched(channels: ChannelSet, values: Iterable[Value] = VALUES) -> ChannelSet:
-    """The channels of whose extremes values are made."""
-    wanted = tuple(values)
-    return channels.only(lambda channel: any(value.takes(channel) for value in wanted))
+def searched(channels: ChannelSet, values: Iterable[Value] | None = None) -> ChannelSet:
+    """The channels of whose extremes values are made; by default all that a run reports, and the penetrations."""
+    wanted, beside = (VALUES, PENETRATION) if values is None else (tuple(values), None)
+    return channels.only(lambda channel: channel.key == beside or any(value.takes(channel) for value in wanted))
 
 
 def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
@@ -310,12 +325,12 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
         if value.of is None:
             continue
         some = [c for c in channels.channels if value.takes(c) and c.key in extremes]
-        numbers = {key: (value.of(extremes[key]) / value.scale).tolist() for key in {c.key for c in some}}
+        alike = {key: channels.of_keys(key).channels for key in {c.key for c in some}}
+        numbers = {key: (value.of_channels(each, extremes[key]) / value.scale).tolist() for key, each in alike.items()}
         if value.single:
             of_all = [number for key in numbers for number in numbers[key]]
             found |= {value.entry: max(of_all)} if of_all else {}
         elif some or (value.section in ALWAYS_THERE and not value.rare):
-            alike = {key: channels.of_keys(key).channels for key in numbers}
             named = {(c.key, c.name): x for k in numbers for c, x in zip(alike[k], numbers[k], strict=True)}
             found[value.entry] = {channel.name: named[channel.key, channel.name] for channel in some}
     return found

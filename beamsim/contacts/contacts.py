@@ -267,30 +267,19 @@ class Contacts:
         """Whether each contact touches; ``phases`` is (..., m)."""
         return np.asarray(self.arrays.touching[np.arange(self.count), phases])
 
-    def touch_changes(self, initial: Ints, time: Floats, contact: Ints, phase: Ints) -> Ints:
+    def touch_changes(self, contact: Ints, before: Ints, after: Ints) -> Ints:
         """What each event changes.
-
-        An event at the very beginning that leads to the phase there stands for entering it: contact was not there
-        before.
 
         Parameters
         ----------
-        initial : (m,) phases at the beginning.
-        time, contact, phase : (E,) of the events: time, s, contact, and its phase afterwards.
+        contact, before, after : (E,) of the events: contact, and its phases before and after.
 
         Returns
         -------
         (E,) 1 where contact is made, -1 where it ends, 0 between phases of one kind.
         """
-        after = np.asarray(self.arrays.touching[contact, phase], dtype=np.int64)
-        changes = np.zeros(contact.size, dtype=np.int64)
-        for j in np.unique(contact).tolist():
-            of_contact = np.flatnonzero(contact == j)
-            first = of_contact[0]
-            entered = time[first] == 0.0 and phase[first] == initial[j]
-            begin = 0 if entered else int(self.arrays.touching[j, initial[j]])
-            changes[of_contact] = np.diff(after[of_contact], prepend=begin)
-        return changes
+        touching = self.arrays.touching.astype(np.int64)
+        return np.asarray(touching[contact, after] - touching[contact, before])
 
     def after(self, phases: Ints, contact: int, following: int) -> Ints:
         """The phases after an event.
@@ -348,6 +337,11 @@ class Contacts:
         if row[1] != 0.0 or row[3:].any() or row[0] == 0.0:
             return 0.0, bool(a.touching[contact, after])
         return float(-row[2] / row[0]) + 0.0, bool(row[0] < 0.0)
+
+    def openings(self, phases: Ints) -> tuple[Floats, Floats]:
+        """Distances of the contacts to their faces in given phases (m,), 0 of those that touch; as `force_rows`."""
+        rows = self.arrays.opening[np.arange(self.count), phases]
+        return rows[:, :OWN], self.of_all_states(rows, np.arange(self.count))
 
     def force_rows(self, phases: Ints) -> tuple[Floats, Floats]:
         """Forces in given phases (m,): (m, 3) factors of penetration, rate and 1; (m, r) of all internal states."""

@@ -135,6 +135,7 @@ class LawArrays(NamedTuple):
     """A law as arrays of P phases, G guards, r states and the columns of `LawRow.array`; filled up with zeros."""
 
     touching: Bools  # (P,)
+    opening: Floats  # (P, C) distance to the face, m, in a phase that does not touch; see `ContactLaw.opening`
     force: Floats  # (P, C) the force's row
     lost: Floats  # (P, C) the part whose work is lost
     energy: Floats  # (P, C, C) forms, see `Phase.energy`
@@ -284,6 +285,15 @@ class ContactLaw:
         """Whether its force depends on that of another contact, which presses it."""
         return any(phase.otherwise is not None for phase in self.phases)
 
+    def opening(self, phase: Phase) -> LawRow:
+        """Distance to the face of a stop as it is in a phase, m: that after which contact is made.
+
+        A face that was crushed, or that recovers, lies where that has left it. What touches or is held has no opening.
+        """
+        if phase.touching:
+            return LawRow()
+        return next((guard.row for guard in phase.guards if self.phases[guard.next].touching), LawRow())
+
     @cached_property
     def arrays(self) -> LawArrays:
         """The phases as arrays."""
@@ -300,6 +310,7 @@ class ContactLaw:
 
         return LawArrays(
             touching=np.array(phase.touching),
+            opening=self.opening(phase).array(r),
             force=phase.force(r),
             lost=phase.lost.array(r),
             energy=phase.energy(r),

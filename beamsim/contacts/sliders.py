@@ -367,12 +367,8 @@ def unloading_law(
     >>> [(phase.name, phase.force(1)[[0, 2, 6]].tolist()) for phase in law.phases[:3]]
     [('open 1', [0.0, 0.0, 0.0]), ('between 1', [8.0, 0.0, -8.0]), ('loading 1', [2.0, 0.0, 0.0])]
     """
-    if recovery is None:
-        x, lower = loading.deflection[:-1], ForceCurve(loading.deflection, 0.0 * loading.force)
-    else:  # beyond its end it is as far from the loading curve as there
-        x = np.union1d(loading.deflection, recovery.deflection)
-        low = recovery.at(x)
-        lower = ForceCurve(np.append(x, x[-1] + 1.0), np.append(low, low[-1] + loading.slopes[-1]))
+    x = loading.deflection[:-1] if recovery is None else np.union1d(loading.deflection, recovery.deflection)
+    lower = _recovery_everywhere(loading, recovery)
     at = np.append(x, x[-1] + 1.0)
     low, width = lower.at(at), loading.at(at) - lower.at(at)
     if width.min() < -1e-9 * loading.force[-1]:
@@ -397,6 +393,17 @@ def unloading_law(
     return ContactLaw(
         tuple(phases), internal_states=1, stiffness=loading.stiffness, dashpot=dashpot, static=static, settled=settled
     )
+
+
+def _recovery_everywhere(loading: ForceCurve, recovery: ForceCurve | None) -> ForceCurve:
+    """The curve of unloading at all deflections: beyond its last point it keeps its distance to the loading curve."""
+    if recovery is None:
+        return ForceCurve(loading.deflection, 0.0 * loading.force)
+    end = recovery.deflection[-1]
+    beyond = loading.deflection[loading.deflection > end]
+    beyond = np.append(beyond, max(end, loading.deflection[-1]) + 1.0)
+    distance = loading.at(end) - recovery.force[-1]
+    return ForceCurve(np.append(recovery.deflection, beyond), np.append(recovery.force, loading.at(beyond) - distance))
 
 
 def _segment(

@@ -64,7 +64,7 @@ def outputs_of(flow: ExactFlow, rows: Rows, acting: Acting | None = None) -> Out
     fixed.row[:, :n] += rows.displacement
     fixed.row[:, n : 2 * n] += rows.velocity
     fixed.direct[:, 0] += rows.constant
-    varying = np.flatnonzero(rows.acceleration.any(axis=1) | rows.contact.any(axis=1))
+    varying = np.flatnonzero(np.hstack([rows.acceleration, rows.contact, rows.opening]).any(axis=1))
     of_phases = rows.some(varying)
     shape = of_phases.acceleration
 
@@ -73,6 +73,8 @@ def outputs_of(flow: ExactFlow, rows: Rows, acting: Acting | None = None) -> Out
             return fixed
         output = LinearOutput(fixed.row.copy(), fixed.direct.copy(), fixed.direct_slope.copy())
         added = flow.contact_forces(phases).combined(of_phases.contact)
+        if of_phases.opening.any():
+            added += flow.openings(phases).combined(of_phases.opening)
         if shape.any():
             stiffness, damping, internal, load, load_slope = flow.equation_of_motion(phases)
             rates = np.hstack([-stiffness, -damping, internal])

@@ -48,10 +48,16 @@ def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
 
 
 class StartOfMotion(NamedTuple):
-    """Contacts at the start of a motion."""
+    """Contacts at the start of a motion.
 
+    Before it a contact was in the phase that its law has for the state there; where a guard is zero, what follows is
+    decided by the motion. A contact is made at the start if it did not touch before and does after. One whose face is
+    where the structure has pressed it to, with or without a force, touched before.
+    """
+
+    before: Ints  # (m,) phases before the start
     phases: Ints  # (m,)
-    entered: Bools  # (m,) whether a contact enters its phase at this very time
+    made: Bools  # (m,) whether contact is made at this very time
     state: Floats  # (N,) with the internal states of contacts that were in other phases before
 
 
@@ -396,6 +402,10 @@ class ExactFlow:
         output.direct[:, 0] += drive[:, :, 2].sum(axis=1)
         return output
 
+    def openings(self, phases: Ints) -> LinearOutput:
+        """(m,) distances of the contacts to their faces as these are now, m; 0 of what touches or is held."""
+        return self.combined(np.arange(self.system.contacts.count), *self.system.contacts.openings(phases))
+
     def watched(self, watched: Watched, phases: Ints) -> LinearOutput:
         """The functions watched in a contact state (see `beamsim.contacts.contacts.Watched`)."""
         functions = self.combined(watched.contact, watched.row, watched.internal)
@@ -449,6 +459,7 @@ class ExactFlow:
         rate = self.penetrations[1].row[:, n : 2 * n]
         start = contacts.starting_at(rate @ state[n : 2 * n], 1e-12 * np.abs(rate) @ np.abs(state[n : 2 * n]))
         phases, entered = contacts.pressed_at_start(start, start), np.zeros(contacts.count, dtype=bool)
+        before: Ints | None = None
         piece = np.maximum(np.searchsorted(self.sources.start, [time], side="right") - 1, 0)
         given = self.sources.amplitudes_at(np.array([time]), piece)[0]
         unvisited = [set(range(len(law.phases))) - {int(k)} for law, k in zip(contacts.laws, start, strict=True)]
@@ -466,9 +477,15 @@ class ExactFlow:
             signs, orders = self._first_signs(index, phases, given, state)
             acting = [g for g in range(watched.guards) if signs[g] < 0 and hands_over(watched, g, int(orders[g]))]
             if not acting:
-                return StartOfMotion(phases, entered & (phases != start), state)
+                before = phases if before is None else before
+                made = entered & contacts.touching(phases) & ~contacts.touching(before)
+                if made.any():
+                    made[made] = ~self._pressed_in(np.flatnonzero(made), given, state)
+                return StartOfMotion(before, phases, made, state)
             g = min(acting, key=lambda g: orders[g])
             j, following = int(watched.contact[g]), int(watched.following[g])
+            if orders[g] > 0 and before is None:
+                before = phases
             state = self._after_event(watched, g, phases, given, state)
             unvisited[j].discard(following)
             if following == start[j]:
@@ -478,6 +495,11 @@ class ExactFlow:
                 phases = contacts.pressed_at_start(phases, start)
             entered[j] |= orders[g] > 0
             entered_by[j] = orders[g]
+
+    def _pressed_in(self, which: Ints, given: Complexes, state: Floats) -> Bools:
+        """Whether contacts penetrate where their faces lie when they are new, by more than round-off."""
+        depth = FunctionsAtStart.of(self.penetrations[0].some(which), which.size)
+        return np.asarray(depth.signs(self._inputs_at_start(given, 0), state, 0)[0] > 0.0)
 
     def _after_event(self, watched: Watched, guard: int, phases: Ints, given: Complexes, state: Floats) -> Floats:
         """(N,) state with the internal states that the event of a guard gives its contact."""

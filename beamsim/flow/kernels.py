@@ -729,6 +729,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
         if logging:
             log.event_time[n_ev] = t
             log.event_contact[n_ev] = contact
+            log.event_before[n_ev] = tables.phase[state, contact]
             log.event_phase[n_ev] = tables.phase[following, contact]
         n_ev += 1
         state = following

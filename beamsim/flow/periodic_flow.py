@@ -241,7 +241,8 @@ class Passage:
     y: Floats  # (G, N) at each segment's start
     event_time: Floats  # (E,) s
     event_contact: Ints  # (E,)
-    event_phase: Ints  # (E,) of the contact after the event
+    event_before: Ints  # (E,) phase of the contact before the event
+    event_phase: Ints  # (E,) after it
 
     @property
     def signature(self) -> tuple[tuple[int, int], ...]:

@@ -40,7 +40,8 @@ class ReferenceTrajectory:
     dissipated: Floats  # (nt,) J, integrated along
     event_time: Floats  # (E,)
     event_contact: Ints  # (E,)
-    event_phase: Ints  # (E,) of the contact after the event
+    event_before: Ints  # (E,) phase of the contact before the event
+    event_phase: Ints  # (E,) after it
     evaluations: int  # of the right-hand side
     segments: int  # between events
     end: float
@@ -56,9 +57,7 @@ class ReferenceTrajectory:
     @property
     def touch_changes(self) -> Ints:
         """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""
-        return self.flow.system.contacts.touch_changes(
-            self.phases[:1].reshape(-1), self.event_time, self.event_contact, self.event_phase
-        )
+        return self.flow.system.contacts.touch_changes(self.event_contact, self.event_before, self.event_phase)
 
     @property
     def event_closing(self) -> Bools:
@@ -185,12 +184,14 @@ class _Record:
         self.flow, self.times, self.contacts = flow, times, flow.system.contacts
         N, m = flow.size, self.contacts.count
         self.y = np.concatenate([flow.whole_state(np.asarray(initial_state, dtype=float)), np.zeros(2)])
-        self.phases, entered, self.y[:N] = flow.begin(self.y[:N])
+        begin = flow.begin(self.y[:N])
+        self.phases, self.y[:N] = begin.phases, begin.state
         self.states, self.all_phases = np.empty((times.size, N + 2)), np.zeros((times.size, m), dtype=np.int64)
         self.states[0], self.all_phases[0] = self.y, self.phases
         self.done, self.t = int(times[0] == 0.0), 0.0  # outputs; s
         self.touched = np.zeros(m)  # s that each contact has touched
-        self.events = [(0.0, j, int(self.phases[j])) for j in np.flatnonzero(entered).tolist()]
+        made = np.flatnonzero(begin.made).tolist()
+        self.events = [(0.0, j, int(begin.before[j]), int(self.phases[j])) for j in made]
 
     def advance(self, piece: Piece) -> None:
         """Go to the end of a piece of the motion, with the outputs on the way."""
@@ -210,11 +211,12 @@ class _Record:
         equations.reset(guard, self.t, self.y)
         before, self.phases = self.phases, self.contacts.after(self.phases, contact, following)
         self.y[-2] += equations.lost(before, self.phases, self.t, self.y)
-        self.events.append((self.t, contact, following))
+        self.events.append((self.t, contact, int(before[contact]), following))
 
     def trajectory(self, evaluations: int, outcome: Outcome) -> ReferenceTrajectory:
         """What there is of the motion."""
-        time, contact, phase = (list(of) for of in zip(*self.events, strict=True)) if self.events else ([], [], [])
+        events = np.array(self.events).reshape(-1, 4)
+        contact, before, after = events[:, 1:].T.astype(np.int64)
         return ReferenceTrajectory(
             self.flow,
             self.times[: self.done],
@@ -222,9 +224,10 @@ class _Record:
             self.all_phases[: self.done],
             self.states[: self.done, -1],
             self.states[: self.done, -2],
-            np.array(time, dtype=float),
-            np.array(contact, dtype=np.int64),
-            np.array(phase, dtype=np.int64),
+            events[:, 0],
+            contact,
+            before,
+            after,
             evaluations,
             self.restarts,
             self.t,

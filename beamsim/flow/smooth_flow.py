@@ -169,9 +169,10 @@ class SmoothFlow(PeriodicFlow):
         if code != DONE:
             raise WorkExceeded(f"no end after {steps} steps and {event[0].size} contact events")
         reached, by_parameters, transition = np.split(columns, (1, 1 + P), axis=1)
+        closing = event[2].astype(np.int64)
         return Passage(
             start, reached[:, 0].copy(), transition.copy(), by_parameters.copy(), motion.slope, duration, time, length,
-            touching.astype(np.int64), states, event[0], event[1], event[2].astype(np.int64),
+            touching.astype(np.int64), states, event[0], event[1], 1 - closing, closing,
         )  # fmt: skip
 
     def cubic_stretch(self, y: Floats, times: Floats) -> Floats:

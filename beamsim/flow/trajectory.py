@@ -64,7 +64,8 @@ class Trajectory:
     y: Floats  # (S, N) at the start
     event_time: Floats  # (E,) s
     event_contact: Ints  # (E,)
-    event_phase: Ints  # (E,) of the contact after the event
+    event_before: Ints  # (E,) phase of the contact before the event
+    event_phase: Ints  # (E,) after it
     final_y: Floats  # (N,)
     evaluations: int  # of the guards
     outcome: Outcome
@@ -77,9 +78,7 @@ class Trajectory:
     @cached_property
     def touch_changes(self) -> Ints:
         """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""
-        return self.flow.system.contacts.touch_changes(
-            self.phases_of(self.state[:1]).reshape(-1), self.event_time, self.event_contact, self.event_phase
-        )
+        return self.flow.system.contacts.touch_changes(self.event_contact, self.event_before, self.event_phase)
 
     @property
     def event_closing(self) -> Bools:
@@ -99,7 +98,7 @@ class Trajectory:
     def _with_events(self, which: Bools) -> Trajectory:
         return replace(
             self, event_time=self.event_time[which], event_contact=self.event_contact[which],
-            event_phase=self.event_phase[which],
+            event_before=self.event_before[which], event_phase=self.event_phase[which],
         )  # fmt: skip
 
     def sample(self, times: Floats, output_of: OutputOf) -> Floats:

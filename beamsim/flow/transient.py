@@ -31,7 +31,8 @@ class Log(NamedTuple):
     y: Floats  # (S, N) at the start
     event_time: Floats  # (E,) s
     event_contact: Ints  # (E,)
-    event_phase: Ints  # (E,) of the contact after the event
+    event_before: Ints  # (E,) phase of the contact before the event
+    event_phase: Ints  # (E,) after it
 
     @classmethod
     def sized(cls, segments: int, size: int, most_events: int | None = None) -> Log:
@@ -51,14 +52,15 @@ class Log(NamedTuple):
         events = segments + 1 if most_events is None else min(segments + 1, most_events)
         return cls(
             np.empty(segments), np.empty(segments), np.empty(segments, whole), np.empty(segments, whole),
-            np.empty((segments, size)), np.empty(events), np.empty(events, whole), np.empty(events, whole),
+            np.empty((segments, size)), np.empty(events), *(np.empty(events, whole) for _ in range(3)),
         )  # fmt: skip
 
     def first(self, segments: int, events: int) -> Log:
         """The part that is filled."""
         return Log(
             self.time[:segments], self.length[:segments], self.state[:segments], self.piece[:segments],
-            self.y[:segments], self.event_time[:events], self.event_contact[:events], self.event_phase[:events],
+            self.y[:segments], self.event_time[:events], self.event_contact[:events], self.event_before[:events],
+            self.event_phase[:events],
         )  # fmt: skip
 
     @classmethod
@@ -191,8 +193,8 @@ def simulate(
     with more than ``max_events`` events or ``max_evaluations`` evaluations of the watched functions ends early,
     with an outcome that says so, as does one that ``stop`` ends, which is asked several times a second.
 
-    A contact that begins at t = 0, where its gap is just closed, is the first event. One that is pressed there was in
-    contact before and has none.
+    A contact that is made at t = 0, where its gap is just closed, is the first event. One that touched before has none
+    there; see `beamsim.flow.exact.StartOfMotion`.
 
     Parameters
     ----------
@@ -217,14 +219,15 @@ def simulate(
 
 
 def start(flow: ExactFlow, initial_state: Floats) -> tuple[Motion, Log]:
-    """A motion at t = 0, and the events of the contacts that begin at this very time."""
+    """A motion at t = 0, and the events of the contacts that are made at this very time."""
     y = flow.whole_state(np.asarray(initial_state, dtype=float))
-    phases, entered, y = flow.begin(y)
-    first = np.flatnonzero(entered)
+    begin = flow.begin(y)
+    first = np.flatnonzero(begin.made)
     begun = Log.sized(0, y.size)._replace(
-        event_time=np.zeros(first.size), event_contact=first, event_phase=phases[first]
+        event_time=np.zeros(first.size), event_contact=first, event_before=begin.before[first],
+        event_phase=begin.phases[first],
     )  # fmt: skip
-    return Motion.beginning(y, flow.state_index(phases)), begun
+    return Motion.beginning(begin.state, flow.state_index(begin.phases)), begun
 
 
 def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajectory:
@@ -286,7 +289,6 @@ class MotionInStretches(March):
             self._pieces = int(np.ceil(flow.duration / self._step - 1e-9))
             self._at_once = max(pieces_at_once // CHECKPOINT_PIECES, 1) * CHECKPOINT_PIECES
         motion, self._begun = start(flow, initial_state)
-        self._first_phases = flow.visited[int(flow.visits(np.array([motion.state]))[0])]
         self._checkpoints, self._motion = [motion.copy()], motion
         none = np.zeros(flow.system.contacts.count)
         self._shares: list[tuple[float, float, Floats]] = [(0.0, 0.0, none)]  # end, s, length, s, and (m,) in contact
@@ -402,7 +404,7 @@ class MotionInStretches(March):
     def touch_changes(self) -> Ints:
         """(E,) 1 where contact is made, -1 where it ends, 0 at other changes of phase."""
         log, contacts = self.log_of_events, self.flow.system.contacts
-        return contacts.touch_changes(self._first_phases, log.event_time, log.event_contact, log.event_phase)
+        return contacts.touch_changes(log.event_contact, log.event_before, log.event_phase)
 
     @property
     def event_time(self) -> Floats:
@@ -434,5 +436,5 @@ def _events_of(stretch: Trajectory) -> Log:
     """The events alone; no part of an array that holds the segments too, which would keep it."""
     return Log.sized(0, stretch.y.shape[1], 0)._replace(
         event_time=stretch.event_time.copy(), event_contact=stretch.event_contact.copy(),
-        event_phase=stretch.event_phase.copy(),
+        event_before=stretch.event_before.copy(), event_phase=stretch.event_phase.copy(),
     )  # fmt: skip

@@ -387,7 +387,7 @@ class VariationalFlow(PeriodicFlow):
         return Passage(
             start, found.end[0], found.by[:, :N], found.by[:, N:], found.end[1], duration, log.time,
             log.length, of_segment.reshape(log.state.size, -1), log.y, log.event_time, log.event_contact,
-            log.event_phase,
+            log.event_before, log.event_phase,
         )  # fmt: skip
 
     def _change(self, parameter: Parameter) -> SourceRates | Differences:
@@ -438,7 +438,7 @@ def motion_on(exact: ExactFlow, passage: Passage) -> Trajectory:
     state = np.array([number[phases.tobytes()] for phases in passage.phases], dtype=np.int64)
     log = Log(
         passage.time, passage.length, state, np.zeros_like(state), passage.y, passage.event_time,
-        passage.event_contact, passage.event_phase,
+        passage.event_contact, passage.event_before, passage.event_phase,
     )  # fmt: skip
     end = float(passage.time[0] + passage.duration)
     return Trajectory(exact, end, *log, passage.end, 0, COMPLETE)

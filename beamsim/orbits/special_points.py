@@ -67,8 +67,9 @@ def _crossings(passage: Passage) -> dict[tuple[int, int, int], list[tuple[float,
     crossings: dict[tuple[int, int, int], list[tuple[float, int, int]]] = {}
     for j in np.unique(passage.event_contact):
         of_contact = passage.event_contact == j
-        after = passage.event_phase[of_contact]
-        for t, b, a in zip(passage.event_time[of_contact], np.roll(after, 1).tolist(), after.tolist(), strict=True):
+        events = zip(*(column[of_contact].tolist() for column in
+                       (passage.event_time, passage.event_before, passage.event_phase)), strict=True)  # fmt: skip
+        for t, b, a in events:
             crossings.setdefault((int(j), min(a, b), max(a, b)), []).append((float(t), b, a))
     return crossings
 

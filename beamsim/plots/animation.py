@@ -187,7 +187,7 @@ def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
             artist.set_data([rest[0][point]], [rest[1][point] + scene.heights[k, point]])
         for stop, artist in zip(scene.stops, stops, strict=True):
             artist.set_data(*_stop(stop, k))
-            pressed = stop.force[k] > 0.0
+            pressed = stop.force[k] != 0.0
             artist.set(color=STOP if pressed else "0.45", linewidth=2.8 if pressed else 1.2)  # told apart in grey, too
         forces = "  ".join(f"{s.name} {amount(float(np.round(s.force[k], 9)), 'N'):>9}" for s in scene.stops[:4])
         said.set_text(f"{'slow  ' if scene.slow[k] else ''}t = {scene.time[k]:.5f} s   {forces}")

@@ -131,7 +131,7 @@ def _touched(result: RunResult) -> list[str]:
 def _contact_forces(result: RunResult, unit: str) -> dict[str, Floats]:
     """Contact forces by snubber, or moments by stop of a hinge; of many those with the largest peaks come first."""
     measured = {name: snubber for name, snubber in result.snubbers.items() if snubber.force_unit == unit}
-    peaks = {name: float(np.max(snubber.force, initial=0.0)) for name, snubber in measured.items()}
+    peaks = {name: float(np.max(np.abs(snubber.force), initial=0.0)) for name, snubber in measured.items()}
     strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
     return {name: result.snubbers[name].force for name in sorted(peaks, key=lambda name: name not in strongest)}
 

@@ -9,10 +9,11 @@ or what the coordinates stand for.
 
 A channel is an observable, a linear row on the motion and on what acts on it,
 
-.. math:: y = D q + V q' + A q'' + a\, \ddot d + b\, d + F f + S s(t) + c + P p(q)
+.. math:: y = D q + V q' + A q'' + a\, \ddot d + b\, d + F f + G g + S s(t) + c + P p(q)
 
-with the coordinates q relative to the base, the base's displacement d, the forces f of the contacts, the signals s of
-the loads and the pulls p of cubic springs. Whoever evaluates channels needs to know no more of them than this.
+with the coordinates q relative to the base, the base's displacement d, the forces f of the contacts and their openings
+g, the signals s of the loads and the pulls p of cubic springs. Whoever evaluates channels needs to know no more of them
+than this.
 """
 
 from __future__ import annotations
@@ -121,6 +122,7 @@ class Rows:
     base_acceleration: Floats  # (k,) for m/s^2 of the base
     base_displacement: Floats  # (k,) for m of the base
     contact: Floats  # (k, m) for the force of each contact, N
+    opening: Floats  # (k, m) for the distance of each contact to its face as it is now, m; 0 while it touches
     load: Floats  # (k, L) for each signal of the forcing
     constant: Floats  # (k,)
     cubic: Floats  # (k, c) for the pull of each cubic spring, N, beside what that does to the acceleration
@@ -139,7 +141,7 @@ class Rows:
         shapes: dict[str, tuple[int, ...]] = {
             "displacement": (count, n), "velocity": (count, n), "acceleration": (count, n),
             "base_acceleration": (count,), "base_displacement": (count,), "contact": (count, m),
-            "load": (count, signals), "constant": (count,), "cubic": (count, cubic),
+            "opening": (count, m), "load": (count, signals), "constant": (count,), "cubic": (count, cubic),
         }  # fmt: skip
         return cls(**{name: np.zeros(shape) + given.get(name, 0.0) for name, shape in shapes.items()})
 
@@ -173,6 +175,7 @@ class Channel:
     rows: Rows
     at: str = ""  # for people
     squared: bool = False
+    both_ways: bool = False  # a contact force that counts where it pulls as where it pushes: what it met is held
 
     @property
     def key(self) -> Key:

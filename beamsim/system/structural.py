@@ -172,9 +172,9 @@ class StructuralSystem:
         """Everything that can be observed.
 
         Of probes the displacement and velocity relative to the base, and the absolute acceleration; of snubbers force,
-        penetration, and displacement and velocity of the structure there; of springs with laws of their own and of
-        friction contacts stretch and force; the outputs that the scenario asks for; and the bending stress along the
-        bodies.
+        penetration, distance to the face, and displacement and velocity of the structure there; of springs with laws of
+        their own and of friction contacts stretch and force; the outputs that the scenario asks for; and the bending
+        stress along the bodies.
         """
         sizes = Sizes(self.dynamics.size, self.dynamics.contacts.count, len(self.forcing.signal), self.cubic.count)
         channels = (
@@ -221,10 +221,12 @@ def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
             base_displacement=-sign * contacts.base_influence[j],
             load=0.0 if influence is None else -sign * influence[j],
         )  # fmt: skip
-        way = snubber.gap_unit
+        way, force = snubber.gap_unit, Rows.of(1, sizes, contact=unit[j])
+        holds = contacts.laws[j].latches
         channels += [
-            Channel("snubbers", snubber.name, "force", snubber.force_unit, Rows.of(1, sizes, contact=unit[j])),
+            Channel("snubbers", snubber.name, "force", snubber.force_unit, force, both_ways=holds),
             Channel("snubbers", snubber.name, "penetration", way, penetration),
+            Channel("snubbers", snubber.name, "opening", way, Rows.of(1, sizes, opening=unit[j])),
             Channel("snubbers", snubber.name, "displacement", way, Rows.of(1, sizes, displacement=shape)),
             Channel("snubbers", snubber.name, "velocity", f"{way}/s", Rows.of(1, sizes, velocity=shape)),
         ]

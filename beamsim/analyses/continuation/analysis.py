@@ -47,8 +47,8 @@ from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.analyses.values import (
     DISPLACEMENT,
     LIMITED,
+    OPENING,
     OUTPUT,
-    PENETRATION,
     STRESS,
     Value,
     largest_along,
@@ -359,23 +359,23 @@ def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[
     channels : C columns.
     ends : (points, 2, C) largest and smallest values.
     """
-    low = channels.split(ends[:, 1])
+    high = channels.split(ends[:, 0])
     stress = channels.split(np.abs(ends).max(axis=1)).get(STRESS)
 
     def followed(section: str) -> tuple[ChannelExtremes, ...]:
         return tuple(
             ChannelExtremes(each.name, each.quantity, each.unit, *ends[:, :, k].T)
             for each, k in channels.located
-            if each.section == section and each.key != PENETRATION
+            if each.section == section and each.key != OPENING
         )
 
     return {
         "probes": followed("probes"),
         "snubbers": followed("snubbers"),
         "peak_gap": {
-            s.name: -low[PENETRATION][:, k]
+            s.name: high[OPENING][:, k]
             for k, s in enumerate(model.system.snubbers)
-            if PENETRATION in low and s.gap_unit == "m"
+            if OPENING in high and s.gap_unit == "m"
         },
         "peak_bending_stress": None if stress is None else stress.max(axis=1),
         "outputs": {

@@ -126,8 +126,16 @@ class Measurement:
         """A motion whose states are known, with the springs' phases (G, m) between edges (G + 1,)."""
         exact = self._under(flow, float(edges[-1]))
         owner, direction = self.system.dynamics.contacts.owners_of_parts
+        first = np.diff(owner, prepend=-1) > 0  # the part that touches first, whose face is that of the contact
         by_part = tuple(
-            replace(channel, rows=replace(channel.rows, contact=channel.rows.contact[:, owner] * direction))
+            replace(
+                channel,
+                rows=replace(
+                    channel.rows,
+                    contact=channel.rows.contact[:, owner] * direction,
+                    opening=channel.rows.opening[:, owner] * first,
+                ),
+            )
             for channel in self.channels.channels
         )
         base = exact.forcing.base_displacement

@@ -163,7 +163,7 @@ class RunOfDesign:
     def of(cls, name: str, run: RunResult) -> Self:
         """That of a run."""
         probe = next(iter(run.probes.values()))
-        hit = max(run.snubbers.values(), key=lambda snubber: float(np.max(snubber.force)), default=None)
+        hit = max(run.snubbers.values(), key=lambda snubber: float(np.max(np.abs(snubber.force))), default=None)
         force: dict[str, Any] = {} if hit is None else {"snubber": hit.name, "force": hit.force, "unit": hit.force_unit}
         return cls(name=name, probe=probe.name, time=run.time, displacement=probe.displacement, **force)
 

@@ -15,7 +15,6 @@ from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.values import (
     ACCELERATION,
     STRESS,
-    VALUES,
     Extreme,
     Value,
     extreme_times,
@@ -262,7 +261,7 @@ class StretchFigures:
     ) -> None:
         self.balance, self.extremes = EnergyBalance(), dict[Key, Extreme]()
         self.low_passed = None
-        channels = searched(system.channels, VALUES if values is None else values)
+        channels = searched(system.channels, values)
         if values is None and settings.low_pass is not None:  # extremes of accelerations are those behind the filter
             channels = channels.without(ACCELERATION)
             self.low_passed = LowPassed(settings.low_pass, times, len(system.probes))

@@ -1,9 +1,10 @@
 r"""What contacts did in a run, from a motion in closed form: impacts, sliding of friction.
 
 An impact lasts from the closing of a contact to its opening; contacts that follow each other within the minimum rest
-time are one. Impulses, energies and mean squares are integrals over the segments in closed form, speeds the
-penetration's rate where segments begin, peak forces the highest turning points of the force. What a released snubber
-loses until it is met again belongs to the impact before.
+time are one. One that touched before the motion begins is cut off there: its approach speed is not known. Impulses,
+energies and mean squares are integrals over the segments in closed form, speeds the penetration's rate where segments
+begin, peak forces the highest turning points of the force (of a latch, which also pulls, of its magnitude). What a
+released snubber loses until it is met again belongs to the impact before.
 
 Sliding speed is that of the face, which behind a tangential spring is the slider. Where sliding begins under less than
 the static force the slider moves by what the spring springs back; this counts as sliding.
@@ -132,7 +133,8 @@ def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
     one = np.array([contact])
     force = trajectory.turning_points(lambda phases: flow.contact_forces(phases).some(one), np.flatnonzero(touching))
     owner = of_segment[force.segment]
-    peak, peak_time = _largest(owner, force, count)
+    sizes = force._replace(value=np.abs(force.value)) if flow.system.contacts.laws[contact].latches else force
+    peak, peak_time = _largest(owner, sizes, count)
     speeds = _penetration_rates(trajectory, contact, np.concatenate([start, end]))
     forces = tuple(reversals(values) for values in np.split(force.value, np.flatnonzero(np.diff(owner)) + 1)[:count])
     rows = _Impacts(
@@ -274,7 +276,7 @@ def _statistics(
         peak_force_n=float(counted.peak_force.max(initial=0.0)),
         mean_peak_force_n=_mean(counted.peak_force),
         mean_impulse_n_s=_mean(counted.impulse),
-        highest_approach_speed_m_s=float(np.nanmax(counted.approach_speed, initial=0.0)),
+        highest_approach_speed_m_s=_highest(counted.approach_speed),
         mean_approach_speed_m_s=_mean(counted.approach_speed),
         restitution=_restitution(counted),
         mean_energy_lost_j=_mean(counted.energy_lost),
@@ -294,6 +296,11 @@ def _restitution(impacts: _Impacts) -> float:
     whole = ~impacts.cut
     before, after = (float(np.sum(v[whole] ** 2)) for v in (impacts.approach_speed, impacts.separation_speed))
     return float(np.sqrt(after / before)) if before > 0.0 else float("nan")
+
+
+def _highest(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max(initial=0.0)) if known.size or not values.size else float("nan")
 
 
 def _mean(values: Floats) -> float:

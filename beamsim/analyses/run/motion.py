@@ -25,7 +25,16 @@ from beamsim.analyses.run.result import (
     SpringHistory,
     Work,
 )
-from beamsim.analyses.values import DISPLACEMENT, FORCE, STRESS, Extremes, extreme_times, largest, largest_pulls
+from beamsim.analyses.values import (
+    DISPLACEMENT,
+    FORCE,
+    STRESS,
+    Extremes,
+    by_magnitude,
+    extreme_times,
+    largest,
+    largest_pulls,
+)
 from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.exact import ExactFlow
@@ -290,7 +299,7 @@ def contact_instant(motion: RunMotion) -> ContactInstant | None:
     system = motion.system
     if len(system.bodies) < 2 or not system.snubbers:
         return None
-    forces, times = motion.extremes[FORCE][2:]
+    forces, times = by_magnitude(system.channels.of_keys(FORCE).channels, motion.extremes[FORCE])[2:]
     forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # moments have no place in the sketch
     at = int(forces.argmax())
     if not forces[at] > 0.0:

@@ -83,7 +83,7 @@ class SnubberImpacts(ContactUnits):
     peak_force_n: float = attribute("{force_unit}", "largest peak force")
     mean_peak_force_n: float = attribute("{force_unit}", "mean peak force")
     mean_impulse_n_s: float = attribute("{force_unit} s", "mean impulse of an impact")
-    highest_approach_speed_m_s: float = attribute("{gap_unit}/s", "largest approach speed")
+    highest_approach_speed_m_s: float = attribute("{gap_unit}/s", "largest approach speed; NaN where none is known")
     mean_approach_speed_m_s: float = attribute("{gap_unit}/s", "mean approach speed")
     restitution: float = attribute("1", "root of the mean square of separation speeds over that of approach speeds")
     mean_energy_lost_j: float = attribute("J", "mean energy lost in an impact")
@@ -306,7 +306,7 @@ _FRICTION_UNITS = {
 class EventLog:
     """Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them.
 
-    A contact that begins at t = 0, where the gap is just closed, has its closing there. A snubber that is pressed at
+    A contact that is made at t = 0, where the gap is just closed, has its closing there. A snubber that is deflected at
     t = 0 (prestressed, or by the start) was in contact before: it has no closing, its first event may be an opening.
     """
 

@@ -25,7 +25,7 @@ import numpy as np
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import Derivative
-from beamsim.analyses.values import ACCELERATION, PENETRATION, VALUES, Value, searched
+from beamsim.analyses.values import ACCELERATION, OPENING, VALUES, Value, searched
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.contact_state import LinearOutput
@@ -283,11 +283,11 @@ class _Along:
         """By name of a value: the value, its unit, and the factors of lowest and highest values of channels in it."""
         told: dict[str, tuple[float, str, dict[tuple[int, int], float]]] = {}
         for value in chosen:
-            of = not_none(value.of)
             for channel, first in self.channels.located:
                 extreme = self.extremes[:, first : first + channel.columns]
                 if not value.takes(channel):
                     continue
+                of = partial(value.of_channels, [channel])
                 numbers, size = of(extreme), 2.0**-20 * (np.abs(extreme[::2]).max() or 1.0)
                 best, name = int(np.argmax(numbers)), f"{value.section}/{channel.name}/{value.name}"
                 name = value.name if value.single else name
@@ -324,8 +324,8 @@ class _Along:
 
     def distance(self, miss: Peak) -> float:
         """That of an open contact where it is near, m; as far as round-off tells where it just touches."""
-        penetration = self.output(miss.row, miss.segment, miss.time)[0]
-        return float(max(abs(penetration), ROUND_OFF * np.abs(self.extremes[::2, miss.row]).max()))
+        opening = self.output(miss.row, miss.segment, miss.time)[0]
+        return float(max(abs(opening), ROUND_OFF * np.abs(self.extremes[::2, miss.row]).max()))
 
     def peak(self, row: int, high: int) -> Peak:
         """An extreme of a channel; between the ends of a segment its rate is zero there to round-off."""
@@ -352,16 +352,16 @@ class _Along:
         """The nearest ones of the moments when an open snubber is closest to the structure and does not touch."""
         motion, found = self.motion, list[Peak]()
         touching = motion.flow.system.contacts.touching(motion.phases_of(motion.state))
-        for j, row in enumerate(self.channels.places.get(PENETRATION, ())):
+        for j, row in enumerate(self.channels.places.get(OPENING, ())):
 
-            def penetration(phases: Ints, row: int = row) -> LinearOutput:
+            def opening(phases: Ints, row: int = row) -> LinearOutput:
                 return self.output_of(phases).some(slice(row, row + 1))
 
-            segment, time, value = motion.turning_points(penetration, np.flatnonzero(~touching[:, j]))
-            least = ROUND_OFF * float(np.abs(value).max(initial=0.0))  # what just touches may be beyond by that
-            inner = 1 + np.flatnonzero((value[1:-1] > value[:-2]) & (value[1:-1] > value[2:]) & (value[1:-1] < least))
+            segment, time, value = motion.turning_points(opening, np.flatnonzero(~touching[:, j]))
+            least = -ROUND_OFF * float(np.abs(value).max(initial=0.0))  # what just touches may be beyond by that
+            inner = 1 + np.flatnonzero((value[1:-1] < value[:-2]) & (value[1:-1] < value[2:]) & (value[1:-1] > least))
             inner = inner[(segment[inner - 1] == segment[inner]) & (segment[inner + 1] == segment[inner])]
-            nearest = inner[np.argsort(-value[inner])[:MISSES]]
+            nearest = inner[np.argsort(value[inner])[:MISSES]]
             found += [Peak(int(row), MISSED, int(segment[k]), float(time[k]), 1) for k in nearest]
         return found
 
@@ -379,7 +379,7 @@ class _Along:
         length = np.where(last, motion.time[of] + motion.length[of], np.append(time[1:], 0.0)) - time
         log = Log(
             time, length, motion.state[of], motion.piece[of], y[order], motion.event_time, motion.event_contact,
-            motion.event_phase,
+            motion.event_before, motion.event_phase,
         )  # fmt: skip
         instants = [
             (int(np.flatnonzero((of == p.segment) & (time == p.time))[0]) if p.later

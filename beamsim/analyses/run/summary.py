@@ -19,10 +19,11 @@ from beamsim.analyses.values import (
     DISPLACEMENT,
     FORCE,
     NO_EXTREMES,
-    PENETRATION,
+    OPENING,
     STRESS,
     Extreme,
     Extremes,
+    by_magnitude,
     by_units,
     largest,
     largest_at,
@@ -234,8 +235,8 @@ def _without_round_off(
                     if of_output is not None and unmoved.all():
                         settled["outputs", key] = np.where(values & (largest(of_output) <= least), 0.0, of_output)
             settled[ACCELERATION] = np.where(values & rests, 0.0, extremes[ACCELERATION])
-    if PENETRATION in extremes:
-        settled[PENETRATION] = np.where(values & (contact_share >= 1.0 - ALWAYS), 0.0, extremes[PENETRATION])
+    if OPENING in extremes:
+        settled[OPENING] = np.where(values & (contact_share >= 1.0 - ALWAYS), 0.0, extremes[OPENING])
     return settled
 
 
@@ -246,7 +247,8 @@ def peak_times(system: StructuralSystem, extremes: Extremes, figures: Mapping[st
         "peak_displacement_m": by_name(probes, largest_at(extremes.get(DISPLACEMENT, NO_EXTREMES))),
         "peak_acceleration_g": by_name(probes, largest_at(extremes.get(ACCELERATION, NO_EXTREMES))),
     }
-    of_contacts = by_name(snubbers, extremes[FORCE][3]) if FORCE in extremes else {}
+    forces = system.channels.of_keys(FORCE).channels
+    of_contacts = by_name(snubbers, by_magnitude(forces, extremes[FORCE])[3]) if FORCE in extremes else {}
     when |= {entry: of_contacts for entry in ("peak_force_n", "peak_moment_n_m") if entry in figures}
     return {
         entry: {name: times[name] for name, peak in figures[entry].items() if peak > 0.0}

@@ -22,7 +22,7 @@ from beamsim.analyses.sweep.result import (
     SweepCurve,
     SweepHistory,
 )
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, PENETRATION, STRESS
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OPENING, STRESS
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.sliders import STICK, sliding_limit, snap
 from beamsim.contacts.snubbers import FRICTION
@@ -55,7 +55,7 @@ class SweepLevel:
         of friction contacts.
     value : of the excitation; with a profile the factor applied to it.
     index : number of the level.
-    limited : names of the limits: penetrations of the snubbers where it holds "gap", and the stress along the bodies
+    limited : names of the limits: openings of the snubbers where it holds "gap", and the stress along the bodies
         where it holds "bending_stress".
     """
 
@@ -125,7 +125,7 @@ class SweepLevel:
             return record.high[:, k], record.low[:, k], rms, harmonic[:, 0].real, harmonic[:, 1:].T
 
         def envelopes(section: str) -> tuple[Envelope, ...]:
-            of = [(c, k) for c, k in self.channels.located if c.section == section and c.key != PENETRATION]
+            of = [(c, k) for c, k in self.channels.located if c.section == section and c.key != OPENING]
             of.sort(key=lambda located: located[0].quantity)
             static = [at_rest.get((c.name, *c.key), 0.0) for c, _ in of]
             return tuple(
@@ -133,7 +133,7 @@ class SweepLevel:
             )
 
         if "gap" in self.limited:
-            fields["peak_gap"] = {name: -record.low[:, k] for name, k in self._named(PENETRATION, "m").items()}
+            fields["peak_gap"] = {name: record.high[:, k] for name, k in self._named(OPENING, "m").items()}
         if stress is not None:
             extremes = np.abs(record.high[:, stress]), np.abs(record.low[:, stress])
             fields["peak_bending_stress"] = np.maximum(*extremes).max(axis=1)
