@@ -5,12 +5,15 @@ import pytest
 from scipy.signal import lfilter, lsim
 
 import beamsim
-from beamsim.analyses.run.filters import geomspaced, shock_spectra
+from beamsim.analyses.run.exact_motion import exact_flow
+from beamsim.analyses.run.filters import geomspaced, longest_panel, shock_response, shock_spectra, smooth_intervals
 from beamsim.errors import ScenarioError
+from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
 from beamsim.scenario.run import ShockSpectrumSettings
 from beamsim.store.export import export_result
 from beamsim.store.results import open_result, write_result
+from beamsim.system.build import build_system
 
 G = 9.80665
 
@@ -101,6 +104,56 @@ def test_convergence_summary_files_and_pictures(tmp_path):
     header = (tmp_path / "tables" / "srs_by_frequency_hz.csv").read_text(encoding="utf-8").splitlines()[0]
     assert header.startswith("frequency_hz,")
     assert "middle_absolute_acceleration_maximax" in header
+
+
+TIP = {"name": "tip", "position": "270 mm", "side": "below", "stiffness": "151 kN/m", "gap": "0.1 mm"}
+
+
+def released_face(law, coefficient):
+    """A beam that bounces on a dashpot whose face returns with a time constant of c / k."""
+    return load_scenario(
+        {
+            "beam": {"length": "270 mm", "width": "50 mm", "thickness": "5 mm", "youngs_modulus": "69 GPa",
+                     "density": 2700, "damping": {"kind": "modal", "ratio": 0.01}},
+            "snubbers": [TIP | {"law": law, "damping": {"kind": "viscous", "coefficient": coefficient}}],
+            "excitation": {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "5 ms"},
+            "run": {"duration": 0.02, "sample_rate": "20 kHz", "convergence": "off",
+                    "srs": {"quality": 10, "from": "10 Hz", "to": "2 kHz"}},
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("coefficient", [1.0, 1e-3, 1e-9])
+def test_what_decays_at_once_costs_a_few_panels(coefficient):
+    """Panels were as short as the time constant of the face throughout the run."""
+    counts, spectra = [], []
+    for law in ("kelvin_voigt", "no_tension"):
+        system = build_system(released_face(law, coefficient))
+        motion = simulate(exact_flow(system, 0.02), system.initial_state)
+        edges, fastest = smooth_intervals(motion)
+        assert edges[0] == 0.0
+        assert edges[-1] == motion.end
+        counts.append(np.ceil(np.diff(edges) / longest_panel(fastest, 16 * 2000.0)).sum())
+        spectra.append(shock_response(system, motion).signals[-1].maximax)
+    assert counts[1] < 1.3 * counts[0] + 20 * motion.segments
+    if coefficient < 1e-2:
+        np.testing.assert_allclose(*spectra, rtol=2e-5)  # that of peaks between the ends of panels
+
+
+def test_a_decay_within_a_panel_is_integrated():
+    """An oscillator of 100 Hz behind exp(-t / T) for T = 1 us, whose panels end where 1 - 1e-20 of it are gone."""
+    decay, hz, quality = 1e-6, 100.0, 10.0
+    until = 45.0 * decay
+    times, fastest = np.array([0.0, until, 0.01]), np.array([1.0 / decay, 0.0])
+    signal = lambda t: np.exp(-t / decay)[:, None]  # noqa: E731
+    peaks = shock_spectra(np.array([hz]), quality, times, signal, fastest)[0, :, 0]
+    omega, zeta = 2 * np.pi * hz, 0.5 / quality
+    at = np.linspace(0.0, 0.01, 100_001)
+    turned, sink = omega * np.sqrt(1 - zeta**2), zeta * omega
+    velocity = decay * np.exp(-sink * at)  # of the impulse response, the base having gained T m/s at once
+    impulse = velocity * (omega**2 - 2 * sink**2) * np.sin(turned * at) / turned
+    impulse += velocity * 2 * sink * np.cos(turned * at)
+    assert peaks[0] == pytest.approx(impulse[at > until].max(), rel=1e-3)
 
 
 @pytest.mark.slow

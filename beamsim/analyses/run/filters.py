@@ -2,8 +2,8 @@ r"""Signals behind linear filters in partial fractions: what an accelerometer re
 
 The output of :math:`H(s) = \sum_j r_j / (s - p_j)` is a sum of :math:`r_j z_j` with :math:`z_j' = p_j z_j + a(t)`.
 Over a panel of length h, :math:`z_j` is exact up to the integral of :math:`e^{p_j (h - t)} a(t)`, which a
-Gauss-Legendre rule takes: panels end where the signal may jump, so that it is smooth on each, and are short against its
-fastest motion.
+Gauss-Legendre rule takes: panels end where the signal may jump, so that it is smooth on each, and are short against the
+fastest motion that has not decayed there.
 Between the ends of panels the output is the cubic through values and slopes there, in which its extremes are sought.
 Of time-stepped motions panels end at the integrator's steps, whose dense output is a polynomial there: the peaks do not
 depend on the rate of the output.
@@ -50,6 +50,8 @@ LONGEST_TURN = 4.0  # of the fastest motion on a panel, rad: the rule's error is
 BLOCK = 16384  # panels at a time
 MOST_PANELS = 1e8  # 3 GB, and minutes
 NEGLIGIBLE = 1e-17
+DECAYED = 45.0  # logarithm of the decay after which a motion counts no more: 3e-20 of what it was
+SLOWER = 0.5  # of the fastest motion that is left, for which panels become longer
 _NODE, _WEIGHT = (0.5 * x for x in np.polynomial.legendre.leggauss(NODES))
 _NODE = 0.5 + _NODE  # on (0, 1)
 _AT_BEGIN, _AT_END = (  # values of the polynomial through the nodes at the ends of a panel
@@ -84,9 +86,58 @@ class Panels:
     values: Floats
 
 
-def _panels(times: Floats, signal: Signal, longest: float) -> Iterator[Panels]:
-    """Blocks of panels no longer than ``longest`` from the first to the last of increasing ``times``, which are ends of
-    panels.
+def smooth_intervals(motion: Trajectory) -> tuple[Floats, Floats]:
+    """Intervals on which a motion in closed form is smooth, and its fastest motion on each that has not decayed.
+
+    Parameters
+    ----------
+    motion : S segments.
+
+    Returns
+    -------
+    edges : (E + 1,) s, where segments begin, and where what decays faster than all else has done so; the end.
+    fastest : (E,) rad/s.
+    """
+    begins, sizes = [np.zeros(0)], [np.zeros(0)]
+    for part in motion.parts():
+        for number in visited_states(part.state):
+            since, size = _left_after(part.flow.states[number].exponent)
+            segments = np.flatnonzero(part.state == number)
+            inside = since < part.length[segments, None]
+            begins.append((part.time[segments, None] + since)[inside])
+            sizes.append(np.broadcast_to(size, inside.shape)[inside])
+    begin, fastest = np.concatenate(begins), np.concatenate(sizes)
+    order = np.argsort(begin, kind="stable")
+    edges = np.append(begin[order], motion.end)
+    lasting = np.diff(edges) > 0.0
+    return np.append(edges[:-1][lasting], motion.end), fastest[order][lasting]
+
+
+def _left_after(exponent: Complexes) -> tuple[Floats, Floats]:
+    """Times (m,), s, since a segment began, and the largest exponent (m,), rad/s, of what has not decayed from each on.
+
+    The first is 0; at each of the others the largest exponent falls to `SLOWER` of the one before, or less.
+    """
+    size, decay = np.abs(exponent), -exponent.real
+    until = np.divide(DECAYED, decay, out=np.full(decay.size, np.inf), where=decay > 0.0)
+    order = np.argsort(until, kind="stable")
+    left = np.append(np.maximum.accumulate(size[order][::-1])[::-1], 0.0)  # before each of the decays, and after all
+    since, largest = [0.0], [float(left[0])]
+    for time, rest in zip(until[order].tolist(), left[1:].tolist(), strict=True):
+        if np.isfinite(time) and rest <= SLOWER * largest[-1]:
+            since.append(time)
+            largest.append(rest)
+    return np.array(since), np.array(largest)
+
+
+def _panels(times: Floats, signal: Signal, longest: float | Floats) -> Iterator[Panels]:
+    """Blocks of panels from the first to the last of increasing times.
+
+    Parameters
+    ----------
+    times : (E + 1,) s, which are ends of panels.
+    signal : times (nt,) -> (nt, k).
+    longest : s, that a panel may be, everywhere or (E,) between each two of the times.
 
     Raises
     ------
@@ -98,9 +149,9 @@ def _panels(times: Floats, signal: Signal, longest: float) -> Iterator[Panels]:
         raise ScenarioError(
             Problem(
                 "run",
-                f"asks for run.srs or run.low_pass, which would take {count:.2g} steps of {longest:.2g} s (at most "
-                f"{MOST_PANELS:.0g}): the shortest pulse, the fastest mode or a stiff contact of the motion turns by "
-                f"{LONGEST_TURN:g} rad in one",
+                f"asks for run.srs or run.low_pass, which would take {count:.2g} steps (at most {MOST_PANELS:.0g}), "
+                f"the shortest of {np.min(longest):.2g} s: the shortest pulse, the fastest mode or a stiff contact "
+                f"of the motion turns by {LONGEST_TURN:g} rad in one",
                 "make the pulse longer (of much shorter ones than the fastest mode's period only the area counts) or "
                 "the run shorter, keep fewer modes, or leave run.srs and run.low_pass out",
             )
@@ -134,14 +185,14 @@ class LinearFilter:
         self.value = self.slope = none = np.zeros(signals)  # reached
         self.extremes: Extreme = (none, none, none, none)
 
-    def panels(self, times: Floats, signal: Signal, longest: float) -> FilteredPanels:
+    def panels(self, times: Floats, signal: Signal, longest: float | Floats) -> FilteredPanels:
         """The output from the time that was reached on.
 
         Parameters
         ----------
         times : (nt,) increasing, s; the first is the end of the part before. Between two of them the signal is smooth.
         signal : times (nt,) -> (nt, k).
-        longest : a panel may be, s.
+        longest : s, that a panel may be, everywhere or (nt - 1,) between each two of the times.
 
         Returns
         -------
@@ -273,16 +324,20 @@ def filtered(
     """
     if trajectory.exponentials and not _near_poles(trajectory, butterworth(frequency_hz)[0]):
         return FilteredSegments.of(trajectory, output_of, frequency_hz)
-    known = np.unique(np.concatenate([trajectory.time, times[times <= trajectory.end], [trajectory.end]]))
+    edges, fastest = smooth_intervals(trajectory)
+    known = np.unique(np.concatenate([trajectory.time[:1], edges, times[times <= trajectory.end]]))
     outputs = output_of(trajectory.flow.system.contacts.start).row.shape[0]
     through = before or LinearFilter(*butterworth(frequency_hz), outputs)
-    longest = longest_panel(trajectory.flow.largest_exponent, PANELS_A_PERIOD * frequency_hz)
+    if fastest.size:
+        fastest = fastest[np.clip(np.searchsorted(edges, known[:-1], side="right") - 1, 0, fastest.size - 1)]
+    longest = longest_panel(fastest, PANELS_A_PERIOD * frequency_hz)
     return through.panels(known, lambda at: trajectory.sample(at, output_of), longest)
 
 
-def longest_panel(fastest: float, rate: float) -> float:
-    """Length of a panel, s: short against the fastest motion, rad/s, and no less than a number a second."""
-    return min(LONGEST_TURN / fastest if fastest > 0 else np.inf, 1.0 / rate)
+def longest_panel(fastest: float | Floats, rate: float) -> Floats:
+    """Lengths of panels (E,), s: short against fastest motions (E,), rad/s, and no fewer than a number a second."""
+    with np.errstate(divide="ignore"):
+        return np.minimum(LONGEST_TURN / np.asarray(fastest, dtype=float), 1.0 / rate)
 
 
 class LowPassed:
@@ -511,7 +566,7 @@ def geomspaced(first: float, last: float, per_octave: int) -> Floats:
     return np.geomspace(first, last, max(round(per_octave * np.log2(last / first)), 1) + 1)
 
 
-def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Signal, fastest: float) -> Floats:
+def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Signal, fastest: float | Floats) -> Floats:
     r"""Peaks of the absolute acceleration of oscillators on a base that moves as a signal does.
 
     An oscillator of natural frequency :math:`\omega` and damping ratio :math:`\zeta = 1 / (2 Q)` is the linear filter
@@ -524,7 +579,7 @@ def shock_spectra(frequency: Floats, quality: float, times: Floats, signal: Sign
     quality : Q of the oscillators.
     times : increasing, s, from the begin of the record to its end; the signal is smooth between two of them.
     signal : times (nt,) -> (nt, k); zero before the record and after it.
-    fastest : rad/s, of the signal's motion.
+    fastest : rad/s, of the signal's motion, everywhere or (nt - 1,) between each two of the times.
 
     Returns
     -------
@@ -574,18 +629,17 @@ def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> 
     along = geomspaced(settings.from_, settings.to, settings.per_octave)
     names, peaks = [(probe.name, MAIN_QUANTITY) for probe in system.probes], []
     if isinstance(motion, Trajectory):
-        times, fastest = np.append(motion.time, motion.end), motion.flow.largest_exponent
+        times, fastest = smooth_intervals(motion)
         accelerations = Observed(motion.flow, system.channels.of_keys(ACCELERATION)).linear
         responses: Signal = lambda at: motion.sample(at, accelerations)  # noqa: E731
     else:
-        times, fastest = motion.time, 0.0
+        times, fastest = motion.time, np.zeros(motion.time.size - 1)
         responses = CubicSpline(times, motion.of(ACCELERATION))
-    times = np.unique(times)
     for count, (name, signals) in enumerate(_driven(system)):
         end = max(_end(signal, float(times[-1])) for _, signal in signals)
         until, summed = np.append(times[times < end], end), partial(_summed, signals)
         names.insert(count, name)
-        peaks.append(shock_spectra(along, settings.quality, until, summed, fastest))
+        peaks.append(shock_spectra(along, settings.quality, until, summed, fastest[: until.size - 1]))
     peaks.append(shock_spectra(along, settings.quality, times, responses, fastest))
     spectra = [_spectrum(*of, *signal) for of, signal in zip(names, np.concatenate(peaks), strict=True)]
     limits = [limit_curve(system.scenario, "srs", s.name, "acceleration", along) for s in spectra]
