@@ -17,7 +17,7 @@ PAUSES_S = (0.1, 0.3, 1.0)  # between attempts to replace a file that another pr
 
 
 def text_of(path: Path) -> str:
-    """The text of a file of another program: UTF-8, UTF-16 with its mark (spreadsheets), else Windows-1252.
+    """The text of a file of another program: UTF-8, UTF-16 (spreadsheets), else Windows-1252.
 
     Measuring systems write µ and ² of a heading in the latter; numbers are the same in all of them.
 
@@ -31,11 +31,14 @@ def text_of(path: Path) -> str:
     raw = path.read_bytes()
     if raw[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         return raw.decode("utf-16")
+    if b"\0" in raw:  # every second byte of numbers and separators in UTF-16
+        text = raw.decode("utf-16-le" if raw[1:2] == b"\0" else "utf-16-be")
+        if "\0" in text or max(text) >= "\u3000":
+            raise UnicodeDecodeError("utf-16", raw, 0, 1, "is binary")
+        return text
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        if b"\0" in raw:
-            raise
         return raw.decode("cp1252")
 
 

@@ -25,12 +25,13 @@ from beamsim.errors import ScenarioError
 from beamsim.fields import Counter, Entry, attribute, dataset, declared, stored
 from beamsim.measurements.read import TEXT, ending_of
 from beamsim.measurements.signal import MeasurementError, split_heading
-from beamsim.measurements.tables import read_rows
+from beamsim.measurements.tables import read_named_columns
 from beamsim.measurements.universal import ENDINGS, DataSet, data_sets
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.body import AtPlace, Body
 from beamsim.scenario.checks import place_problems
+from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.run import Reduction
 from beamsim.structures.assembly import site_in
 from beamsim.structures.modes import closed_modes
@@ -231,8 +232,18 @@ _COMPONENTS = {"x": "r1", "y": "r2", "z": "r3", "rx": "r4", "ry": "r5", "rz": "r
 _LAYOUT = "give columns position (and y), mass, or node and direction, then a column a mode, headed by its frequency"
 
 
-def read_shapes(path: Path, scenario: Scenario) -> ShapesAtPlaces:
+def read_shapes(path: Path, scenario: Scenario, decimal: DecimalMark | None = None) -> ShapesAtPlaces:
     """The mode shapes of a file; nodes of a UFF file are placed by their coordinates where bodies have no nodes.
+
+    Parameters
+    ----------
+    path : of the file.
+    scenario : with the bodies that it names.
+    decimal : decimal mark of a text file, where the user states it.
+
+    Returns
+    -------
+    ShapesAtPlaces
 
     Raises
     ------
@@ -244,17 +255,17 @@ def read_shapes(path: Path, scenario: Scenario) -> ShapesAtPlaces:
         if suffix in (*ENDINGS, ".55"):
             return _read_uff(path, scenario)
         if suffix in TEXT:
-            return _read_csv(path)
+            return _read_csv(path, decimal)
     except MeasurementError as fault:
         raise _wrong(path, fault.message, fault.remedy) from None
     raise _wrong(path, "has an unknown format", "use .csv or .uff")
 
 
-def _read_csv(path: Path) -> ShapesAtPlaces:
-    rows, _ = read_rows(path)
-    if len(rows) < 2:
+def _read_csv(path: Path, decimal: DecimalMark | None) -> ShapesAtPlaces:
+    table = read_named_columns(path, decimal, texts=("body", "direction"))
+    if not table.rows:
         raise _wrong(path, "has no table", _LAYOUT)
-    first, heading = rows[0]
+    first, heading = table.line, table.headings
     named = [split_heading(cell) for cell in heading]
     of_place = {name.lower(): k for k, (name, _) in enumerate(named) if name.lower() in _PLACE}
     modes = [k for k in range(len(heading)) if k not in of_place.values()]
@@ -262,9 +273,7 @@ def _read_csv(path: Path) -> ShapesAtPlaces:
         raise _wrong(path, f"line {first}: has no {'mode' if of_place else 'place'} among its columns", _LAYOUT)
     frequencies = [_frequency(path, first, k, heading[k]) for k in modes]
     places, labels, shapes = [], [], []
-    for number, row in rows[1:]:
-        if len(row) != len(heading):
-            raise _wrong(path, f"line {number}: has {len(row)} columns, its heading {len(heading)}", "complete the row")
+    for number, row in table.rows:
         given = {name: (row[k], named[k][1]) for name, k in of_place.items() if row[k]}
         places.append(_place(path, number, given))
         labels.append(f"line {number}")

@@ -18,7 +18,7 @@ that were recorded over time give Maxwell branches beside a softer curve, both f
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -30,6 +30,7 @@ from beamsim.contacts.branches import driven_force, dynamic_stiffness, fit_loop,
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fit_curve, loop_width
 from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.signal import MeasurementError
+from beamsim.scenario.files import DecimalMark
 from beamsim.system.force_tables import LOOP, read_forces
 from beamsim.typing import Floats, not_none
 
@@ -57,6 +58,8 @@ def pad(
     segments: int = 5,
     loss_factor: float | None = None,
     frequency: float | None = None,
+    columns: Sequence[str] = (),
+    decimal: DecimalMark | None = None,
 ) -> PadNumbers:
     """The snubber that has what is known.
 
@@ -68,6 +71,8 @@ def pad(
     curve : file of measured forces over deflections.
     segments : of the line that is fitted to it.
     loss_factor, frequency : for the dashpot, at which frequency, Hz.
+    columns : headings of the columns of the file that are meant, where several have the same dimension.
+    decimal : decimal mark of its numbers, by default what they themselves show.
 
     Returns
     -------
@@ -83,7 +88,7 @@ def pad(
     points, misfit = None, None
     if curve is not None:
         loop = loss_factor is None and frequency is None
-        fitted, misfit, of_loop, record = _measured(curve, segments)
+        fitted, misfit, of_loop, record = _measured(curve, segments, columns, decimal)
         if loop and record is not None:
             return _of_record(fitted, record, of_loop)
         stiffness = 2.0 * _work(fitted.deflection, fitted.force) / float(fitted.deflection[-1]) ** 2
@@ -154,7 +159,9 @@ class Record(NamedTuple):
     force: Floats  # N
 
 
-def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | None, Record | None]:
+def _measured(
+    file: Path, segments: int, columns: Sequence[str], decimal: DecimalMark | None
+) -> tuple[ForceCurve, float, float | None, Record | None]:
     """Fitted curve, misfit in N, the loss factor of the loop where the pad is unloaded too, and the record where loops
     were measured over time.
 
@@ -163,7 +170,7 @@ def _measured(file: Path, segments: int) -> tuple[ForceCurve, float, float | Non
     ScenarioError
     """
     try:
-        deflection, force, time = read_forces(file)
+        deflection, force, time = read_forces(file, columns, decimal)
         curve, misfit = fit_curve(deflection, force, segments)
     except MeasurementError as fault:
         raise ScenarioError.at("--curve", f"= {file} {fault.message}", fault.remedy) from None

@@ -67,6 +67,12 @@ def command(first: Any, *names: str) -> Callable[[Callable[..., None]], Callable
     return registered
 
 
+DecimalOption = Annotated[
+    Literal[".", ","] | None,
+    typer.Option("--decimal", help="Decimal mark of a text file; by default what its numbers show."),
+]
+
+
 class ComparedMethod(StrEnum):
     """Methods of ``beamsim nnm --compare``."""
 
@@ -170,6 +176,7 @@ def compare(
     level: Annotated[
         str | None, typer.Option("--level", help="Excitation at which a frequency response was measured, e.g. '2 g'.")
     ] = None,
+    decimal: DecimalOption = None,
     harmonics: Annotated[int, typer.Option("--harmonics", min=1, help="Number of harmonics in the table.")] = 10,
     last: Annotated[
         float | None, typer.Option("--last", min=0.0, help="Use only the last part of the measurement, s.")
@@ -193,13 +200,9 @@ def compare(
     from beamsim.cli.comparisons import compare_signals
 
     pairing = {
-        "channel": channel,
-        "place": probe,
-        "quantity": quantity,
-        "unit": unit,
-        "axis_unit": axis_unit,
-        "level": level,
-    }
+        "channel": channel, "place": probe, "quantity": quantity, "unit": unit, "axis_unit": axis_unit, "level": level,
+        "decimal": decimal,
+    }  # fmt: skip
     of_runs = {"harmonics": harmonics, "last": last}
     of_sweeps = {"curve": curve, "detector": detector, "reference": reference, "begin": begin, "cycles": cycles}
     compare_signals(given, measured, pairing, of_runs, of_sweeps)
@@ -209,6 +212,7 @@ def compare(
 def compare_modes(
     given: Given,
     measured: Annotated[Path, typer.Argument(metavar="SHAPES", help="Measured mode shapes: .csv, or .uff dataset 55.")],
+    decimal: DecimalOption = None,
     closed: Annotated[bool, typer.Option("--closed", help="Compute the modes with every snubber closed.")] = False,
     least_mac: Annotated[
         float | None,
@@ -223,7 +227,7 @@ def compare_modes(
     from beamsim.cli.comparisons import compare_shapes
 
     limits = {"least_mac": least_mac, "most_difference": most_difference}
-    compare_shapes(given, measured, "closed" if closed else "open", limits)
+    compare_shapes(given, measured, "closed" if closed else "open", limits, decimal)
 
 
 @command(Stored, "json")
@@ -369,6 +373,11 @@ def pad(
     segments: Annotated[
         int, typer.Option("--segments", min=1, max=50, help="Number of straight lines fitted to the curve.")
     ] = 5,
+    column: Annotated[
+        list[str] | None,
+        typer.Option("--column", help="Column of the curve that is meant, if several have its dimension; repeatable."),
+    ] = None,
+    decimal: DecimalOption = None,
     loss_factor: Annotated[str | None, _quantity("--loss-factor", "Loss factor at --frequency.")] = None,
     frequency: Annotated[str | None, _quantity("--frequency", "Frequency of the dashpot, e.g. '65 Hz'.")] = None,
 ) -> None:
@@ -379,7 +388,8 @@ def pad(
         "modulus": modulus, "area": area, "height": height, "shape_factor": shape_factor, "loss_factor": loss_factor,
         "frequency": frequency,
     }  # fmt: skip
-    pads.pad(texts, curve, segments, as_json=given.json)
+    of_curve = {"curve": curve, "segments": segments, "columns": tuple(column or ()), "decimal": decimal}
+    pads.pad(texts, of_curve, as_json=given.json)
 
 
 def _version(show: bool) -> None:

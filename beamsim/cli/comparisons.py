@@ -18,6 +18,7 @@ from beamsim.files import output_file
 from beamsim.measurements.channels import history_named, read_tests
 from beamsim.outcomes import OnLimit, exit_code
 from beamsim.scenario import load_scenario
+from beamsim.scenario.files import DecimalMark
 from beamsim.store.results import kind_of, open_result
 
 
@@ -32,7 +33,7 @@ def identify(given: Given) -> None:
 
 
 def compare_signals(
-    given: Given, measured: Path, pairing: Mapping[str, str | None],
+    given: Given, measured: Path, pairing: Mapping[str, Any],
     of_runs: Mapping[str, Any], of_sweeps: Mapping[str, Any],
 ) -> None:  # fmt: skip
     """Compare the result of a run or of a sweep with measured signals.
@@ -57,7 +58,9 @@ def compare_signals(
         name, chosen = of_sweeps["reference"], {key: of_sweeps[key] for key in ("curve", "detector")}
 
         def compared(*_: object) -> Comparison:
-            excitation = None if name is None else history_named(measured, name, pairing["axis_unit"])
+            excitation = (
+                None if name is None else history_named(measured, name, pairing["axis_unit"], pairing["decimal"])
+            )
             tracking = Tracking(of_sweeps["begin"], excitation, of_sweeps["cycles"])
             return compare_sweep(sweep, pairs, tracking=tracking, **chosen)
     else:
@@ -88,7 +91,11 @@ def _refuse_of_sweeps(options: Mapping[str, object]) -> None:
 
 
 def compare_shapes(
-    given: Given, measured: Path, contacts: Literal["open", "closed"], limits: Mapping[str, float | None]
+    given: Given,
+    measured: Path,
+    contacts: Literal["open", "closed"],
+    limits: Mapping[str, float | None],
+    decimal: DecimalMark | None = None,
 ) -> None:
     """Pair measured with computed modes.
 
@@ -98,6 +105,7 @@ def compare_shapes(
     measured : file of the shapes.
     contacts : state in which the modes are computed.
     limits : least_mac and most_difference (%), None for no limit.
+    decimal : decimal mark of a text file, by default what its numbers show.
 
     Raises
     ------
@@ -111,7 +119,7 @@ def compare_shapes(
 
     def compared(*_: object) -> ModeComparison:
         with scenario.locating():
-            return compare_modes(scenario, read_shapes(measured, scenario), contacts=contacts)
+            return compare_modes(scenario, read_shapes(measured, scenario, decimal), contacts=contacts)
 
     result = concluded("compare-modes", target, given, compared, f"comparing with {measured.name}")
     beyond = list(_beyond(result.summary["pairs"], **limits))

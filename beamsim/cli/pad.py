@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 from beamsim.analyses.pad import PadNumbers, option
 from beamsim.analyses.pad import pad as designed
@@ -33,13 +33,13 @@ _SHOWN = (
 )
 
 
-def pad(texts: Mapping[str, str | None], curve: Path | None, segments: int, *, as_json: bool) -> None:
+def pad(texts: Mapping[str, str | None], curve: Mapping[str, Any], *, as_json: bool) -> None:
     """Find stiffness and dashpot of a pad, and print the section of a scenario.
 
     Parameters
     ----------
     texts : quantities as they were given, by name.
-    curve, segments : of a measured curve.
+    curve : file of a measured curve and how it is read, by the name of the argument.
     as_json : whether to print JSON.
 
     Raises
@@ -48,7 +48,8 @@ def pad(texts: Mapping[str, str | None], curve: Path | None, segments: int, *, a
         With every text that is no such quantity, or if a scenario does not take what was found.
     """
     numbers = _read_numbers({name: text for name, text in texts.items() if text is not None})
-    found = designed(curve=curve, segments=segments, **numbers)
+    known: dict[str, Any] = {**curve, **numbers}
+    found = designed(**known)
     _check_found(found)
     lines = list(_snubber(found))
     if as_json:

@@ -23,6 +23,7 @@ import numpy as np
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import read_density
 from beamsim.scenario.excitation import RandomInput
+from beamsim.scenario.files import CurveFile
 from beamsim.typing import Floats, Ints
 
 FEWEST_LINES = 8  # in a band, plateau or peak
@@ -215,6 +216,6 @@ def density_of(excitation: RandomInput, folder: Path | None = None) -> SpectralD
     ScenarioError
         If it is a file that cannot be read, or has no table of a density of that quantity.
     """
-    if not isinstance(excitation.psd, str):
-        return SpectralDensity.through(excitation.table)
-    return SpectralDensity(*read_density(excitation, folder))
+    if isinstance(excitation.psd, CurveFile):
+        return SpectralDensity(*read_density(excitation, excitation.psd, folder))
+    return SpectralDensity.through(excitation.table)

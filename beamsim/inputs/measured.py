@@ -13,14 +13,15 @@ import numpy as np
 from beamsim.errors import Problem, ScenarioError, rooted
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.inputs.statements import InputAccount
-from beamsim.measurements.arrays import HDF5
+from beamsim.measurements.columns import column_named, only_column
 from beamsim.measurements.functions import FunctionType
 from beamsim.measurements.read import TEXT, read_file
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, column_named, in_si
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, axis_kind, in_si
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import Unfit, path_text
 from beamsim.scenario.excitation import MatchedInput, ProfilePoint, RandomInput, SampledInput, spoken
+from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import DENSITY_DIMENSIONS, LEVEL_DIMENSIONS, LevelValue, meant
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import (
@@ -125,8 +126,7 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
     if not path.is_file():
         path = Path(excitation.file)
     try:
-        signals = read_file(path)
-        signal = _along_time(_column(signals, excitation), signals, excitation)
+        signal = _chosen(read_file(path, excitation.decimal), excitation)
         if signal.y.size < 4:
             _reject(f"= {excitation.file} has only {signal.y.size} samples", "give a longer record")
         signal = _in_si(signal, excitation).checked()
@@ -146,34 +146,45 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
     return time, values
 
 
-def _column(signals: list[MeasuredSignal], excitation: SampledInput) -> MeasuredSignal:
-    """The values: by default the first on an axis, and of columns that are sampled evenly the first of all."""
-    if excitation.column is not None:
-        return column_named(signals, excitation.column)
-    if len(signals) > 2 and excitation.file.lower().endswith(HDF5):  # which has no order
-        raise MeasurementError("has several data sets", "name one in excitation.column")
-    evenly = excitation.sample_rate is not None and excitation.time_column is None
-    return next((each for each in signals if each.axis and not evenly), signals[0])
-
-
-def _along_time(signal: MeasuredSignal, signals: list[MeasuredSignal], excitation: SampledInput) -> MeasuredSignal:
+def _chosen(signals: list[MeasuredSignal], excitation: SampledInput) -> MeasuredSignal:
     """The values over the times that are asked for."""
+    time = None if excitation.time_column is None else column_named(signals, excitation.time_column)
+    signal = _values(signals, time, excitation)
     if excitation.sample_rate is not None:
         even = np.arange(signal.y.size) / excitation.sample_rate
         signal = replace(signal, x=even, of_frequency=False, axis="time", axis_unit="s")
-    elif excitation.time_column is not None:
-        time = column_named(signals, excitation.time_column)
+    elif time is not None:
         if time.y.size != signal.y.size:
             raise MeasurementError(f"has {time.y.size} times for {signal.y.size} values", "name another column")
         signal = replace(
             signal, x=np.asarray(time.y, dtype=float), of_frequency=False, axis=time.name, axis_unit=time.unit
         )
     if not signal.axis:
-        _reject(f"= {excitation.file} has no time axis", "give excitation.sample_rate", "excitation.sample_rate")
+        remedy = "give excitation.sample_rate, or name the column of times in excitation.time_column"
+        _reject(f"= {excitation.file} has no time axis of {signal.name}", remedy, "excitation.sample_rate")
     signal = signal.required((FunctionType.TIME_HISTORY,), "a sampled input")
     if np.iscomplexobj(signal.y):
         raise MeasurementError(f"has complex values in {signal.name}", "name another one in excitation.column")
     return signal
+
+
+def _values(signals: list[MeasuredSignal], time: MeasuredSignal | None, excitation: SampledInput) -> MeasuredSignal:
+    """The column of values: the one that is named, else the only one that can be meant."""
+    if excitation.column is not None:
+        signal = column_named(signals, excitation.column)
+        if signal is time or (not signal.axis and axis_kind(signal.name)):
+            raise MeasurementError(
+                f"has the axis {signal.name}, not values", "name another column in excitation.column"
+            )
+        return signal
+    if time is not None:  # of a file with several axes those on this one
+        signals = [signal for signal in signals if signal.axis == time.name] or signals
+    if excitation.sample_rate is not None or time is not None:  # a first column that is no time can be meant too
+        signals = [replace(signal, axis="") if signal is not time else signal for signal in signals]
+    return only_column(
+        signals, LEVEL_DIMENSIONS[excitation.quantity], key="excitation.column", apart_from=time,
+        by_unit=excitation.file.lower().endswith(TEXT),
+    )  # fmt: skip
 
 
 def _other_quantity(unit: str, takes: Sequence[str]) -> str:
@@ -206,12 +217,12 @@ def _reject(message: str, remedy: str, at: str = "excitation.file") -> NoReturn:
     raise ScenarioError.at(at, message, remedy)
 
 
-def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[ProfilePoint, ...]:
-    """The points of a table whose first column is the frequency and whose second one the level.
+def read_profile(table: CurveFile, folder: Path, takes: tuple[str, ...]) -> tuple[ProfilePoint, ...]:
+    """The points of a table of levels over frequency.
 
     Parameters
     ----------
-    file, folder : CSV file, and where its path begins.
+    table, folder : the file, and where its path begins.
     takes : quantities that the levels may be of; levels that multiply several forces have none, and no unit.
 
     Returns
@@ -225,7 +236,7 @@ def read_profile(file: str, folder: Path, takes: tuple[str, ...]) -> tuple[Profi
         If the file cannot be read, has no unit of the levels, or is no table of increasing positive frequencies.
     """
     dimensions = {name: LEVEL_DIMENSIONS[name] for name in takes if name in LEVEL_DIMENSIONS}
-    frequency, level, quantity = _read_table(folder / file, file, "sweep.profile_file", dimensions)
+    frequency, level, quantity = _read_table(table, folder, "sweep.profile_file", dimensions)
     return tuple(
         ProfilePoint.model_construct(frequency=float(f), level=LevelValue(float(a), quantity))
         for f, a in zip(frequency, level, strict=True)
@@ -256,7 +267,7 @@ def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequ
     if points is None:
         return None
     dimensions = Limits.curves[limit]
-    along, level, said = read_curve(points, scenario.folder_of(*at), at, dimensions)
+    along, level, said = read_curve(points, scenario.folder_of(*at, "file"), at, dimensions)
     if (said or next(iter(dimensions))) != quantity:
         return None
     with np.errstate(divide="ignore"):
@@ -281,13 +292,13 @@ def on_curve(frequency: Floats | float, along: Floats, level: Floats, outside: f
 
 
 def read_curve(
-    given: tuple[tuple[float, float], ...] | str, folder: Path, at: Keys, dimensions: Mapping[str, Dimension]
+    given: tuple[tuple[float, float], ...] | CurveFile, folder: Path, at: Keys, dimensions: Mapping[str, Dimension]
 ) -> tuple[Floats, Floats, str | None]:
     """Frequencies, Hz, and values in SI units of a curve, and the quantity of the values, where it is said.
 
     Parameters
     ----------
-    given : points, or the name of a CSV file.
+    given : points, or the text file with them.
     folder : where its path begins.
     at : path of the key.
     dimensions : what the values may be, by quantity.
@@ -297,8 +308,8 @@ def read_curve(
     ScenarioError
         If it is a file that cannot be read, or no table of frequencies and values.
     """
-    if isinstance(given, str):
-        return _read_table(folder / given, given, path_text(at), dimensions)
+    if isinstance(given, CurveFile):
+        return _read_table(given, folder, path_text(at), dimensions)
     frequency, value = np.transpose(given)
     return frequency, value, meant(given[0][1])
 
@@ -312,7 +323,8 @@ def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[
         If it is a file that cannot be read, or the record is too short for its lowest frequency.
     """
     folder = folder or Path()
-    here = folder if not isinstance(excitation.srs, str) or (folder / excitation.srs).is_file() else Path()
+    there = not isinstance(excitation.srs, CurveFile) or (folder / excitation.srs.file).is_file()
+    here = folder if there else Path()
     frequency, level, _ = read_curve(excitation.srs, here, ("excitation", "srs"), {ACCELERATION.name: ACCELERATION})
     lowest, highest, at = float(frequency[0]), float(frequency[-1]), "excitation.duration"
     if excitation.duration * lowest < 0.5 * FEWEST_HALF_CYCLES:
@@ -325,12 +337,12 @@ def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[
     return frequency, level
 
 
-def read_density(excitation: RandomInput, folder: Path | None = None) -> tuple[Floats, Floats]:
+def read_density(excitation: RandomInput, table: CurveFile, folder: Path | None = None) -> tuple[Floats, Floats]:
     """The density of a random input from a file.
 
     Parameters
     ----------
-    excitation : whose density is the name of a file.
+    excitation, table : the input, and the file with its density.
     folder : to which its path is relative, by default the current one.
 
     Returns
@@ -343,13 +355,12 @@ def read_density(excitation: RandomInput, folder: Path | None = None) -> tuple[F
     ScenarioError
         If the file cannot be read, or is no table of frequencies and positive densities of that quantity.
     """
-    file = str(excitation.psd)
     dimensions: dict[str, Dimension] = {excitation.quantity: DENSITY_DIMENSIONS[excitation.quantity]}
-    path = (folder or Path()) / file
-    if path.suffix.lower() in TEXT:
-        frequency, value, _ = _read_table(path, file, "excitation.psd", dimensions, steps=True)
+    folder = folder or Path()
+    if Path(table.file).suffix.lower() in TEXT:
+        frequency, value, _ = _read_table(table, folder, "excitation.psd", dimensions, steps=True)
     else:
-        frequency, value = _read_function(path, file, dimensions[excitation.quantity])
+        frequency, value = _read_function(table, folder, dimensions[excitation.quantity])
     try:
         excitation.check_sample_rate(float(frequency[-1]))
     except Unfit as fault:
@@ -357,16 +368,19 @@ def read_density(excitation: RandomInput, folder: Path | None = None) -> tuple[F
     return frequency, value
 
 
-def _read_function(path: Path, file: str, dimension: Dimension) -> tuple[Floats, Floats]:
+def _read_function(table: CurveFile, folder: Path, dimension: Dimension) -> tuple[Floats, Floats]:
     """Frequencies, Hz, and densities, SI, of the only density in a file of an analyser, without its mean at 0 Hz.
 
     Parameters
     ----------
-    path, file : of the file, and as the scenario has it.
+    table, folder : the file, and where its path begins.
     dimension : of the density.
     """
+    file = table.file
     try:
-        densities = [each for each in read_file(path) if each.function == FunctionType.POWER_DENSITY]
+        signals = read_file(folder / file, table.decimal)
+        signals = signals if table.column is None else [column_named(signals, table.column)]
+        densities = [each for each in signals if each.function == FunctionType.POWER_DENSITY]
         if len(densities) != 1:
             has = f"has {len(densities)} power spectral densities" if densities else "has no power spectral density"
             raise MeasurementError(has, "export one alone, or as CSV with the columns frequency (Hz) and PSD (g^2/Hz)")
@@ -397,31 +411,36 @@ def highest_excited_hz(scenario: Scenario) -> float:
         at: Keys = ("excitation", *path)
         with rooted("excitation", path_text(at)):
             if isinstance(each, MatchedInput):
-                highest = max(highest, float(target_curve(each, scenario.folder_of(*at, "srs"))[0][-1]))
-            elif isinstance(each, RandomInput) and isinstance(each.psd, str):
-                highest = max(highest, float(read_density(each, scenario.folder_of(*at, "psd"))[0][-1]))
+                highest = max(highest, float(target_curve(each, scenario.folder_of(*at, "srs", "file"))[0][-1]))
+            elif isinstance(each, RandomInput) and isinstance(each.psd, CurveFile):
+                highest = max(
+                    highest, float(read_density(each, each.psd, scenario.folder_of(*at, "psd", "file"))[0][-1])
+                )
     return highest
 
 
 def _read_table(
-    path: Path, file: str, at: str, dimensions: Mapping[str, Dimension], *, steps: bool = False
+    table: CurveFile, folder: Path, at: str, dimensions: Mapping[str, Dimension], *, steps: bool = False
 ) -> tuple[Floats, Floats, str | None]:
     """Frequencies, Hz, and levels in SI units of a table, and the quantity of the levels.
 
     Parameters
     ----------
-    path, file : of the CSV file, and as the scenario has it.
+    table, folder : the file, and where its path begins.
     at : the key that names it.
     dimensions : what the levels may be, by quantity; levels that may be nothing have no unit.
     steps : whether two rows within the table may have one frequency.
     """
+    file = table.file
     try:
-        table = read_file(path)
-        factors = _factors(table, dimensions)
+        signal, factor, quantity = _levels(read_file(folder / file, table.decimal), table, at, dimensions)
+        unit = signal.axis_unit
+        if not unit:
+            raise MeasurementError("cannot be used: its first column states no unit", "head it frequency (Hz)")
+        frequency = np.asarray(signal.x * read_quantity(f"1 {unit}", FREQUENCY), dtype=float)
     except (MeasurementError, UnitError) as fault:
         _reject(f"= {file} {fault.message}", fault.remedy, at)
-    frequency = np.asarray(table[0].y * factors[0], dtype=float)
-    level = np.asarray(table[1].y * factors[1], dtype=float)
+    level = np.asarray(signal.y * factor, dtype=float)
     if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
         _reject(f"= {file} has frequencies or levels that are no positive numbers", "correct the table", at)
     rising = np.diff(frequency) > 0
@@ -434,19 +453,34 @@ def _read_table(
         row = int(np.flatnonzero(level <= 0)[0]) + 1
         what = f"= {file} has the level {level[row - 1]:g} in row {row}, which has no logarithm"
         _reject(what, "give a small level", at)
-    return frequency, level, factors[2]
+    return frequency, level, quantity
 
 
-def _factors(table: list[MeasuredSignal], dimensions: Mapping[str, Dimension]) -> tuple[float, float, str | None]:
-    """SI values of one in each column, and the quantity of the levels."""
-    if len(table) < 2:
+def _levels(
+    signals: list[MeasuredSignal], table: CurveFile, at: str, dimensions: Mapping[str, Dimension]
+) -> tuple[MeasuredSignal, float, str | None]:
+    """The column of levels along its frequencies, the SI value of one of its unit, and the quantity of the levels.
+
+    Raises
+    ------
+    MeasurementError
+        If there is no such column, or several, or it has no unit.
+    UnitError
+        If the unit is none of the dimensions.
+    """
+    if len(signals) < 2:
         raise MeasurementError("has one column", "give a frequency and a level in each row, with their units above")
-    if not table[0].unit:
-        raise MeasurementError("cannot be used: its first column states no unit", "head it frequency (Hz)")
-    frequency = read_quantity(f"1 {table[0].unit}", FREQUENCY)
+    if table.column is None:
+        signal = only_column(signals, *dimensions.values(), key=f"{at}.column")
+    else:
+        signal = column_named(signals, table.column)
+    if not signal.axis:
+        raise MeasurementError(f"has no frequencies of {signal.name}", "head their column frequency (Hz)")
     if not dimensions:
-        return frequency, 1.0, None
-    if not table[1].unit:
-        raise MeasurementError("cannot be used: its second column states no unit", "head it for example level (g)")
-    value, dimension = read_level(f"1 {table[1].unit}", tuple(dimensions.values()))
-    return frequency, value, next(name for name, known in dimensions.items() if known is dimension)
+        return signal, 1.0, None
+    if not signal.unit:
+        raise MeasurementError(
+            f"cannot be used: {signal.name or 'its second column'} states no unit", "head it for example level (g)"
+        )
+    factor, dimension = read_level(f"1 {signal.unit}", tuple(dimensions.values()))
+    return signal, factor, next(name for name, known in dimensions.items() if known is dimension)

@@ -15,6 +15,7 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import spoken
+from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.quantities import motion_dimension
 
 _FOR_TESTS = {  # function types that tests of a kind take; frequency responses have no harmonics
@@ -44,10 +45,9 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
         path = Path(folder) / test.file
         try:
             name = test.channel or test.probe or default
-            signal = channel_named(
-                read_signals(path, test.axis_unit), name, test.quantity, path, required=test.channel is not None,
-                at=f"{at}.channel",
-            )  # fmt: skip
+            signals = read_signals(path, test.axis_unit, test.decimal)
+            required = test.channel is not None
+            signal = channel_named(signals, name, test.quantity, path, required=required, at=f"{at}.channel")
             signal = signal.required(*_FOR_TESTS[test.kind])
             signals.append(in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit"))
         except MeasurementError as fault:
@@ -61,13 +61,14 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
     return signals
 
 
-def read_signals(path: Path, axis_unit: str | None = None) -> list[MeasuredSignal]:
+def read_signals(path: Path, axis_unit: str | None = None, decimal: DecimalMark | None = None) -> list[MeasuredSignal]:
     """All channels of a file that are on an axis, which is in s or Hz then.
 
     Parameters
     ----------
     path : of the file.
     axis_unit : of times or frequencies; by default the one that the file states.
+    decimal : decimal mark of a text file, where the user states it.
 
     Returns
     -------
@@ -80,7 +81,7 @@ def read_signals(path: Path, axis_unit: str | None = None) -> list[MeasuredSigna
         If the file cannot be read, or has an axis without unit or no channel.
     """
     try:
-        signals = [each.on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path) if each.axis]
+        signals = [each.on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path, decimal) if each.axis]
     except MeasurementError as fault:
         raise unusable(f"{path} {fault.message}", fault.remedy) from None
     if not signals:
@@ -138,7 +139,9 @@ def channel_named(
     return _checked(chosen[0], path)
 
 
-def history_named(path: Path, name: str, axis_unit: str | None = None) -> MeasuredSignal:
+def history_named(
+    path: Path, name: str, axis_unit: str | None = None, decimal: DecimalMark | None = None
+) -> MeasuredSignal:
     """The time history of that name.
 
     Parameters
@@ -146,6 +149,7 @@ def history_named(path: Path, name: str, axis_unit: str | None = None) -> Measur
     path : of the file.
     name : of the channel.
     axis_unit : of its times; by default the one that the file states.
+    decimal : decimal mark of a text file, where the user states it.
 
     Returns
     -------
@@ -157,7 +161,7 @@ def history_named(path: Path, name: str, axis_unit: str | None = None) -> Measur
     ScenarioError
         If the file cannot be used, there is none, or the channel is a function of frequency.
     """
-    signal = channel_named(read_signals(path, axis_unit), name, "", path, required=True)
+    signal = channel_named(read_signals(path, axis_unit, decimal), name, "", path, required=True)
     try:
         return signal.required((FunctionType.TIME_HISTORY,), "the excitation of a tracked sweep")
     except MeasurementError as fault:

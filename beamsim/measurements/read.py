@@ -10,6 +10,7 @@ from beamsim.measurements.arrays import HDF5, MATLAB, read_hdf5, read_matlab
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.measurements.tables import read_csv
 from beamsim.measurements.universal import ENDINGS, read_uff
+from beamsim.scenario.files import DecimalMark
 
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
 
@@ -29,9 +30,18 @@ def ending_of(path: Path) -> str:
     return path.suffix.lower()
 
 
-def read_file(path: Path) -> list[MeasuredSignal]:
+def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSignal]:
     """All channels of a file in its own units, columns of a table without an axis among them, each with a name of its
     own.
+
+    Parameters
+    ----------
+    path : of the file.
+    decimal : decimal mark of a text table, where the user states it.
+
+    Returns
+    -------
+    list of MeasuredSignal
 
     Raises
     ------
@@ -40,14 +50,14 @@ def read_file(path: Path) -> list[MeasuredSignal]:
     """
     ending = ending_of(path)
     readers = {
-        **dict.fromkeys(TEXT, read_csv), **dict.fromkeys(HDF5, read_hdf5), **dict.fromkeys(MATLAB, read_matlab),
-        **dict.fromkeys(ENDINGS, read_uff),
+        **dict.fromkeys(HDF5, read_hdf5), **dict.fromkeys(MATLAB, read_matlab), **dict.fromkeys(ENDINGS, read_uff),
     }  # fmt: skip
-    reader = readers.get(ending)
-    if reader is None:
+    if ending not in (*TEXT, *readers):
         raise MeasurementError("has an unknown format", "use .csv, .h5, .nc, .mat or .uff")
+    if decimal is not None and ending in readers:
+        raise MeasurementError("is no text table, which alone has a decimal mark", "leave decimal out")
     try:
-        signals = reader(path)
+        signals = read_csv(path, decimal) if ending in TEXT else readers[ending](path)
     except OSError as error:
         raise MeasurementError(f"cannot be read ({error.strerror or error})", "check the path") from None
     several = Counter(signal.name for signal in signals)

@@ -3,31 +3,43 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamsim.errors import ScenarioError
-from beamsim.measurements.functions import MEASURED, RATIOS, FunctionType, function_over_frequency, ratio_of
+from beamsim.measurements.functions import MEASURED, RATIOS, FunctionType, function_over_frequency, is_unit_of, ratio_of
 from beamsim.scenario import units
 from beamsim.typing import Complexes, Floats
 
-TIME_NAMES = ("time", "t", "zeit", "temps")
-_FREQUENCY_NAMES = ("frequency", "f", "freq", "frequenz", "fréquence")
+# words for the axes, numbered or named further as measuring systems do: Time 2 - Default sample rate
+_TIME_WORDS = r"(?:abs\w*\.? |rel\w*\.? |elapsed |test )?(?:time|zeit|messzeit|temps|tiempo|tempo|timestamp|time stamp)"
+_FREQUENCY_WORDS = r"(?:frequency|freq\.?|frequenz|fréquence|frecuencia|frequenza)"
+_NUMBERED = r"(?:[ _.:#]*[0-9]+)?(?: *- .*)?"
+_AXES = {
+    kind: re.compile(rf"{words}{_NUMBERED}", re.IGNORECASE)
+    for kind, words in (("time", _TIME_WORDS), ("frequency", _FREQUENCY_WORDS))
+}
+_LETTERS = {"t": ("time", units.TIME), "f": ("frequency", units.FREQUENCY)}
 
+_COUNTS = re.compile(r"|#|n|i|no\.?|nr\.?|index|samples?|rows?|count|lfd\.? ?nr\.?|unnamed: 0", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.*?)\s*[(\[]((?:[^()\[\]]|\([^()]*\))*)[)\]]\s*")
-_ENDING = re.compile(r"(.+?)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|n_m|m|n|g|s|ms|us|k?hz|rad|deg|pa|j)", re.IGNORECASE)
-_SPELLED = {"m_per_s2": "m/s^2", "m_per_s": "m/s", "m/s2": "m/s^2", "n": "N", "n_m": "N m", "pa": "Pa",
-            "j": "J", "hz": "Hz", "khz": "kHz"}  # fmt: skip
+_NUMBER_BEHIND = re.compile(r"(.*\S)\s+\([0-9]+\)")  # that tells equal headings apart
+_ENDING = re.compile(r"(.+?)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|ms|us|k?hz|rad|deg)", re.IGNORECASE)
+_SPELLED = {"m_per_s2": "m/s^2", "m_per_s": "m/s", "m/s2": "m/s^2", "hz": "Hz", "khz": "kHz"}
 
 
 def split_heading(heading: str) -> tuple[str, str]:
     """Name and unit of a column; the unit is empty where the heading has none.
 
-    >>> split_heading("time (ms)"), split_heading("tip_m_per_s2"), split_heading("channel 3")
-    (('time', 'ms'), ('tip', 'm/s^2'), ('channel 3', ''))
+    A unit stands in brackets, or behind an underscore where it cannot be part of a name: a_g is a ground acceleration.
+
+    >>> split_heading("time (ms)"), split_heading("tip_m_per_s2"), split_heading("channel 3"), split_heading("a_g")
+    (('time', 'ms'), ('tip', 'm/s^2'), ('channel 3', ''), ('a_g', ''))
     """
+    if match := _NUMBER_BEHIND.fullmatch(heading):
+        heading = match[1]
     if match := _BRACKETS.fullmatch(heading):
         unit = match[2].strip()
         return match[1], "" if unit.isdigit() else unit
@@ -42,14 +54,35 @@ def stated(unit: str) -> str:
     return "" if unit.strip().upper() in ("", "NONE", "1", "-") else unit.strip()
 
 
+def axis_kind(heading: str) -> str:
+    """``time`` or ``frequency`` of a heading that names such an axis, else nothing.
+
+    >>> axis_kind("Time 2 - Default sample rate"), axis_kind("f (kHz)"), axis_kind("F (N)"), axis_kind("F")
+    ('time', 'frequency', '', '')
+    """
+    name, unit = split_heading(heading)
+    for kind, words in _AXES.items():
+        if words.fullmatch(name):
+            return kind
+    kind, dimension = _LETTERS.get(name.lower(), ("", units.NUMBER))
+    return kind if kind and (is_unit_of(unit, dimension) if unit else name.islower()) else ""
+
+
+def counts_samples(heading: str, values: Floats | Complexes) -> bool:
+    """Whether a column only numbers the rows, from 0 or 1, as its heading says: n, index, sample, or nothing."""
+    if not _COUNTS.fullmatch(heading.strip()) or not values.size:
+        return False
+    return bool(values[0] in (0, 1) and np.all(np.diff(values) == 1))
+
+
 def is_time(heading: str) -> bool:
     """Whether a heading is that of a time axis."""
-    return split_heading(heading)[0].lower() in TIME_NAMES
+    return axis_kind(heading) == "time"
 
 
 def is_frequency(heading: str) -> bool:
     """Whether a heading is that of a frequency axis."""
-    return split_heading(heading)[0].lower() in _FREQUENCY_NAMES
+    return axis_kind(heading) == "frequency"
 
 
 def label_of(name: str) -> str:
@@ -282,63 +315,6 @@ class MeasuredSignal:
                 "sort the samples and remove duplicates, or name the correct column",
             )
         return self
-
-
-def column_named(signals: Sequence[MeasuredSignal], name: str) -> MeasuredSignal:
-    """The column with a heading, its heading without unit, the path of a data set, or a number from 1 as its name.
-
-    Raises
-    ------
-    MeasurementError
-        If there is none.
-    """
-    headings = [signal.name for signal in signals]
-    for names in (headings, [split_heading(heading)[0] for heading in headings]):
-        for spelled in (name, label_of(name)):
-            if spelled in names:
-                return signals[names.index(spelled)]
-    if name.isdigit() and 1 <= int(name) <= len(signals):
-        return signals[int(name) - 1]
-    known = ", ".join(headings[:12]) + (", ..." if len(headings) > 12 else "")
-    raise MeasurementError(f"has no column {name} among {len(headings)}", f"name one: {known}")
-
-
-def by_dimension(signals: Sequence[MeasuredSignal], dimensions: Mapping[str, units.Dimension]) -> dict[str, Floats]:
-    """The first column with a unit of each dimension; those without a unit are passed over.
-
-    Parameters
-    ----------
-    signals : columns of a table.
-    dimensions : by the word for what has them.
-
-    Returns
-    -------
-    dict
-        (n,) values in SI units by these words.
-
-    Raises
-    ------
-    MeasurementError
-        If a column has a unit of none of the dimensions.
-    """
-    found: dict[str, Floats] = {}
-    for number, signal in enumerate(signals, 1):
-        if not signal.unit:
-            continue
-        try:
-            factor, dimension = units.read_level(f"1 {signal.unit}", tuple(dimensions.values()))
-        except units.UnitError:
-            *words, last = dimensions
-            known = f"{', '.join(words)} or {last}"
-            raise MeasurementError(
-                f"cannot be used: column {number} is in {signal.unit}, which is no unit of {known}",
-                "leave that column out, or correct its unit",
-            ) from None
-        kind = next(word for word, known in dimensions.items() if known is dimension)
-        found.setdefault(kind, np.asarray(signal.y * factor, dtype=float))
-    if len({column.size for column in found.values()}) > 1:
-        raise MeasurementError("cannot be used: its columns have different lengths", "use a table of equal columns")
-    return found
 
 
 def in_si(signal: MeasuredSignal, unit: str | None, dimension: units.Dimension, at: str) -> MeasuredSignal:

@@ -1,22 +1,43 @@
-"""Text tables: rows of cells, and the columns of a table of numbers as signals."""
+"""Text tables: rows of cells, their columns, and which column is an axis of which others.
+
+Spreadsheets, measuring systems and programs write such tables with any separator, decimal mark and encoding. CSV
+readers of other packages are told the decimal mark and remove thousands marks wherever they stand (pandas with
+``thousands=","`` makes 15 of 1,5), so the text is judged here, and `csv` only takes lines apart.
+"""
 
 from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from beamsim.files import text_of
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, is_frequency, split_heading, stated
+from beamsim.measurements.decimals import NumberFormat, could_be_number, number_format, numbers_in
+from beamsim.measurements.functions import is_unit_of
+from beamsim.measurements.signal import (
+    MeasuredSignal,
+    MeasurementError,
+    axis_kind,
+    counts_samples,
+    split_heading,
+    stated,
+)
 from beamsim.scenario import units as si
+from beamsim.scenario.files import DecimalMark
+from beamsim.typing import Floats
 
 _MEASURED = (
     si.TIME, si.FREQUENCY, si.ACCELERATION, si.VELOCITY, si.LENGTH, si.FORCE, si.MOMENT, si.ANGLE, si.PRESSURE,
 )  # fmt: skip
-_WORD = re.compile(r"\S+(?:\s+[(\[][^)\]]*[)\]])?")  # with its unit
+_WORD = re.compile(r'"[^"]*"|[^ \t]+(?:[ \t]+[(\[][^)\]]*[)\]])?')  # with its unit
+_STARTS_WITH_NUMBER = re.compile(r'\s*"?[+\-−]?[0-9.,]')
+_BLANK_WITHIN = re.compile(r"[^ \t,][ \t]+[^ \t,]")
 
 
 class TextRow(NamedTuple):
@@ -26,79 +47,258 @@ class TextRow(NamedTuple):
     cells: list[str]
 
 
-def read_rows(path: Path) -> tuple[list[TextRow], str]:
-    """The cells of a file, and what separates them: semicolon, tab, comma or, in words, blanks.
+@dataclass(frozen=True)
+class TextRows:
+    """The lines of a file that are no comments, as cells."""
 
-    Empty lines and comments, which begin with # or %, are left out. The mark of most lines separates; decimal commas
-    stand between semicolons or tabs.
+    rows: list[TextRow]
+    separator: str  # semicolon, tab, comma or, in words, blank
+    comments: dict[int, list[str]]  # by line the cells of comments, which may be headings
+
+    @property
+    def unquoted_commas(self) -> bool:
+        """Whether commas separate columns, so that those of numbers would have to be in quotes."""
+        return self.separator == ","
+
+
+def read_rows(path: Path) -> TextRows:
+    """The cells of a file, and what separates them.
+
+    Empty lines are left out, and comments, which begin with # or %. Semicolon or tab separate where most lines of
+    numbers have one; else commas or blanks, whichever makes a table.
 
     Raises
     ------
     MeasurementError
-        If the file cannot be read, is no text or has nothing in it.
+        If the file cannot be read, is no text, has nothing in it, or commas and blanks could both separate its columns.
     """
     try:
         text = text_of(path)
     except UnicodeDecodeError:
         raise MeasurementError("is not text", "export it as CSV again") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(("#", "%"))]
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip(" \t;,")]
+    comments = [(number, line) for number, line in lines if line.lstrip().startswith(("#", "%"))]
+    lines = [each for each in lines if each not in set(comments)] if comments else lines
     if not lines:
         raise MeasurementError("contains no data", "export it again")
-    mark = max(";\t,", key=lambda mark: sum(mark in line for _, line in lines))
-    if not any(mark in line for _, line in lines):
-        return [TextRow(number, _WORD.findall(line)) for number, line in lines], " "
-    reader = csv.reader((line for _, line in lines), delimiter=mark, skipinitialspace=True)
-    return [TextRow(lines[reader.line_num - 1][0], [cell.strip() for cell in row]) for row in reader], mark
+    separator = _separator(lines)
+    remarks = [(number, line.lstrip().lstrip("#%")) for number, line in comments]
+    return TextRows(
+        list(_split(lines, separator)), separator, {row.line: row.cells for row in _split(remarks, separator)}
+    )
 
 
-def read_csv(path: Path) -> list[MeasuredSignal]:
-    """The columns of a file, the first as the axis of the others; cells that are empty are nan.
+def _split(lines: Sequence[tuple[int, str]], separator: str) -> Iterator[TextRow]:
+    """The cells of lines, without those that are empty because lines end with a separator."""
+    if separator == " ":
+        rows = [TextRow(number, [cell.strip('"') for cell in _WORD.findall(line)]) for number, line in lines]
+    else:
+        reader = csv.reader((line for _, line in lines), delimiter=separator, skipinitialspace=True)
+        try:
+            rows = [TextRow(lines[reader.line_num - 1][0], [cell.strip() for cell in row]) for row in reader]
+        except csv.Error as error:
+            where = f"in line {lines[max(reader.line_num - 1, 0)][0]}"
+            raise MeasurementError(f"cannot be read {where} ({error})", "export it again") from None
+    widths = Counter(len(row.cells) for row in rows)
+    widest = max(widths, default=0)
+    if widest > 1 and separator != " " and all(len(row.cells) < widest or not row.cells[-1] for row in rows):
+        rows = [TextRow(row.line, row.cells[: widest - 1]) for row in rows]
+    yield from rows
+
+
+def _separator(lines: Sequence[tuple[int, str]]) -> str:
+    """What separates the cells of lines with their numbers."""
+    data = [each for each in lines if _STARTS_WITH_NUMBER.match(each[1])] or list(lines)
+    for mark in ";\t":
+        if 2 * sum(mark in line for _, line in data) > len(data):
+            return mark
+    if 2 * sum("," in line for _, line in data) < len(data):
+        return " "
+    if not any(_BLANK_WITHIN.search(line) for _, line in data):
+        return ","
+    possible = [mark for mark in ", " if _is_table(lines, data[0][0], mark)]
+    if len(possible) == 2:
+        raise MeasurementError(
+            f"can have its columns separated by commas or by blanks: line {data[0][0]} is {data[0][1].strip()}",
+            "export it with semicolons or tabs between the columns",
+        )
+    return possible[0] if possible else ","
+
+
+def _is_table(lines: Sequence[tuple[int, str]], first: int, separator: str) -> bool:
+    """Whether a separator makes rows of equal width from the headings on, of two cells or more that can be values."""
+    begin = next(k for k, (number, _) in enumerate(lines) if number == first)
+    rows = [row.cells for row in _split(lines[max(begin - 1, 0) :], separator)]
+    cells = [cell for row in rows[min(begin, 1) :] for cell in row]
+    values = all(could_be_number(cell) or not _STARTS_WITH_NUMBER.match(cell) for cell in cells)
+    return values and len({len(row) for row in rows}) == 1 < len(rows[0])
+
+
+@dataclass(frozen=True)
+class NamedColumns:
+    """A table below one row of headings, some of whose columns hold texts; numbers have decimal points."""
+
+    headings: list[str]
+    line: int  # of the headings
+    rows: list[TextRow]
+    numbers: NumberFormat
+
+    @property
+    def names(self) -> list[str]:
+        """Headings without units, in lower case."""
+        return [split_heading(heading)[0].lower() for heading in self.headings]
+
+    @property
+    def units(self) -> list[str]:
+        """Units of the headings, empty where they have none."""
+        return [stated(split_heading(heading)[1]) for heading in self.headings]
+
+
+def read_named_columns(path: Path, decimal: DecimalMark | None = None, texts: Collection[str] = ()) -> NamedColumns:
+    """A table whose first row has the headings; headings may begin with numbers themselves.
+
+    Parameters
+    ----------
+    path : of the file.
+    decimal : its decimal mark, where the user states it.
+    texts : names of columns, in lower case, that hold texts.
+
+    Returns
+    -------
+    NamedColumns
+        In cells of other columns, and in headings, numbers are written with decimal points.
+
+    Raises
+    ------
+    MeasurementError
+        If the file cannot be read, has no rows, a row is not as long as the headings, or its decimal mark is unknown.
+    """
+    first, *rows = read_rows(path).rows
+    of_text = [split_heading(heading)[0].lower() in texts for heading in first.cells]
+    for row in rows:
+        if len(row.cells) != len(first.cells):
+            message = f"has {len(row.cells)} columns in line {row.line} instead of {len(first.cells)}"
+            raise MeasurementError(message, "give each line a cell for each heading")
+    cells = [
+        (row.line, number)
+        for row in (first, *rows)
+        for cell, text in zip(row.cells, of_text, strict=True)
+        if not text and (row is not first or begins_with_number(cell))
+        for number in numbers_in(cell)
+    ]
+    numbers = number_format(cells, decimal)
+    plain = [
+        TextRow(
+            row.line,
+            [cell if text else numbers.plain(cell) for cell, text in zip(row.cells, of_text, strict=True)],
+        )
+        for row in rows
+    ]
+    headings = [numbers.plain(each) if begins_with_number(each) else each for each in first.cells]
+    return NamedColumns(headings, first.line, plain, numbers)
+
+
+def begins_with_number(text: str) -> bool:
+    """Whether a text begins with a number, perhaps with its unit behind."""
+    return bool(_STARTS_WITH_NUMBER.match(text) and numbers_in(text))
+
+
+def read_csv(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSignal]:
+    """The columns of a table of numbers, each along its axis; cells that are empty are nan.
+
+    An axis is a column headed as a time or frequency; with several of them each is that of the columns up to the next
+    one. Where no heading says so, it is the first column in a unit of time or frequency, else the first of all.
+
+    Parameters
+    ----------
+    path : of the file.
+    decimal : its decimal mark, where the user states it.
+
+    Returns
+    -------
+    list of MeasuredSignal
+        In the order of the file and in its units; axes, and counts of the samples, have no axis themselves.
 
     Raises
     ------
     MeasurementError
         If it holds no table of numbers, or a cell of it is none: with its line and heading.
     """
-    rows, mark = read_rows(path)
-
-    def number(cell: str) -> float | None:
-        try:
-            return float(cell if mark == "," else cell.replace(",", "."))
-        except ValueError:
-            return None if cell else np.nan
-
-    first = next((i for i, row in enumerate(rows) if row.cells[0] and number(row.cells[0]) is not None), -1)
-    if first < 0:
-        raise MeasurementError("has no samples: no line starts with a number", "export the measurement again")
-    # a row with numbers beside its first cell, right above the samples, is a sample with a fault
-    while first > 1 and any(cell and number(cell) is not None for cell in rows[first - 1].cells):
-        first -= 1
-    width = len(rows[first].cells)
-    headings = headings_of([row.cells for row in rows[:first]]) if first else [f"column {k + 1}" for k in range(width)]
-    if width == 1:
-        headings = [" ".join(headings)]
-    if mark == "," and width == 2 * len(headings):
-        raise MeasurementError("has decimal commas between commas", "export it with decimal points")
-    if width != len(headings):
-        raise MeasurementError(f"has {len(headings)} headings for {width} columns", "give each column one heading")
-    values = np.empty((len(rows) - first, width))
-    for i, row in enumerate(rows[first:]):
+    text = read_rows(path)
+    first = _first_sample(text.rows)
+    samples = text.rows[first:]
+    width = Counter(len(row.cells) for row in samples).most_common(1)[0][0]
+    headings = _headings(text, first, width)
+    for row in samples:
         if len(row.cells) != width:
-            message = f"has {len(row.cells)} columns in line {row.line} instead of {width}"
-            raise MeasurementError(message, "correct the line")
+            raise _misfit(text, f"{len(row.cells)} columns in line {row.line} instead of {width}", "correct the line")
+    numbers = number_format(((row.line, cell) for row in samples for cell in row.cells), decimal)
+    values = np.empty((len(samples), width))
+    for i, row in enumerate(samples):
         for j, cell in enumerate(row.cells):
-            value = number(cell)
+            value = numbers.value(cell)
             if value is None:
                 where = f"in line {row.line}, sample {i + 1} of {headings[j]}"
                 raise MeasurementError(f"has {cell!r} {where}: it is not a number", "only numbers follow the headings")
             values[i, j] = value
-    units = [split_heading(heading)[1] for heading in headings]
-    axis, of_frequency = values[:, 0], is_frequency(headings[0])
-    return [MeasuredSignal(headings[0], np.arange(axis.size, dtype=float), axis, unit=units[0], source=str(path))] + [
-        MeasuredSignal(headings[j], axis, values[:, j], of_frequency, units[j], str(path), headings[0], units[0])
-        for j in range(1, width)
-    ]
+    return list(_signals(headings, values, str(path)))
+
+
+def _first_sample(rows: Sequence[TextRow]) -> int:
+    """Number of the first row of the table: it begins with a number, and is as long as most of such rows."""
+    begin = [k for k, row in enumerate(rows) if could_be_number(row.cells[0])]
+    if not begin:
+        raise MeasurementError("has no samples: no line starts with a number", "export the measurement again")
+    width = Counter(len(rows[k].cells) for k in begin).most_common(1)[0][0]
+    first = next(k for k in begin if len(rows[k].cells) == width)
+    # a row with numbers beside its first cell, right above the samples, is a sample with a fault
+    while first > 1 and len(rows[first - 1].cells) == width and any(map(could_be_number, rows[first - 1].cells)):
+        first -= 1
+    return first
+
+
+def _headings(text: TextRows, first: int, width: int) -> list[str]:
+    """The headings of the columns, each with a name of its own."""
+    above = [row.cells for row in text.rows[:first]]
+    before = text.rows[first].line
+    remark = text.comments.get(max((line for line in text.comments if line < before), default=0), [])
+    if not above and len(remark) == width and not any(map(could_be_number, remark)):
+        above = [remark]
+    if not above:
+        _refuse_split_numbers(text, first)
+        return [f"column {k + 1}" for k in range(width)]
+    headings = headings_of(above)
+    if width == 1:
+        headings = [" ".join(headings)]
+    if len(headings) == width + 1 and not headings[-1]:
+        headings = headings[:-1]
+    if len(headings) != width:
+        remedy = "give each column one heading"
+        raise _misfit(text, f"{len(headings)} headings for {width} columns", remedy, split=width > len(headings))
+    several = Counter(headings)
+    return [f"{heading} ({k + 1})" if several[heading] > 1 else heading for k, heading in enumerate(headings)]
+
+
+def _misfit(text: TextRows, message: str, remedy: str, split: bool = True) -> MeasurementError:
+    """A row that is not as long as another one, and what may have split it."""
+    if text.unquoted_commas and split:
+        message += ", or decimal commas (or commas between thousands) between commas"
+        remedy = "export it with semicolons or tabs between the columns, or with decimal points"
+    elif text.separator == " " and split:
+        remedy += "; where blanks separate thousands, export it with semicolons or tabs between the columns"
+    return MeasurementError(f"has {message}", remedy)
+
+
+def _refuse_split_numbers(text: TextRows, first: int) -> None:
+    """Refuse a table without headings in which commas cut numbers in two: digits behind one begin with zeros."""
+    if not text.unquoted_commas:
+        return
+    for row in text.rows[first:]:
+        if any(re.fullmatch(r"0[0-9]+", cell) for cell in row.cells[1:]):
+            raise MeasurementError(
+                f"seems to have decimal commas between commas, as in line {row.line}: {','.join(row.cells)}",
+                "export it with semicolons or tabs between the columns, or with decimal points",
+            )
 
 
 def headings_of(rows: list[list[str]]) -> list[str]:
@@ -117,10 +317,68 @@ def headings_of(rows: list[list[str]]) -> list[str]:
 def _is_unit(text: str) -> bool:
     """Whether a cell is a unit of what is measured, or says that there is none."""
     unit = stated(text.strip("()[] "))
-    if not unit:
-        return True
-    try:
-        si.read_level(f"1 {unit}", _MEASURED)
-    except si.UnitError:
-        return False
-    return True
+    return not unit or is_unit_of(unit, *_MEASURED)
+
+
+_NUMBERED_AXIS = re.compile(r"(x|t)[ _]?([0-9]+|value|values|axis|achse|wert)?", re.IGNORECASE)
+
+
+def _signals(headings: Sequence[str], values: Floats, source: str) -> Iterator[MeasuredSignal]:
+    """The columns of a table along their axes."""
+    axes = _axes(headings, values)
+    for j, (heading, axis) in enumerate(zip(headings, axes, strict=True)):
+        x, y = np.arange(len(values), dtype=float), values[:, j]
+        of_group = j if j in axes else axis
+        if of_group is not None:  # cells below a group that is shorter than others are empty
+            padding = np.isnan(values[:, of_group]) & np.isnan(y)
+            end = padding.size - int(np.argmin(padding[::-1]))
+            x, y = (x if axis is None else values[:, axis])[:end], y[:end]
+        named = "" if axis is None else headings[axis]
+        yield MeasuredSignal(
+            name=heading, x=x, y=y, of_frequency=_kind(named) == "frequency", unit=split_heading(heading)[1],
+            source=source, axis=named, axis_unit=split_heading(named)[1],
+        )  # fmt: skip
+
+
+def _kind(heading: str) -> str:
+    """Time or frequency, from the name of a heading, else from its unit."""
+    unit = split_heading(heading)[1]
+    of_unit = "time" if unit and is_unit_of(unit, si.TIME) else "frequency"
+    return axis_kind(heading) or (of_unit if unit and is_unit_of(unit, si.TIME, si.FREQUENCY) else "")
+
+
+def _axes(headings: Sequence[str], values: Floats) -> list[int | None]:
+    """The column that is the axis of each column; None of axes, of counts of the samples, and where it is unknown."""
+    count = len(headings)
+    counts = [counts_samples(heading, column) for heading, column in zip(headings, values.T, strict=True)]
+    others = [j for j in range(count) if not counts[j]]
+    axes = [j for j in others if axis_kind(headings[j])] or _numbered_axes(headings, others)
+    named = bool(axes)
+    axes = axes or [j for j in others if _kind(headings[j])][:1] or others[: len(others) > 1]
+    # one right behind another, or behind all columns, belongs to the same samples and starts no group
+    starts = [j for j in axes if j == axes[0] or (j - 1 not in axes and any(k not in axes for k in others if k > j))]
+    unknown = [
+        j
+        for j in others
+        if j not in axes and _kind(headings[j]) == "time" and np.all(np.diff(values[np.isfinite(values[:, j]), j]) > 0)
+    ]
+    found: list[int | None] = []
+    for j in range(count):
+        before = [axis for axis in starts if axis < j] or (starts if len(starts) == 1 else [])
+        doubtful = any(before[-1] < k < j for k in unknown) if before and named else False
+        found.append(None if j in starts or counts[j] or not before or doubtful else before[-1])
+    return found
+
+
+def _numbered_axes(headings: Sequence[str], others: Sequence[int]) -> list[int]:
+    """Axes called X_1, X_2 ... or t1, t2 ..., from the first column on, each before a column of another name."""
+    names = [split_heading(heading) for heading in headings]
+    axes = [
+        j
+        for j in others
+        if (match := _NUMBERED_AXIS.fullmatch(names[j][0]))
+        and match[2]
+        and (not names[j][1] or is_unit_of(names[j][1], si.TIME, si.FREQUENCY))
+    ]
+    alternate = bool(axes) and axes[0] == others[0] and all(j + 1 in others and j + 1 not in axes for j in axes)
+    return axes if alternate else []

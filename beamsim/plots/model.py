@@ -18,6 +18,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.body import MovedStop, MovedSupport
 from beamsim.scenario.checks import in_metres
 from beamsim.scenario.excitation import RandomInput
+from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
 from beamsim.scenario.sweep import LevelPath
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
@@ -126,8 +127,9 @@ def _excitation_text(scenario: Scenario, part: Any, swept: str) -> str:
     if swept:
         words += _swept(scenario, part)
     if isinstance(part, RandomInput):
-        ends = "" if isinstance(part.psd, str) else f"{part.psd[0].frequency:.6g} to {part.psd[-1].frequency:.6g} Hz"
-        words.append(ends or part.psd)
+        psd = part.psd
+        ends = "" if isinstance(psd, CurveFile) else f"{psd[0].frequency:.6g} to {psd[-1].frequency:.6g} Hz"
+        words.append(psd.file if isinstance(psd, CurveFile) else ends)
     tones = () if swept else part.frequencies_hz
     if 0 < len(tones) <= 3:
         words.append(" and ".join(f"{tone:.6g} Hz" for tone in tones))

@@ -14,6 +14,7 @@ from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedSt
 from beamsim.scenario.connections import HingeStop, PiecewiseLinearSpring, SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, TableShape
 from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, not_harmonic, sine_problems
+from beamsim.scenario.files import CurveFile
 from beamsim.scenario.parameters import (
     bounds_of,
     case_count,
@@ -615,14 +616,14 @@ def _limit_curves(scenario: ScenarioParts, limits: Limits) -> Problems:
         path, of_force, (given, needed, remedy) = ("limits", name, place), False, asked[name]
         if not given:
             yield problem(path, f"needs {needed}", remedy)
-        elif name != "srs" and not isinstance(points, str):
+        elif name != "srs" and not isinstance(points, CurveFile):
             said = meant(points[0][1])
             of_force = said in {each.name for each in (units.FORCE_PSD, units.MOMENT_PSD, units.FORCE, units.MOMENT)}
             other = [k for k, (_, level) in enumerate(points) if meant(level) != said]
             if other:
                 yield problem((*path, other[0], 1), "is of another quantity than the first", "give all in one unit")
         more = {"srs": ["input", *supports], "psd": ["input"]}.get(name, [])
-        more += snubbers if name != "srs" and isinstance(points, str) else []
+        more += snubbers if name != "srs" and isinstance(points, CurveFile) else []
         yield from unknown(path, place, "place", snubbers if of_force else [*probes, *more])
 
 

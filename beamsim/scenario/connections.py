@@ -26,6 +26,7 @@ from beamsim.scenario.body import (
     TwoPlaces,
     refuse_unlike_directions,
 )
+from beamsim.scenario.files import DecimalMark
 
 Stretch = Annotated[float, q.Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
 
@@ -186,6 +187,10 @@ class MeasuredForces(Schema):
 
     file: q.FileName | None = None
     """CSV file, relative to the scenario's folder; headings state units: deflection (mm), force (N), time (s)."""
+    columns: tuple[q.Text, ...] = ()
+    """Headings of the columns of the file that are meant, where several have the same dimension: [extensometer]."""
+    decimal: DecimalMark | None = None
+    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
     points: ForcePoints | None = None
     """Pairs of deflection and force, instead of a file."""
     fit: SegmentFit | None = None

@@ -15,6 +15,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedStop, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
+from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile, DecimalMark
 from beamsim.scenario.units import LEVEL_PSD, STANDARD_GRAVITY, UnitError, read_level
 
 AtLeastTwo = Field(min_length=2)
@@ -565,9 +566,13 @@ class SampledInput(Driven):
     file: q.FileName
     """CSV, HDF5 (.h5, .hdf5) or UFF 58 (.uff, .unv) file; its path is relative to the folder of the scenario."""
     column: q.Text | None = None
-    """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the set."""
+    """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the set. It is
+    needed where several could be meant."""
     time_column: q.Text | None = None
-    """CSV: number or heading of the time column, by default the first; HDF5: path of the time dataset."""
+    """CSV: number or heading of the time column, by default the one headed as a time before the values; HDF5: path of
+    the time dataset."""
+    decimal: DecimalMark | None = None
+    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
     sample_rate: q.Frequency | None = None
     """Samples per second, if the file has no time axis."""
     unit: q.Text | None = None
@@ -677,8 +682,9 @@ class RandomInput(Driven):
 
     kind: Literal["random"] = "random"
     """Random input."""
-    psd: Annotated[Annotated[tuple[PsdPoint, ...], AtLeastTwo] | q.FileName, BY_FORM]
-    """Density over frequency: points, or a file with two columns; log-log interpolation between them, zero outside."""
+    psd: Annotated[Annotated[tuple[PsdPoint, ...], AtLeastTwo] | CurveFile, BY_FORM, SHORT_FOR_FILE]
+    """Density over frequency: points, or a file, psd.csv or {file: psd.csv, column: level}; log-log interpolation
+    between them, zero outside."""
     clip: q.Sigmas | None = None
     """Largest magnitude of the noise in standard deviations, as a controller clips its drive signal: 3 sigma; by
     default it is not clipped."""
@@ -703,13 +709,14 @@ class RandomInput(Driven):
             raise Unfit(f"must be {spoken(self.takes[0])}", "leave it out", ("quantity",))
         if isinstance(self.seed, str) and self.amplitudes != "random":
             raise Unfit("blends inputs of random amplitudes", "write amplitudes: random", ("seed",))
-        if isinstance(self.psd, str):
+        if isinstance(self.psd, CurveFile):
+            density = self.psd.file
             with suppress(UnitError):
-                read_level(self.psd, LEVEL_PSD)
+                read_level(density, LEVEL_PSD)
                 raise Unfit(
-                    f"= {self.psd} is one density, without its band",
-                    f"give its ends, as [{{frequency: 20 Hz, density: {self.psd}}}, {{frequency: 2 kHz, density: "
-                    f"{self.psd}}}], or the name of a file",
+                    f"= {density} is one density, without its band",
+                    f"give its ends, as [{{frequency: 20 Hz, density: {density}}}, {{frequency: 2 kHz, density: "
+                    f"{density}}}], or the name of a file",
                     ("psd",),
                 )
             return
@@ -737,7 +744,7 @@ class RandomInput(Driven):
     @property
     def table(self) -> tuple[tuple[float, float], ...]:
         """Frequencies, Hz, and densities, SI, of points; none of a density in a file."""
-        return () if isinstance(self.psd, str) else density_table(self.psd)
+        return () if isinstance(self.psd, CurveFile) else density_table(self.psd)
 
     stationary: ClassVar[bool] = True
     """It is."""
@@ -745,17 +752,17 @@ class RandomInput(Driven):
     @property
     def highest_frequency_hz(self) -> float:
         """End of the table, Hz; 0 of one in a file (see `beamsim.inputs.measured.highest_excited_hz`)."""
-        return 0.0 if isinstance(self.psd, str) else self.psd[-1].frequency
+        return 0.0 if isinstance(self.psd, CurveFile) else self.psd[-1].frequency
 
 
 ShockCurve = Annotated[
-    Annotated[tuple[tuple[q.Frequency, q.PositiveAcceleration], ...], AtLeastTwo] | q.FileName, BY_FORM
+    Annotated[tuple[tuple[q.Frequency, q.PositiveAcceleration], ...], AtLeastTwo] | CurveFile, BY_FORM, SHORT_FOR_FILE
 ]  # fmt: skip
 
 
-def check_curve(points: tuple[tuple[float, float], ...] | str, at: Path) -> None:
+def check_curve(points: tuple[tuple[float, float], ...] | CurveFile, at: Path) -> None:
     """Refuse points of a curve at a path that fall in frequency; a file is not read."""
-    if not isinstance(points, str):
+    if not isinstance(points, CurveFile):
         demand_rising((f for f, _ in points), "Hz", lambda k: (*at, k, 0))
 
 
@@ -765,8 +772,8 @@ class MatchedInput(Driven):
     kind: Literal["matched"] = "matched"
     """A record made for a shock response spectrum."""
     srs: ShockCurve
-    """Maximax absolute acceleration over natural frequency: pairs, [[100 Hz, 20 g], [2 kHz, 500 g]], or a CSV file with
-    two columns; log-log interpolation between them."""
+    """Maximax absolute acceleration over natural frequency: pairs, [[100 Hz, 20 g], [2 kHz, 500 g]], or a CSV file,
+    curve.csv or {file: curve.csv, column: level}; log-log interpolation between them."""
     quality: q.Quality = 10.0
     """Quality factor Q = 1 / (2 damping ratio) of the oscillators of the curve, above that of critical damping."""
     duration: q.Duration
@@ -780,7 +787,7 @@ class MatchedInput(Driven):
     @property
     def highest_frequency_hz(self) -> float:
         """End of the curve, Hz; 0 of one in a file (see `beamsim.inputs.measured.highest_excited_hz`)."""
-        return 0.0 if isinstance(self.srs, str) else self.srs[-1][0]
+        return 0.0 if isinstance(self.srs, CurveFile) else self.srs[-1][0]
 
     def check(self) -> None:
         """Refuse a curve that is none, and what is no acceleration of the base along a line."""

@@ -11,6 +11,7 @@ from beamsim.errors import Problem
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Unfit, Variants
 from beamsim.scenario.body import Body, ChainDamping, NodeDirection
+from beamsim.scenario.files import AnyTableFile
 from beamsim.scenario.quantities import Coefficient, Count, FileName, Frequency, Name, Text, UnitType
 
 _INCH, _FOOT, _POUND_FORCE = 0.0254, 0.3048, 4.4482216152605
@@ -164,9 +165,10 @@ class MatricesBody(Body):
     """Structural damping as viscous damping at one frequency; without it such matrices are refused."""
     recovery: RecoverySource | None = None
     """Matrix that gives other quantities, which ``run.outputs`` of the kind ``recovered`` report."""
-    dofs: FileName | None = None
-    """CSV table node,direction[,x,y,z][,system], a line a row of the matrices, coordinates in the units of the files;
-    not needed for DMIG and Abaqus files.
+    dofs: AnyTableFile | None = None
+    """CSV table with the headings node, direction and, if wanted, x, y, z and system, in any order; a line a row of the
+    matrices. Coordinates are in the units of their headings, x (mm), else in those of the files. DMIG and Abaqus files
+    need no table.
 
     Directions are x, y, z, rx, ry, rz and modal.
     """

@@ -11,6 +11,7 @@ from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants, within
 from beamsim.scenario.body import Body, Sited
 from beamsim.scenario.excitation import About, AtLeastTwo, ShockCurve, check_curve, point_of
+from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
 from beamsim.scenario.units import Dimension
 
 
@@ -153,12 +154,16 @@ LIMITED_DENSITIES = {each.name: each for each in (units.ACCELERATION_PSD, units.
 PositiveDensity = Annotated[
     float, q.LevelType(tuple(LIMITED_DENSITIES.items()), "0.01 g^2/Hz", ("0.01 g^2/Hz", "0.1 N^2/Hz"), above=0.0)
 ]
-DensityCurve = Annotated[Annotated[tuple[tuple[q.Frequency, PositiveDensity], ...], AtLeastTwo] | q.FileName, BY_FORM]
+DensityCurve = Annotated[
+    Annotated[tuple[tuple[q.Frequency, PositiveDensity], ...], AtLeastTwo] | CurveFile, BY_FORM, SHORT_FOR_FILE
+]
 LIMITED_RESPONSES = {each.name: each for each in (units.ACCELERATION, units.LENGTH, units.FORCE, units.MOMENT)}
 PositiveResponse = Annotated[
     float, q.LevelType(tuple(LIMITED_RESPONSES.items()), "20 g", ("20 g", "0.5 mm", "50 N"), above=0.0)
 ]
-ResponseCurve = Annotated[Annotated[tuple[tuple[q.Frequency, PositiveResponse], ...], AtLeastTwo] | q.FileName, BY_FORM]
+ResponseCurve = Annotated[
+    Annotated[tuple[tuple[q.Frequency, PositiveResponse], ...], AtLeastTwo] | CurveFile, BY_FORM, SHORT_FOR_FILE
+]
 
 
 class Limits(Schema):
@@ -219,10 +224,12 @@ class Limits(Schema):
         """Curves that may be of several quantities, with the units that say which."""
         written: dict[str, Any] = {}
         for name, place, points in self.given_curves():
-            if len(known := self.curves[name]) > 1:
-                units_of = [] if isinstance(points, str) else [(f, x, known.get(q.meant(x) or "")) for f, x in points]
+            if len(known := self.curves[name]) > 1 and isinstance(points, CurveFile):
+                written.setdefault(name, {})[place] = points.model_dump(exclude_none=True)
+            elif len(known) > 1:
+                units_of = [(f, x, known.get(q.meant(x) or "")) for f, x in points]
                 said = [[f, float(x) if of is None else f"{float(x)!r} {of.unit}"] for f, x, of in units_of]
-                written.setdefault(name, {})[place] = said or points
+                written.setdefault(name, {})[place] = said
         return written
 
     def given_curves(self) -> Iterator[tuple[str, str, Any]]:

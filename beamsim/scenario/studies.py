@@ -13,6 +13,7 @@ from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, PAIR, Schema, ShortFor, Unfit, Variants, counted, demand_rising, kind_of
 from beamsim.scenario.body import Ratios
 from beamsim.scenario.excitation import Excitation, FrequencyRange
+from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.run import Start
 
 Aim = Annotated[q.Text | tuple[q.Text, ...] | dict[q.Text, q.AnyValue], BY_FORM]
@@ -123,6 +124,8 @@ class Measured(_Parameter):
     have units."""
     column: q.Text = "1"
     """Heading of the column of the file, or its number."""
+    decimal: DecimalMark | None = None
+    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
 
 
 AnyParameter = Annotated[
@@ -351,6 +354,10 @@ class PadData(Schema):
     file: q.FileName | None = None
     """CSV file of either, relative to the scenario's folder; headings state units: frequency (Hz), storage (kN/m), loss
     factor, or time (s), stiffness (kN/m). A modulus in place of a stiffness takes height and area of the pad."""
+    columns: tuple[q.Text, ...] = ()
+    """Headings of the columns of the file that are meant, where several have the same dimension."""
+    decimal: DecimalMark | None = None
+    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
     branches: Annotated[int, q.Whole(1, 8)] | None = None
     """Number of Maxwell branches; by default as few as fit nearly as well as any number."""
 
@@ -481,6 +488,8 @@ class _RecordedTest(_AnyTest):
     """Measured signal or spectrum: CSV, HDF5 (also a beamsim result) or UFF dataset 58; relative to the case."""
     channel: q.Text | None = None
     """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""
+    decimal: DecimalMark | None = None
+    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
     quantity: Literal["absolute_acceleration", "displacement", "absolute_displacement", "velocity"] = (
         "absolute_acceleration"
     )
@@ -578,6 +587,8 @@ class SweepTest(_AnyTest, FrequencyRange):
     file: q.FileName | None = None
     """Table with headings and units (CSV), a row a sweep, of the keys below: level, direction, jump, and of peaks
     tip frequency, tip absolute_acceleration, tip scatter; keys without a column or cell are those given here."""
+    decimal: DecimalMark | None = None
+    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
     level: q.Level | None = None
     """Excitation level of this test, in the quantity of the scenario's excitation."""
     direction: Literal["up", "down"] = "up"

@@ -15,6 +15,7 @@ from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, kind_of
 from beamsim.scenario.body import Body
 from beamsim.scenario.excitation import Between, FrequencyRange, Notch, Number, ProfilePoint, Span, check_profile
+from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
 from beamsim.scenario.reporting import OutputLimit
 
 Harmonics = Annotated[int, q.Whole(1, 500)]
@@ -261,9 +262,9 @@ class SweptSine(_UpAndDown):
     """Between the points of the profile: each level held, or log-log interpolation."""
     notches: tuple[Notch, ...] = ()
     """Frequency ranges in which a level is not exceeded."""
-    profile_file: q.FileName | None = None
+    profile_file: Annotated[CurveFile, SHORT_FOR_FILE] | None = None
     """A CSV file with the table of levels: a frequency and a level in each row, interpolated log-log (`levels` are then
-    factors on it). Its path is relative to the folder of the scenario."""
+    factors on it). Its name, relative to the folder of the scenario, or {file: level.csv, column: qualification}."""
     notch_to: dict[str, OutputLimit] | None = Field(default=None, json_schema_extra=_NOTCHES)
     """Limits to which the level is lowered: {probes.tip.acceleration: 20 g, base.force: 2 kN}. Names are
     probes.<name>.acceleration or .displacement, snubbers.<name>.force, base.force and outputs.<name>."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import xarray
 
 ROWS_AT_ONCE = 2**16  # of a table that are turned into text together
-_UNITS = {"": "", "1": "", "degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}
+_UNITS = {"degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}  # at the ends of stored names
 
 
 def export_target(folder: Path, stem: str, form: str) -> Path:
@@ -130,16 +130,16 @@ def tables_of(items: Items) -> list[ExportTable]:
 
 
 def header(name: str, unit: str) -> str:
-    """Name of a column: the quantity and its unit, ``velocity_m_per_s``.
+    """Heading of a column: the quantity, and its unit in brackets, in place of one at the end of the stored name.
 
     >>> header("peak_force", "N"), header("absolute_acceleration", "m/s^2"), header("frequency_hz", "Hz")
-    ('peak_force_n', 'absolute_acceleration_m_per_s2', 'frequency_hz')
+    ('peak_force (N)', 'absolute_acceleration (m/s^2)', 'frequency (Hz)')
     """
-    suffix = _UNITS.get(unit)
-    if suffix is None:
-        spelt = re.sub(r"\((.*)\)\^2", r"\1 squared", unit).lower().replace("/", "_per_").replace("^", "")
-        suffix = re.sub(r"[^0-9a-z]+", "_", spelt).strip("_")
-    return name if not suffix or name.endswith(f"_{suffix}") else f"{name}_{suffix}"
+    if unit in ("", "1"):
+        return name
+    spelt = re.sub(r"\((.*)\)\^2", r"\1 squared", unit).lower().replace("/", "_per_").replace("^", "")
+    suffix = _UNITS.get(unit) or re.sub(r"[^0-9a-z]+", "_", spelt).strip("_")
+    return f"{name.removesuffix(f'_{suffix}')} ({unit})"
 
 
 def _name(items: Items, axis: str, k: int) -> str:

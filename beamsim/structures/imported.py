@@ -175,7 +175,7 @@ def _of_file(key: str, source: Any) -> FileMatrix:
 def _table(section: MatricesBody, read: dict[str, FileMatrix]) -> DofTable:
     """Names by the table, or by the files."""
     if section.dofs is not None:
-        table = read_dof_table(Path(section.dofs))
+        table = read_dof_table(Path(section.dofs.file), sizes_of(section.units).length, section.dofs.decimal)
         for key, matrix in read.items():
             if matrix.rows is None and matrix.values.shape[0] != len(table.dofs):
                 raise MethodError(

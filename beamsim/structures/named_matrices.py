@@ -34,7 +34,9 @@ from scipy.sparse import block_array, csc_array, diags_array, eye_array
 from beamsim.errors import MethodError
 from beamsim.matrix_files import DIRECTIONS, MODAL, Dof
 from beamsim.measurements.signal import MeasurementError
-from beamsim.measurements.tables import read_rows
+from beamsim.measurements.tables import NamedColumns, read_named_columns
+from beamsim.scenario import units as si
+from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.matrices import FileUnits, UnitSizes, UnitSystem
 from beamsim.typing import Floats, Ints
 
@@ -105,46 +107,59 @@ class NamedDofs:
     influence: Floats  # (N,) each, in the table's units, when the base moves by 1 m
 
 
-def read_dof_table(path: Path) -> DofTable:
-    """The table of a CSV file with the columns node, direction and, if wanted, x, y, z, and system.
+_LAYOUT = "head its columns node, direction and, if wanted, x (mm), y (mm), z (mm) and system, in any order"
+_AXES = ("x", "y", "z")
+
+
+def read_dof_table(path: Path, length: float = 1.0, decimal: DecimalMark | None = None) -> DofTable:
+    """The table of a text file with columns headed node, direction and, if wanted, x, y, z, and system, in any order.
+
+    Parameters
+    ----------
+    path : of the file.
+    length : m, the unit of the coordinates that the table gives back, and of those whose headings have no unit.
+    decimal : decimal mark of the numbers, where the user states it.
+
+    Returns
+    -------
+    DofTable
 
     Raises
     ------
     MethodError
-        About ``dofs``: the file cannot be read, a line is wrong, or two lines name the same.
+        About ``dofs``: the file cannot be read, headings are missing or unknown, a line is wrong, or two lines name the
+        same.
     """
     try:
-        rows, _ = read_rows(path)
+        table = read_named_columns(path, decimal, texts=("direction",))
+        columns, factors = _dof_columns(table, length)
     except OSError as error:
         raise MethodError("dofs", f"= {path} cannot be read ({error})", "check the path") from None
     except MeasurementError as fault:
         raise MethodError("dofs", f"= {path.name} {fault.message}", fault.remedy) from None
-    if [cell.lower() for cell in rows[0].cells[:2]] != ["node", "direction"]:
-        raise MethodError(
-            "dofs", f"= {path.name} has no heading", "begin the table with node,direction or node,direction,x,y,z"
-        )
-    heading = [cell.lower() for cell in rows[0].cells]
-    at = heading.index("system") if "system" in heading else None
     dofs: list[Dof] = []
     places: list[list[float]] = []
     systems: list[int] = []
     first: dict[Dof, int] = {}
-    for number, written in rows[1:]:
-        cells = [cell for k, cell in enumerate(written) if k != at]
-        direction = cells[1].lower() if len(cells) > 1 else ""
+    for number, cells in table.rows:
+        direction = cells[columns["direction"]].lower()
         if direction not in (*DIRECTIONS, MODAL):
             raise MethodError(
                 "dofs", f"= {path.name} has the direction {direction or 'missing'} in line {number}",
                 f"directions are {', '.join(DIRECTIONS)} and {MODAL}",
             )  # fmt: skip
         try:
-            dof = (int(cells[0] or 0) if direction == MODAL else int(cells[0]), direction)
-            place = [float(cell) if cell else np.nan for cell in cells[2:5]]
-            systems.append(int(written[at] or 0) if at is not None and at < len(written) else 0)
+            node = cells[columns["node"]]
+            dof = (int(node or 0) if direction == MODAL else int(node), direction)
+            place = [cells[columns[axis]] if axis in columns else "" for axis in _AXES]
+            places.append(
+                [float(cell) * factors[axis] if cell else np.nan for axis, cell in zip(_AXES, place, strict=True)]
+            )
+            systems.append(int(cells[columns["system"]] or 0) if "system" in columns else 0)
         except ValueError:
             raise MethodError(
                 "dofs",
-                f"= {path.name} has a line {number} that cannot be read: {','.join(written)}",
+                f"= {path.name} has a line {number} that cannot be read: {','.join(cells)}",
                 "write a node's number, a direction and, if wanted, three coordinates and the number of a system",
             ) from None
         if direction != MODAL and dof in first:
@@ -154,10 +169,41 @@ def read_dof_table(path: Path) -> DofTable:
             )  # fmt: skip
         first[dof] = number
         dofs.append(dof)
-        places.append(place + [np.nan] * (3 - len(place)))
     coordinates = np.array(places).reshape(-1, 3)
     placed = None if np.all(np.isnan(coordinates)) else coordinates
-    return DofTable(tuple(dofs), placed, None if at is None else np.array(systems, dtype=np.int64))
+    return DofTable(tuple(dofs), placed, np.array(systems, dtype=np.int64) if "system" in columns else None)
+
+
+def _dof_columns(table: NamedColumns, length: float) -> tuple[dict[str, int], dict[str, float]]:
+    """Number of each column by its name, and the factor of each coordinate.
+
+    Raises
+    ------
+    MeasurementError
+        If a heading is missing, unknown or there twice, or has a unit that is none of a length.
+    """
+    names = table.names
+    missing = [name for name in ("node", "direction") if name not in names]
+    if missing:
+        raise MeasurementError(f"has no heading {' and no heading '.join(missing)} in line {table.line}", _LAYOUT)
+    for name, heading in zip(names, table.headings, strict=True):
+        if name not in ("node", "direction", "system", *_AXES):
+            raise MeasurementError(
+                f"has an unknown heading {heading or '(an empty one)'} in line {table.line}", _LAYOUT
+            )
+        if names.count(name) > 1:
+            raise MeasurementError(f"has two columns {name} in line {table.line}", "leave one of them out")
+    columns = {name: k for k, name in enumerate(names)}
+    factors = {}
+    for axis in (name for name in _AXES if name in columns):
+        unit = table.units[columns[axis]]
+        try:
+            factors[axis] = si.read_quantity(f"1 {unit}", si.LENGTH) / length if unit else 1.0
+        except si.UnitError as error:
+            heading = table.headings[columns[axis]]
+            message = f"has the heading {heading} in line {table.line}: {unit} {error.message}"
+            raise MeasurementError(message, _LAYOUT) from None
+    return columns, factors
 
 
 def write_dof_table(path: Path, table: DofTable) -> None:

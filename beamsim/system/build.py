@@ -112,6 +112,9 @@ class TimeDependent(NamedTuple):
     accounts: list[tuple[str, InputAccount]]  # of every input, with its path
 
 
+_FILE_KEYS = {"matched": ("srs", "file"), "random": ("psd", "file")}  # by kind of input, where it is not ``file``
+
+
 def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
     """The base's motion and the time-dependent loads.
 
@@ -124,7 +127,7 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
     accounts: list[tuple[str, InputAccount]] = []
 
     def signal_of(driven: One, at: Path, signal: Callable[..., Any]) -> Any:
-        folder = scenario.folder_of(*at, {"matched": "srs", "random": "psd"}.get(driven.kind, "file"))
+        folder = scenario.folder_of(*at, *_FILE_KEYS.get(driven.kind, ("file",)))
         key = (driven, duration, folder)
         with rooted("excitation", path_text(at)):
             made = parts.shared.once("signal", key, lambda: signal(driven, duration, folder))

@@ -12,11 +12,13 @@ import numpy as np
 
 from beamsim.contacts.pads import ForceCurve, fit_curve, loop_width
 from beamsim.errors import ScenarioError
+from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError, by_dimension, is_time
+from beamsim.measurements.signal import MeasurementError, axis_kind
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import Unfit, counted, problem
 from beamsim.scenario.connections import MeasuredForces, check_points
+from beamsim.scenario.files import DecimalMark
 from beamsim.typing import Floats
 
 LOOP = 0.02  # width of a loop over the largest force, above which its work counts
@@ -110,7 +112,7 @@ def _table(table: MeasuredForces, file: Path | None, changed: int) -> TableOfSto
         deflection, force = np.array(table.points, dtype=float).T
         time = None
     else:
-        deflection, force, time = read_forces(file)
+        deflection, force, time = read_forces(file, table.columns, table.decimal)
     if table.fit is None:
         check_points(tuple(zip(deflection.tolist(), force.tolist(), strict=True)))
         return TableOfStop(ForceCurve(deflection, force), 0.0)
@@ -119,25 +121,39 @@ def _table(table: MeasuredForces, file: Path | None, changed: int) -> TableOfSto
     return TableOfStop(curve, misfit, remark)
 
 
-def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
+def read_forces(
+    file: Path, columns: Sequence[str] = (), decimal: DecimalMark | None = None
+) -> tuple[Floats, Floats, Floats | None]:
     """Deflections, m, forces, N, and times, s, where there is a column of them.
 
     Columns are told apart by the dimension of the units in their headings.
 
+    Parameters
+    ----------
+    file : of the table.
+    columns : headings of those that are meant, where several have the same dimension.
+    decimal : decimal mark of the numbers, where the user states it.
+
+    Returns
+    -------
+    tuple
+        Deflections, forces and times, (n,) each; None in place of times that are not in the file.
+
     Raises
     ------
     MeasurementError
-        If the file cannot be read, lacks a column or has a row that is not complete.
+        If the file cannot be read, lacks a column, has several of the same dimension of which none is meant, or has a
+        row that is not complete.
     """
-    table = read_file(file)
+    table = read_file(file, decimal)
     with np.errstate(over="ignore"):
-        columns = by_dimension(table, _DIMENSIONS)
-    missing = [f"no column has a unit of {kind}" for kind in ("length", "force") if kind not in columns]
-    missing += ["its times have no unit" for each in table if is_time(each.name) and not each.unit]
+        found = by_dimension(table, _DIMENSIONS, columns)
+    missing = [f"no column has a unit of {kind}" for kind in ("length", "force") if kind not in found]
+    missing += ["its times have no unit" for each in table if axis_kind(each.name) == "time" and not each.unit]
     if missing:
         remedy = "name all units in the headings: deflection (mm), force (N), time (s)"
         raise MeasurementError(f"cannot be used: {missing[0]}", remedy)
-    values = np.column_stack([*columns.values()])
+    values = np.column_stack([*found.values()])
     for wrong, how in (
         (~np.isfinite(values), "is not complete"),
         (np.abs(values) > units.LARGEST, f"is beyond {units.LARGEST:g} in SI units"),
@@ -145,7 +161,7 @@ def read_forces(file: Path) -> tuple[Floats, Floats, Floats | None]:
         if wrong.any():
             row = np.flatnonzero(wrong.any(axis=1))[0] + 1
             raise MeasurementError(f"cannot be used: row {row} of the numbers {how}", "correct the table")
-    return columns["length"], columns["force"], columns.get("time")
+    return found["length"], found["force"], found.get("time")
 
 
 def _remark(width: float, file: Path | None, time: Floats | None, segments: int) -> str:

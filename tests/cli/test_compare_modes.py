@@ -177,7 +177,7 @@ def test_shapes_of_a_universal_file(tmp_path):
         ("position\n0.1\n", "no mode among its columns"),
         ("position,first\n0.1,1\n", "column 2 = first is neither a place nor a frequency"),
         ("position,17 Hz\n0.1,x\n0.2,1\n", "line 2, column 2 = x is not a number"),
-        ("position,17 Hz\n0.1,1\n0.2\n", "line 3: has 1 columns"),
+        ("position,17 Hz\n0.1,1\n0.2\n", "has 1 columns in line 3 instead of 2"),
         ("# lab\nposition,17 Hz\n0.1,1\n0.7,1\n", "line 4: = 0.7 m lies beyond"),
         ("position,17 Hz\nend,1\n0.2,1\n", "line 2: the place"),
         ("mass,17 Hz\n1,1\n2,1\n", "line 2: applies to a chain"),

@@ -19,7 +19,7 @@ from beamsim.system.build import build_system
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SHORT = ["run.duration=1 ms", "run.convergence='off'", "reduction.modes=2", "reduction.highest_frequency=null"]
-KEYS = [("bodies", "panel", *key) for key in (("mass", "file"), ("stiffness", "file"), ("dofs",))]
+KEYS = [("bodies", "panel", *key) for key in (("mass", "file"), ("stiffness", "file"), ("dofs", "file"))]
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
     try:
         with pytest.raises(ScenarioError) as caught:
             build_system(open_result(file).scenario)
-        assert "bodies.panel.dofs = matrices/panel_dofs.csv is not found" in str(caught.value)
+        assert "bodies.panel.mass.file = matrices/panel.op4 is not found" in str(caught.value)
         assert all(str(folder) in str(caught.value) for folder in (tmp_path, file.parent, matrices.parent))
         sketch = sketched(open_result(file), None)  # from the result's own numbers
         np.testing.assert_array_equal(sketch.stations.points, result.modes.stations.points)

@@ -97,7 +97,7 @@ def test_the_saved_level_gives_the_same_response_as_a_given_profile(notched, tmp
     assert done.exit_code == 0, done.output
     (table,) = tmp_path.rglob("up_0_notching_by_frequency_hz.csv")
     outputs = [{"name": "base_force", "kind": "reaction_force", "support": "base"}]
-    settings = {**SWEEP, "notch_to": None, "profile_file": str(table)}
+    settings = {**SWEEP, "notch_to": None, "profile_file": {"file": str(table), "column": "level"}}
     again = sweep(load_scenario({**CASE, "outputs": outputs, "sweep": settings}))
     one, other = notched.curves["up_0"], again.curves["up_0"]
     for place in ("first", "second"):

@@ -39,8 +39,8 @@ def test_the_table_is_the_printed_one(result):
 def test_data_frames_and_trees_hold_the_same_bits(result):
     pytest.importorskip("pandas")
     histories = result.to_pandas()["time_histories"]
-    np.testing.assert_array_equal(histories["probe_first_displacement_m"], result.probes["first"].displacement)
-    assert "base_acceleration_m_per_s2" in histories.columns
+    np.testing.assert_array_equal(histories["probe_first_displacement (m)"], result.probes["first"].displacement)
+    assert "base_acceleration (m/s^2)" in histories.columns
     pytest.importorskip("xarray")
     tree = result.to_xarray()
     displacement = tree["probes/first"]["displacement"]
@@ -56,7 +56,7 @@ def test_a_result_read_from_its_file_shows_the_same(result, tmp_path):
     assert read.plot().keys() == result.plot().keys()
     pytest.importorskip("pandas")
     histories = read.to_pandas()["time_histories"]
-    np.testing.assert_array_equal(histories["probe_first_displacement_m"], result.probes["first"].displacement)
+    np.testing.assert_array_equal(histories["probe_first_displacement (m)"], result.probes["first"].displacement)
 
 
 @pytest.mark.parametrize(

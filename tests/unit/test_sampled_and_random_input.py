@@ -75,7 +75,7 @@ def test_every_form_of_file_gives_the_samples(tmp_path, record, form):
     [
         ("time (ms),acceleration [g]\n0,0\n1,1\n2,0\n3,-1\n4,0\n", {}),
         ("time [ms];acceleration (g)\n0,0;0\n1,0;1\n2,0;0\n3,0;-1\n4,0;0\n", {"column": "acceleration"}),
-        ("Time_ms\tacc_g\n0\t0\n1\t1\n2\t0\n3\t-1\n4\t0\n", {}),
+        ("Time_ms\tacc (g)\n0\t0\n1\t1\n2\t0\n3\t-1\n4\t0\n", {}),
         ("time (ms),acceleration\n0,0\n1,1\n2,0\n3,-1\n4,0\n", {"unit": "g"}),
         ("t,a\n0,0\n1,1\n2,0\n3,-1\n4,0\n", {"unit": "g", "time_unit": "ms"}),
     ],

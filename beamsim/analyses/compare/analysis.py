@@ -28,6 +28,7 @@ from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.excitation import spoken
+from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.quantities import motion_dimension
 from beamsim.scenario.run import ShockSpectrumSettings, SpectrumSettings
 from beamsim.scenario.units import FORCE, MOMENT, Dimension
@@ -316,6 +317,7 @@ def pair_channels(
     unit: str | None = None,
     axis_unit: str | None = None,
     level: str | None = None,
+    decimal: DecimalMark | None = None,
 ) -> list[tuple[str, str, MeasuredSignal]]:
     """The measured channels of a file that belong to places of a result by name, in SI units.
 
@@ -334,6 +336,7 @@ def pair_channels(
     channel : its name.
     unit, axis_unit : of its values, and of its time or frequency, where the file does not say.
     level : amplitude of the excitation at which frequency responses were measured, with its unit.
+    decimal : decimal mark of a text file, where its numbers leave it open.
 
     Returns
     -------
@@ -345,7 +348,7 @@ def pair_channels(
     ScenarioError
         If the file cannot be used, no channel matches, or the one that does is of a function type that cannot be used.
     """
-    signals = read_signals(path, axis_unit)
+    signals = read_signals(path, axis_unit, decimal)
     found = quantities_of(result)
     if place is not None and place not in found:
         raise ScenarioError.at("", f"--probe {place} is not in the result", f"it has {', '.join(found)}")

@@ -16,7 +16,8 @@ from beamsim.analyses.designs.plan import DesignPlan, mixing
 from beamsim.analyses.designs.result import DesignsResult, RandomNumber, Round
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.signal import MeasurementError, column_named
+from beamsim.measurements.columns import column_named
+from beamsim.measurements.signal import MeasurementError
 from beamsim.measurements.tables import read_csv
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.scenario import Scenario
@@ -85,7 +86,7 @@ def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: Varied
         return [float(x) for x in varied.values]
     at = ("vary", "parameters", index, "data")
     try:
-        column = column_named(read_csv(scenario.folder_of(*at) / asked.data), asked.column)
+        column = column_named(read_csv(scenario.folder_of(*at) / asked.data, asked.decimal), asked.column)
         if column.y.size < LEAST_DATA:
             raise MeasurementError(f"has {column.y.size} values", f"measure {LEAST_DATA} or more")
         texts = [f"{x!r} {column.unit}".rstrip() for x in column.y.tolist()]

@@ -12,8 +12,9 @@ from beamsim.analyses.identify.result import PadFit
 from beamsim.contacts.branches import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import MaxwellBranch
 from beamsim.errors import ScenarioError
+from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError, by_dimension
+from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import Unfit, path_text
 from beamsim.scenario.studies import Pad, PadData, check_data
@@ -142,7 +143,7 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
     file = scenario.folder_of(*at) / data.file
     per_modulus = None if pad.height is None or pad.area is None else pad.area / pad.height
     try:
-        kind, rows = _read(file, per_modulus)
+        kind, rows = _read(file, data, per_modulus)
         check_data(rows.tolist(), kind, data.branches)
     except Unfit as error:
         row = next((f", row {part + 1} of the numbers" for part in error.at if isinstance(part, int)), "")
@@ -152,7 +153,7 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
     return kind, rows
 
 
-def _read(file: Path, per_modulus: float | None) -> tuple[str, Floats]:
+def _read(file: Path, data: PadData, per_modulus: float | None) -> tuple[str, Floats]:
     """The kind, dynamic or relaxation, and (p, 3) or (p, 2) rows in SI units.
 
     ``per_modulus`` is the stiffness for a unit of modulus, area over height, m; None where it is unknown.
@@ -162,8 +163,8 @@ def _read(file: Path, per_modulus: float | None) -> tuple[str, Floats]:
     MeasurementError
         If the file cannot be read, or is neither.
     """
-    table = read_file(file)
-    columns = by_dimension(table, _DIMENSIONS)
+    table = read_file(file, data.decimal)
+    columns = by_dimension(table, _DIMENSIONS, data.columns)
     for column in table:
         if not column.unit and any(word in column.name.lower() for word in ("loss", "tan", "eta")):
             columns.setdefault("loss", np.asarray(column.y, dtype=float))

@@ -44,7 +44,7 @@ from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow, motion_on
 from beamsim.measurements.read import ending_of
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, split_heading
-from beamsim.measurements.tables import read_rows
+from beamsim.measurements.tables import read_named_columns
 from beamsim.orbits.branch import BranchPoint, share_of_step
 from beamsim.orbits.continuation import Settings, correct, correct_across, locate, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
@@ -473,13 +473,10 @@ def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[Swee
     if test.file is None:
         return [test]
     ending_of(folder / test.file)  # of a file that exists
-    (heading, *rows), mark = read_rows(folder / test.file)
-    columns = [(*split_heading(cell), cell) for cell in heading.cells]
+    table = read_named_columns(folder / test.file, test.decimal, texts=("name", "direction"))
+    columns = [(*split_heading(heading), heading) for heading in table.headings]
     tests = []
-    for number, row in enumerate(rows, 1):
-        if len(row.cells) != len(columns):
-            message = f"has {len(row.cells)} columns in line {row.line} instead of {len(columns)}"
-            raise MeasurementError(message, "correct the line")
+    for number, row in enumerate(table.rows, 1):
         keys: dict[str, Any] = {"kind": "sweep", "name": f"{test.name} {number}", "from": test.from_, "to": test.to}
         peaks = dict[str, dict[str, str]]()
         for (name, unit, written), cell in zip(columns, row.cells, strict=True):
@@ -488,7 +485,7 @@ def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[Swee
                 raise MeasurementError(f"states no unit in its heading {written}", "write for example jump (Hz)")
             if probe not in ("", *probes):
                 raise MeasurementError(f"has no probe in its heading {written}", f"probes are {', '.join(probes)}")
-            value = f"{cell if mark == ',' or not unit else cell.replace(',', '.')} {unit}".rstrip()
+            value = f"{cell} {unit}".rstrip()
             of_test = not probe and key in ("name", "level", "direction", "from", "to", "rate", "jump", "scatter")
             if cell:
                 (keys if of_test else peaks.setdefault(probe, {"probe": probe} if probe else {}))[key] = value

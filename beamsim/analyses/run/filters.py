@@ -681,7 +681,7 @@ def matched_spectrum(system: StructuralSystem) -> MatchedSpectrum | None:
     if moving is None or not isinstance(moving[1], MatchedInput):
         return None
     path, excitation = moving[0], of_kind(MatchedInput, moving[1])
-    at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs"))
+    at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs", "file"))
     frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
     base = not_none(system.base_acceleration)
     peaks = shock_spectra(frequency, excitation.quality, base.start, lambda times: base(times)[:, None], 0.0)

@@ -81,7 +81,7 @@ def linear_input(system: StructuralSystem) -> LinearInput | None:
     resting = system.forcing.influence is None  # stops move with the base alone
     if not isinstance(excitation, RandomInput) or not alone or not linear or not resting or not system.snubbers:
         return None
-    given = density_of(excitation, system.scenario.folder_of("excitation", "psd"))
+    given = density_of(excitation, system.scenario.folder_of("excitation", "psd", "file"))
     loads = system.forcing.load.shape[0]  # of the base: its acceleration, and its displacement where springs feel it
     sine = SineLoads(np.ones(loads, dtype=complex), np.array([0, -2])[:loads])
     return LinearInput(replace(system, sine=sine), given, clipped_mean_square(excitation.clip))

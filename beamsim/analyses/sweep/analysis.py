@@ -225,7 +225,8 @@ def sweep_settings(scenario: Scenario) -> SweptSine | SteppedSine:
         raise ScenarioError.at("sweep.kind", f"= {settings.kind} belongs to another analysis", "")
     if not isinstance(settings, SweptSine) or settings.profile_file is None:
         return settings
-    points = read_profile(settings.profile_file, scenario.folder_of("sweep", "profile_file"), scenario.sine.takes)
+    folder = scenario.folder_of("sweep", "profile_file", "file")
+    points = read_profile(settings.profile_file, folder, scenario.sine.takes)
     return settings.model_copy(update={"profile": points, "between": "log_log"})
 
 
