@@ -202,4 +202,4 @@ def extent(low: float, high: float, unit: str) -> str:
 def round_length(value: float) -> float:
     """1, 2 or 5 times a power of ten, not above the value."""
     power = 10.0 ** math.floor(math.log10(value))
-    return float(next(digit for digit in (5.0, 2.0, 1.0) if digit * power <= value) * power)
+    return float(next(digit for digit in (5.0, 2.0, 1.0, 0.5) if digit * power <= value) * power)
