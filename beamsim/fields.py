@@ -33,7 +33,7 @@ import dataclasses
 import json
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple, TypeVar, dataclass_transform
@@ -160,14 +160,22 @@ def figure_in_words(key: str) -> str:
     """
     entry, _, place = key.partition(".")
     if entry == "random":  # a group of figures, each with its own name behind the quantity
-        return place_in_words(place)
-    return f"{words(entry)} of {place_in_words(place)}" if place else words(entry)
+        return place_in_words(entry, place)
+    return f"{words(entry)} of {place_in_words(entry, place)}" if place else words(entry)
 
 
-def place_in_words(place: str) -> str:
-    """What stands behind the point of a figure's key: a name as it was given, and perhaps a quantity."""
-    named, space, quantity = place.partition(" ")
-    return f"{named}{space}{quantity.replace('_', ' ')}"
+WORDS_AFTER_NAME = {"spectral_lines": 1, "srs": 1, "random": 2}
+"""By entry of a summary how many words follow the user's name in the places of its values: quantity, statistic."""
+
+
+def place_in_words(entry: str, place: str) -> str:
+    """The place of a value of an entry: the name as the user gave it, and perhaps quantity and statistic in words.
+
+    >>> place_in_words("random", "left_end tip_2 absolute_acceleration crest_factor")
+    'left_end tip_2 absolute acceleration crest factor'
+    """
+    name, *after = place.rsplit(" ", WORDS_AFTER_NAME.get(entry, 0))
+    return " ".join([name, *(word.replace("_", " ") for word in after)])
 
 
 def summary_of(result: Any, **computed: Any) -> dict[str, Any]:
@@ -561,6 +569,44 @@ def _placed(declaration: Declaration, along: Along) -> Declaration:
     if isinstance(declaration, Dataset) and declaration.along is None:
         return dataclasses.replace(declaration, along=() if declaration.scale else along)
     return declaration
+
+
+def names_in(cls: Any, group: str) -> frozenset[str]:
+    """Names that the declared fields of a class, and the axes of these, take in a group of a result file.
+
+    What is stored there under a name that a user gave must be called otherwise.
+
+    Parameters
+    ----------
+    cls : class of the result.
+    group : path of the group without the first slash, ``designs``.
+    """
+    taken = (place.removeprefix(f"{group}/") for place in _places(cls, "") if place.startswith(f"{group}/"))
+    return frozenset(place.partition("/")[0] for place in taken)
+
+
+def _places(cls: Any, home: str) -> Iterator[str]:
+    """Paths of the declared fields of a class in a group, with their axes; of fields by name that of their folder."""
+
+    def at(*names: str) -> str:
+        return "/".join(name.strip("/") for name in (home, *names) if name not in ("", "."))
+
+    for member in members_of(cls):
+        match member.declaration:
+            case Dataset() as declared:
+                yield at(member.stored_name) if declared.per is None else at(declared.per)
+                along = declared.along or ()
+                counters = (along.more,) if isinstance(along, Axes) else along
+                yield from (at(axis.name) for axis in counters if isinstance(axis, Counter))
+            case Group() as declared:
+                yield from _places(declared.of, at(declared.path))
+            case Members() as declared:
+                yield at(declared.folder)
+                if is_array(declared.of):  # whose axes that only count are in the folder
+                    yield from _places(declared.of, at(declared.folder))
+            case Table() as declared:
+                yield from _places(declared.of, at(declared.path))
+                yield from [] if declared.rows is None else [at(declared.path, declared.rows.name)]
 
 
 def key_of(cls: Any) -> str:

@@ -76,6 +76,10 @@ def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], Stru
 
         check_cases(plan_designs(scenario))
     if scenario.run is not None:
+        if scenario.study is None:  # of a study no run is stored
+            from beamsim.analyses.run.names import refuse_names_of_fields  # and with it the results of runs
+
+            refuse_names_of_fields(scenario)
         system = build_system(scenario)
         return system.files, [*scenario.warnings, *system.warnings], system
     files: Sequence[FileSummary] = ()

@@ -90,7 +90,7 @@ def lines(name: str, value: Any, unit: str = "", change: Callable[[str], str] = 
     if value and all(isinstance(item, Mapping) for item in value.values()) and not unit:
         return _table([{"": path, **record} for path, record in _flat(value, records=True)], change)
     if unit or all(isinstance(item, str) for item in value.values()):
-        texts = [(path, told(name, item, unit)) for path, item in _flat(value)]
+        texts = [(path, told("", item, unit)) for path, item in _flat(value)]
         return aligned([(path, "; ".join(filter(None, (text, change(path))))) for path, text in texts], gap=2)
     return _record(value)
 

@@ -16,7 +16,7 @@ from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.values import limit_label, limit_unit, of_angles
 from beamsim.cli.printing import aligned, lines, percent, table_text, told
-from beamsim.fields import words
+from beamsim.fields import place_in_words, words
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import OnLimit, Outcome
 from beamsim.plots.style import amount, is_known, margin_text, scale_for, shown_in
@@ -79,20 +79,24 @@ def _change(summary: Mapping[str, Any], entry: str, name: str) -> str:
     entry : of the value.
     name : of one of several values or records, perhaps in words; empty for a single one.
     """
-    called = f"{entry}.{name}".rstrip(".").replace("_", " ")
+
+    def of_record(place: str) -> str:  # the value of a record that a place is; empty if it is the whole
+        record, _, value = place.rpartition(" ") if entry == "random" else ("", "", "")
+        return value if name and name in (record, place_in_words("srs", record)) else ""
+
+    def meant(place: str) -> bool:
+        return name in (place, place_in_words(entry, place)) or bool(of_record(place))
+
     changes = summary.get("convergence", {}).get(entry, {})
-    changes = {f"{entry}.{key}": x for key, x in changes.items()} if isinstance(changes, Mapping) else {entry: changes}
-    known = {key: x for key, x in changes.items() if key.replace("_", " ") == called} or {
-        key: x for key, x in changes.items() if key.replace("_", " ").startswith(f"{called} ")
+    known = {
+        place: x for place, x in (changes if isinstance(changes, Mapping) else {"": changes}).items() if meant(place)
     }
-    after, doubtful = (
-        any(key in known or key.replace("_", " ") == called for key in summary.get(which, ()))
-        for which in ("after_parting", "doubtful")
-    )
+    marked = [[key.partition(".") for key in summary.get(which, ())] for which in ("after_parting", "doubtful")]
+    after, doubtful = (any(of == entry and meant(place) for of, _, place in keys) for keys in marked)
     if not known:  # without a finer model the motion may be one of many, too
         return ONE_OF_MANY if after else ""
-    worst = max(known, key=lambda key: known[key])
-    of = words(worst[len(called) :].strip())
+    worst = max(known, key=lambda place: known[place])
+    of = words(of_record(worst))
     return _change_text(known[worst], doubtful, after) + (f" ({of})" if of else "")
 
 

@@ -55,15 +55,13 @@ NAMED = {
     "open_frequencies_hz": "Natural frequencies, open",
     "contact_share": "Share of time in contact",
 }
-_PEAK = "/peak_output"
 
 
 def shown_quantities(result: DesignsResult) -> list[str]:
     """The quantities to plot, by importance: those that vary."""
     known = dict.fromkeys(_quantity(r) for r in result.responses.values())
-    peaks = [q for q in known if q.endswith(_PEAK)]
-    ranked = [q for q in SHOWN if q in known] + peaks
-    ranked += [q for q in known if q not in (*SHOWN, *peaks) and not q.endswith("_output") and len(ranked) < 3]
+    ranked = [q for q in SHOWN if q in known] + [q for q in known if _peak_of_output(q)]
+    ranked += [q for q in known if q not in ranked and "/" not in q][: max(3 - len(ranked), 0)]
     terms = [name for objective in objectives(result.scenario) for name, _ in objective.terms]
     asked = {_quantity(r) for name in terms for r in responses_of(result.responses, name)}
     limited = [q for q in ranked if q in asked or _limit(result, q) is not None]
@@ -496,7 +494,14 @@ def _band(result: DesignsResult, quantity: str, place: str) -> tuple[Floats, Flo
 
 def _quantity(response: Response) -> str:
     """Of an output with its name, as each has a unit of its own."""
-    return "/".join(response.name.split("/")[-2:]) if response.quantity.endswith("_output") else response.quantity
+    of_output = BY_NAME[response.quantity].section == OUTPUT.section
+    return "/".join(response.name.split("/")[-2:]) if of_output else response.quantity
+
+
+def _peak_of_output(quantity: str) -> str:
+    """The name of the output of which a quantity is the peak; empty if it is none."""
+    name, _, of = quantity.rpartition("/")
+    return name if of == OUTPUT.name else ""
 
 
 def _of(result: DesignsResult, quantity: str) -> list[Response]:
@@ -560,8 +565,8 @@ def _log(result: DesignsResult, coordinate: Coordinate) -> str:
 
 
 def _limit(result: DesignsResult, quantity: str) -> float | None:
-    if quantity.endswith(_PEAK):
-        return result.limits.get(f"{OUTPUT.limit}.{quantity.removesuffix(_PEAK)}")
+    if output := _peak_of_output(quantity):
+        return result.limits.get(f"{OUTPUT.limit}.{output}")
     return result.limits.get(BY_NAME[quantity].limit)
 
 
@@ -570,6 +575,6 @@ def _titled(response: Response) -> str:
 
 
 def _words(quantity: str) -> str:
-    if quantity.endswith(_PEAK):
-        return f"Peak of {quantity.removesuffix(_PEAK)}"
+    if output := _peak_of_output(quantity):
+        return f"Peak of {output}"
     return NAMED.get(quantity) or quantity.removesuffix("_hz").replace("_", " ").capitalize()

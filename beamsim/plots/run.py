@@ -26,6 +26,7 @@ from beamsim.analyses.run.result import (
     Spectrum,
 )
 from beamsim.analyses.values import OUTPUT
+from beamsim.fields import place_in_words
 from beamsim.plots.bodies import body_figures
 from beamsim.plots.drawing import (
     DARK,
@@ -136,17 +137,17 @@ def _contact_forces(result: RunResult, unit: str) -> dict[str, Floats]:
     return {name: result.snubbers[name].force for name in sorted(peaks, key=lambda name: name not in strongest)}
 
 
-def _doubts(result: RunResult, figure: str, called: str = "peaks", of: str = "") -> str:
-    """Which values have not converged, as a note: all, or those whose name ends with ``of``."""
+def _doubts(result: RunResult, figure: str, called: str = "peaks", quantity: str = "") -> str:
+    """Which values of an entry have not converged, as a note: all, or those of one quantity."""
     changes = result.summary.get("convergence", {}).get(figure, {})
     listed = result.summary.get("doubtful", ())
-    doubtful = [name for name in changes if f"{figure}.{name}" in listed and name.endswith(of)]
-    texts = [
-        f"{name.removesuffix(of).replace('_', ' ').strip()} {100 * changes[name]:.2g}\N{NO-BREAK SPACE}%"
-        for name in doubtful[:4]
-    ]
-    said = f"{called} not converged; change with a finer model: {', '.join(texts)}{', …' * (len(doubtful) > 4)}"
-    return said if doubtful else ""
+    doubtful = [name for name in changes if f"{figure}.{name}" in listed]
+    places = {name: place_in_words(figure, name) for name in doubtful}
+    if quantity:  # the last word of a place
+        places = {name: name.rpartition(" ")[0] for name in doubtful if name.rpartition(" ")[2] == quantity}
+    texts = [f"{of} {100 * changes[name]:.2g}\N{NO-BREAK SPACE}%" for name, of in list(places.items())[:4]]
+    said = f"{called} not converged; change with a finer model: {', '.join(texts)}{', …' * (len(places) > 4)}"
+    return said if places else ""
 
 
 def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Chart:
@@ -169,7 +170,7 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
     return Chart(
         across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""), curves, of="probes",
         marks=list(_marked_lines(shown[0], unit, end)), x_ends=(0.0, end), y_ends=(top - 100.0, top + 6.0),
-        note=_doubts(result, "spectral_lines", "lines", f" {quantity}"),
+        note=_doubts(result, "spectral_lines", "lines", quantity),
     )  # fmt: skip
 
 
@@ -587,7 +588,7 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
         across = ("Natural frequency of the oscillator", "Hz")
         panels["matched_spectrum"] = [Chart(across, up, curves, log="xy", of="", marks=[curve], title=title)]
     figures = {name: Picture(result.title, charts) for name, charts in panels.items() if charts}
-    if told := [name for q in SHOWN for name in result.gradients() if name.endswith(f"/{q}")][:4]:
+    if told := [name for q in SHOWN for name in result.gradients() if name.rpartition("/")[2] == q][:4]:
         tornados = [partial(plot_tornado, result, response=name) for name in told]
         figures["sensitivities"] = Picture(result.title, tornados)
     places = list(result.snubbers.values())[:MOST_CURVES] or list(result.probes.values())[:1]

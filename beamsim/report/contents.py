@@ -223,7 +223,7 @@ def _trust(result: Result) -> Iterator[str]:
     for key, change in known[:CHANGES_SHOWN]:
         value, _, place = key.partition(".")
         mark = "! " if key in doubtful else ""
-        changes.append([figure_in_words(value), place_in_words(place), f"{mark}{100 * change:.2g} %"])
+        changes.append([figure_in_words(value), place_in_words(value, place), f"{mark}{100 * change:.2g} %"])
     more = f" (the {CHANGES_SHOWN} largest of {len(known)})" if len(known) > CHANGES_SHOWN else ""
     yield table(Cells(("value", "of", "change"), changes, f"Change of every value with the finer model{more}"))
     packages = ", ".join(f"{name} {version}" for name, version in result.provenance.items())

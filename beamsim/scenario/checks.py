@@ -57,6 +57,7 @@ from beamsim.scenario.sweep import Continuation, HarmonicBalance, LevelPath, Pha
 
 MOST_SAMPLES = 50_000_000
 """Largest number of samples of histories; more would not fit into memory."""
+INPUT = "input"  # name of the excitation among the signals of spectra and statistics
 MOST_CASES = 200_000
 """Largest number of cases of a study."""
 
@@ -345,6 +346,8 @@ def _run(scenario: ScenarioParts) -> Problems:
     yield from _stepping(scenario, run)
     yield from _spectrum(scenario, run)
     yield from _impacts(scenario, run)
+    if run.srs is not None or scenario.excitation.stationary:
+        yield from _names_of_input(scenario)
     for _, item in scenario.excitation.items:
         if item.kind == "matched" and run.duration < item.duration * (1 - 1e-9):
             message = f"= {run.duration:g} s ends before the matched record, of {item.duration:g} s"
@@ -447,6 +450,15 @@ def _chosen_frequencies(scenario: ScenarioParts, run: Run) -> Problems:
                 f"= {frequency:g} Hz is not below half of run.sample_rate = {scenario.sample_rate:g} Hz",
                 "raise run.sample_rate: spectra of a time-stepping method are those of its samples",
             )
+
+
+def _names_of_input(scenario: ScenarioParts) -> Problems:
+    """Names of places with a spectrum that is listed beside that of the input, which is called input."""
+    for section in ("probes", "snubbers", "outputs"):
+        for k, item in enumerate(getattr(scenario, section)):
+            if item.name == INPUT:
+                message = f"= {INPUT} is the name of the input's own spectrum and statistics"
+                yield problem((section, k, "name"), message, "choose another name")
 
 
 def _impacts(scenario: ScenarioParts, run: Run) -> Problems:
@@ -622,7 +634,7 @@ def _limit_curves(scenario: ScenarioParts, limits: Limits) -> Problems:
             other = [k for k, (_, level) in enumerate(points) if meant(level) != said]
             if other:
                 yield problem((*path, other[0], 1), "is of another quantity than the first", "give all in one unit")
-        more = {"srs": ["input", *supports], "psd": ["input"]}.get(name, [])
+        more = {"srs": [INPUT, *supports], "psd": [INPUT]}.get(name, [])
         more += snubbers if name != "srs" and isinstance(points, CurveFile) else []
         yield from unknown(path, place, "place", snubbers if of_force else [*probes, *more])
 

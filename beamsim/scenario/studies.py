@@ -44,8 +44,8 @@ class Catalogue(Schema):
 
     known_by: ClassVar[tuple[str, ...]] = ("choices",)
 
-    name: q.Text = "choice"
-    """What is chosen, for tables."""
+    name: q.Name = "choice"
+    """What is chosen; it names a dataset of the result file and a column of its table."""
     choices: Annotated[dict[q.Text, dict[q.Text, Any]], Field(min_length=1)]
     """By name what each choice sets, as --set does: {hard: {snubbers.tip.stiffness: 200 kN/m, snubbers.tip.gap: 0 mm},
     soft: {snubbers.tip.stiffness: null, snubbers.tip.force_deflection: [[0 mm, 0 N], [1 mm, 90 N]]}}."""

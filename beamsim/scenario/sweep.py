@@ -305,7 +305,7 @@ class SweptSine(_UpAndDown):
                 "make two sweeps, direction: up and direction: down",
                 ("notch_to",),
             )
-        if not self.accelerations and any(name.endswith(".acceleration") for name in limits):
+        if not self.accelerations and any(name.rpartition(".")[2] == "acceleration" for name in limits):
             raise Unfit("limits an acceleration, and accelerations = false", "leave that out", ("notch_to",))
         for at, points in (("profile", self.profile), ("notches", self.notches)):
             for index, point in enumerate(points):

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     import xarray
 
 ROWS_AT_ONCE = 2**16  # of a table that are turned into text together
+OF_SIGNALS = ("/random", "/srs")  # groups in which each signal has a group of its name
 _UNITS = {"degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}  # at the ends of stored names
 
 
@@ -162,14 +163,18 @@ def _owner(path: str, axes: Sequence[str]) -> str:
 
 
 def _spelt(items: Items, group: str, path: str) -> str:
-    """The way from the group of a table to an array, ``probe_tip_displacement``: folders of names in the singular."""
-    words, here = [], group
+    """The way from the group of a table to an array, ``probe_tip_displacement``: folders of names in the singular.
+
+    Names are as they were given, those of signals too, which have no folder of their own.
+    """
+    words, here, given = [], group, group in OF_SIGNALS
     parts = path.removeprefix(group).strip("/").split("/")
     for folder, inner in pairwise(parts):
         here = joined(here, folder)
         place = items[joined(here, inner)]
-        named = place.values is None and "name" in place.attributes
-        words.append(folder.removesuffix("s") if named else folder)
+        of_names = not given and place.values is None and "name" in place.attributes
+        words.append(folder.removesuffix("s") if of_names else folder)
+        given = of_names
     return "_".join((*words, parts[-1]))
 
 

@@ -240,12 +240,14 @@ def _label(path: str, name: str, quantity: str) -> str:
 
 def _functions(items: Items, path: str, place: str) -> Iterator[Function]:
     """Functions in an array: one, one for each order of harmonics, or none."""
-    item, name = items[path], last(path).removesuffix("_real")
-    if last(path).endswith("_imag") or item.values.dtype.kind != "f":
+    item, stem = items[path], path.removesuffix("_real").removesuffix("_imag")
+    parts = [items.get(f"{stem}_{part}") for part in ("real", "imag")] if stem != path else []
+    complex_pair = [part.values for part in parts if part is not None]
+    if item.values.dtype.kind != "f" or (len(complex_pair) == 2 and item is parts[1]):
         return
-    y = item.values
-    if last(path).endswith("_real"):
-        y = y + 1j * items[f"{path.removesuffix('_real')}_imag"].values
+    y, name = item.values, last(path)
+    if len(complex_pair) == 2:
+        y, name = complex_pair[0] + 1j * complex_pair[1], last(stem)
     about = items[parent(path)].attributes
     if name == "amplitude" and "quantity" in about:
         quantity = str(about["quantity"])

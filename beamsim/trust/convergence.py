@@ -331,21 +331,29 @@ def with_convergence(result: _Result, checked: Convergence, values: Values | Non
     summary = result.summary | checked.summary()
     if "margins" in summary:
         margins = summary["margins"].items()
-        summary["margins"] = {name: item | _range(name, item, values or {}, checked.changes) for name, item in margins}
+        summary["margins"] = {
+            name: item | _range(name, item, (summary, values or {}), checked.changes) for name, item in margins
+        }
     result = replace(result, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary})
     return result.ended(_outcome(result, checked))
 
 
-def _range(limit: str, item: Mapping[str, Any], values: Values, changes: Changes) -> dict[str, float]:
+def _range(
+    limit: str, item: Mapping[str, Any], of_result: tuple[Mapping[str, Any], Values], changes: Changes
+) -> dict[str, float]:
     """The value of a limit less and plus its change: the largest of all places, each with its own.
 
     Parameters
     ----------
     limit : its name.
     item : of the margins; values above its own are not compared with it (unstable motions).
-    values, changes : by entry and place; a place that the finer model does not have makes the range unknown.
+    of_result : the summary, in which curves have their own values by name, and the values by entry and place.
+    changes : by entry and place; a place that the finer model does not have makes the range unknown.
     """
-    value, of = limited(limit)
+    (summary, values), (value, of) = of_result, limited(limit)
+    by_name = summary.get(value.entry) if of else None
+    curves = [name for name, each in (by_name or {}).items() if isinstance(each, Mapping)]
+    limited_places = {of, *(f"{curve} {of}" for curve in curves)}
     change = dict(places(changes.get(value.entry, {})))
     highest = item["value"] * (1.0 + SMALLEST_SCALE)
     known = dict(named(changes))  # root mean squares are values of the spectra, or of the statistics
@@ -353,7 +361,7 @@ def _range(limit: str, item: Mapping[str, Any], values: Values, changes: Changes
     pairs = [
         (number * value.scale, change.get(place, math.nan if changes else 0.0))
         for place, number in places(values.get(value.entry, {}))
-        if value.entry in changes and number * value.scale <= highest and f" {place}".endswith(f" {of}" if of else "")
+        if value.entry in changes and number * value.scale <= highest and (not of or place in limited_places)
     ] or [(item["value"], next((known[name] for name in of_run if name in known), 0.0))]
     size, change_of = np.transpose(pairs)
     return {"lowest": float(np.max(size * (1.0 - change_of))), "highest": float(np.max(size * (1.0 + change_of)))}

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.result import Coordinate, DesignsResult, Tolerance, limited_response, objectives
+from beamsim.analyses.designs.responses import begins_response
+from beamsim.analyses.designs.result import GROUP, Coordinate, DesignsResult, Tolerance, limited_response, objectives
 from beamsim.analyses.values import BY_NAME
 from beamsim.errors import Problem, ScenarioError
+from beamsim.fields import names_in
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, plain, suggestion
 from beamsim.scenario.parameters import (
@@ -351,6 +353,7 @@ def _plan(
     asked: tuple[str, ...],
     realisations: Realisations,
 ) -> DesignPlan:
+    _refuse_names_of_fields(scenario, varied)
     places = [[parameter.places, sorted(map(str, parameter.choices.items()))] for parameter in varied]
     case = _case(scenario, varies_seed(varied))
     analysis = analysis_of(scenario)
@@ -366,6 +369,31 @@ def _plan(
         return plan
     grid = tuple(map(_coordinate, varied, columns))
     return replace(plan, coordinates=grid, shape=tuple(len(c) for c in columns))
+
+
+def _refuse_names_of_fields(scenario: Scenario, varied: Iterable[VariedParameter]) -> None:
+    """Refuse names of parameters that fields or responses of the result have: all are columns of one table.
+
+    Raises
+    ------
+    ScenarioError
+        With each of them.
+    """
+    taken, study = names_in(DesignsResult, GROUP), scenario.study
+    where = {} if study is None else {
+        each.path: f"{study.section}.parameters[{k}].name" for k, each in enumerate(study.parameters)
+    }  # fmt: skip
+    problems = [
+        Problem(
+            where.get(parameter.path, "draws"),
+            f"= {parameter.path} is a name that the result of a study uses itself",
+            f"choose another one, for example {parameter.path}_choice",
+        )
+        for parameter in varied
+        if parameter.path in taken or begins_response(parameter.path)
+    ]
+    if problems:
+        raise scenario.located(ScenarioError(problems))
 
 
 def fingerprint_of(scenario: Scenario, *data: Any) -> str:

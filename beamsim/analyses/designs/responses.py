@@ -24,6 +24,23 @@ def describe(name: str, output_units: Mapping[str, str]) -> tuple[str, str]:
     return output_units.get(place.rpartition("/")[2], "1") if value.section == "outputs" else value.unit, value.meaning
 
 
+SECTIONS = frozenset(value.section for value in BY_NAME.values() if value.section)
+WHOLE = frozenset(value.name for value in BY_NAME.values() if value.single or not value.section)
+
+
+def begins_response(name: str) -> bool:
+    """Whether the name of a response, or that of the columns of one with a value a mode, is or begins with a name.
+
+    >>> begins_response("snubbers"), begins_response("up_0"), begins_response("open_frequencies_hz_2")
+    (True, True, True)
+    >>> begins_response("pad"), begins_response("peak_force")
+    (False, False)
+    """
+    stem, _, number = name.rpartition("_")
+    of_curve = stem in ("up", "down", "stable") and number.isdecimal()
+    return of_curve or name in SECTIONS | WHOLE or (stem in WHOLE and number.isdecimal())
+
+
 def entries_of(asked: Collection[str], scenario: Scenario) -> tuple[str, ...]:
     """Entries of a run's summary that the responses asked for need, by default all but what takes longer."""
     limits = {} if scenario.limits is None else scenario.limits.given
@@ -46,7 +63,8 @@ def means(asked: str, name: str) -> bool:
     >>> means("peak_force", "snubbers/tip/peak_force"), means("tip/peak_force", "snubbers/tip/peak_force")
     (True, True)
     """
-    return f"/{name}".endswith(f"/{asked}")
+    parts = asked.split("/")
+    return name.split("/")[-len(parts) :] == parts
 
 
 def responses_of_result(result: RunResult | SweepResult | ContinuationResult) -> Responses:

@@ -37,7 +37,7 @@ from beamsim.scenario.parameters import Value
 from beamsim.scenario.units import Dimension, UnitError, read_quantity
 from beamsim.typing import Bools, Floats, Ints
 
-_GROUP = "designs"
+GROUP = "designs"
 _OF_NAMED = (
     "snubbers", "probes", "bodies", "joints", "springs_to_ground", "springs_between", "friction", "outputs", "tests",
 )  # sections of things with names  # fmt: skip
@@ -278,56 +278,56 @@ class DesignsResult(Result):
 
     SUMMARY = _SUMMARY
 
-    analysis: str = attribute("", "what was done with each case: run, or the kind of sweep", at=_GROUP)
-    kind: str = attribute("", "grid, zip, one_at_a_time, latin_hypercube, sobol, or draws of an ensemble", at=_GROUP)
-    coordinates: tuple[Coordinate, ...] = members(_GROUP, Coordinate, called="<parameter>")
+    analysis: str = attribute("", "what was done with each case: run, or the kind of sweep", at=GROUP)
+    kind: str = attribute("", "grid, zip, one_at_a_time, latin_hypercube, sobol, or draws of an ensemble", at=GROUP)
+    coordinates: tuple[Coordinate, ...] = members(GROUP, Coordinate, called="<parameter>")
     # the design's shape
-    solved: Bools = dataset("1", "whether the case has responses", name=f"{_GROUP}/solved", flags=("missing", "solved"))
-    responses: dict[str, Response] = members(_GROUP, Response, called="<response>")
-    margins: dict[str, Response] = members(f"{_GROUP}/margins", Response, called="<limit>")  # limit / value - 1
-    limits: dict[str, float] = attribute("", "limits by name, in SI units, JSON object", codec=JSON, at=_GROUP)
+    solved: Bools = dataset("1", "whether the case has responses", name=f"{GROUP}/solved", flags=("missing", "solved"))
+    responses: dict[str, Response] = members(GROUP, Response, called="<response>")
+    margins: dict[str, Response] = members(f"{GROUP}/margins", Response, called="<limit>")  # limit / value - 1
+    limits: dict[str, float] = attribute("", "limits by name, in SI units, JSON object", codec=JSON, at=GROUP)
     failures: tuple[CaseFailure, ...] = attribute(
         "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec=FAILURES,
-        at=_GROUP,
+        at=GROUP,
     )  # fmt: skip
     # the design's shape; None without limits
     passing: Bools | None = dataset(
         "1",
         "whether the case has responses and meets every limit",
-        name=f"{_GROUP}/passing",
+        name=f"{GROUP}/passing",
         flags=("failing", "passing"),
         default=None,
     )
     sensitivity: tuple[SobolIndices, ...] = members(
-        f"{_GROUP}/sensitivity", SobolIndices, default=()
+        f"{GROUP}/sensitivity", SobolIndices, default=()
     )  # of a Sobol' sample
     # the design's shape; None without limits or tolerances
     passing_share: Floats | None = dataset(
-        "1", "share of the realisations that meet every limit", name=f"{_GROUP}/passing_share", default=None
+        "1", "share of the realisations that meet every limit", name=f"{GROUP}/passing_share", default=None
     )
     tolerances: tuple[Tolerance, ...] = members(
-        f"{_GROUP}/tolerances", Tolerance, called="<number with a tolerance>", default=()
+        f"{GROUP}/tolerances", Tolerance, called="<number with a tolerance>", default=()
     )
     realised: dict[str, RealisedResponse] = members(
-        f"{_GROUP}/realisations", RealisedResponse, called="<response>", default_factory=dict
+        f"{GROUP}/realisations", RealisedResponse, called="<response>", default_factory=dict
     )
     objectives: dict[str, Response] | None = members(  # of a search
-        f"{_GROUP}/objectives", Response, called="<objective>", default=None
+        f"{GROUP}/objectives", Response, called="<objective>", default=None
     )
     front: Bools | None = dataset(  # of a search for two objectives
         "1", "whether no design that meets every limit is better in one objective and not worse in the other",
-        name=f"{_GROUP}/front", flags=("dominated", "of the front"), default=None,
+        name=f"{GROUP}/front", flags=("dominated", "of the front"), default=None,
     )  # fmt: skip
     runs: dict[str, RunOfDesign] | None = members(
-        f"{_GROUP}/runs", RunOfDesign, called="<design>", default=None
+        f"{GROUP}/runs", RunOfDesign, called="<design>", default=None
     )  # of a search: of the scenario as it is, and of the best design
     random_numbers: tuple[RandomNumber, ...] | None = members(
-        f"{_GROUP}/random_numbers", RandomNumber, called="<number>", default=None
+        f"{GROUP}/random_numbers", RandomNumber, called="<number>", default=None
     )  # of a study of reliability
     rounds: tuple[Round, ...] | None = table(
-        f"{_GROUP}/rounds", Round, Counter("round", "number of the round"), default=None
+        f"{GROUP}/rounds", Round, Counter("round", "number of the round"), default=None
     )
-    fingerprint: str = attribute("", "hash of all that the responses depend on", at=_GROUP, default="")
+    fingerprint: str = attribute("", "hash of all that the responses depend on", at=GROUP, default="")
 
     @property
     def finished(self) -> bool:
@@ -350,7 +350,7 @@ class DesignsResult(Result):
         return () if self.kind == "grid" else tuple(c.path for c in self.coordinates)
 
     @property
-    @stored(axis("1", "number of the case", name=f"{_GROUP}/case"))
+    @stored(axis("1", "number of the case", name=f"{GROUP}/case"))
     def _case(self) -> Ints | None:
         return None if self.kind == "grid" else np.arange(1, self.cases + 1)
 

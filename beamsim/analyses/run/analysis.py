@@ -33,6 +33,7 @@ from beamsim.analyses.run.motion import (
     output_times,
     pull_warnings,
 )
+from beamsim.analyses.run.names import refuse_names_of_fields
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
@@ -155,6 +156,7 @@ def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, Structur
     """A scenario with what its start resolves to, and its system."""
     if scenario.run is None:
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
+    refuse_names_of_fields(scenario)
     if isinstance(scenario.run.start, OrbitStart):
         return built_at_orbit(scenario, shared)
     return scenario, build_system(scenario, shared)
