@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.functions import FunctionType
+from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark
-from beamsim.scenario.quantities import motion_dimension
+from beamsim.scenario.quantities import level_unit, meant, motion_dimension
+from beamsim.scenario.studies import SteadyTest, TransientTest
 
-_FOR_TESTS = {  # function types that tests of a kind take; frequency responses have no harmonics
-    "steady": ((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), "the test of a steady vibration"),
-    "transient": ((FunctionType.TIME_HISTORY,), "the test of a transient"),
-}
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
 
 
@@ -48,7 +47,7 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
             signals = read_signals(path, test.axis_unit, test.decimal)
             required = test.channel is not None
             signal = channel_named(signals, name, test.quantity, path, required=required, at=f"{at}.channel")
-            signal = signal.required(*_FOR_TESTS[test.kind])
+            signal = _usable_in(test, signal, scenario, f"{at}.level")
             signals.append(in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit"))
         except MeasurementError as fault:
             problems.append(Problem(f"{at}.file", f"= {test.file} {fault.message}", fault.remedy))
@@ -59,6 +58,43 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
     if problems:
         raise scenario.located(ScenarioError(problems))
     return signals
+
+
+def _usable_in(
+    test: SteadyTest | TransientTest, signal: MeasuredSignal, scenario: Scenario, key: str
+) -> MeasuredSignal:
+    """The signal as a test takes it: of a frequency response the fundamental at the frequency and level of the test.
+
+    Parameters
+    ----------
+    test, signal : the test, and its channel.
+    scenario : whose excitation has the frequency, and the quantity of the level, that the test does not state.
+    key : of the level of the test, for messages.
+
+    Raises
+    ------
+    MeasurementError
+        If the channel is of a function type that the test does not take, or its level is not stated.
+    """
+    if test.kind == "transient":
+        return signal.required((FunctionType.TIME_HISTORY,), "the test of a transient")
+    if signal.function not in RATIOS:
+        return signal.required((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), "the test of a steady vibration")
+    if test.harmonics != 1:
+        raise MeasurementError(
+            f"has {signal.function.with_article} in {signal.name}, which has no harmonics of a vibration",
+            "give harmonics: 1 and the level of the test, or a time history or an amplitude spectrum",
+        )
+    excitation: Any = scenario.excitation
+    quantity = meant(test.level) or excitation.quantity
+    level = None if test.level is None else f"{float(test.level)!r} {level_unit(quantity)}"
+    amplitude = signal.at_level(level, key)
+    frequency = excitation.frequency if test.frequency is None else test.frequency
+    # 0.05: of the frequency: lines further away are other vibrations, and no noise of this one
+    near = np.abs(amplitude.x / frequency - 1.0) <= 0.05
+    if np.count_nonzero(near) < 2:
+        raise MeasurementError(f"has no lines about {frequency:g} Hz in {signal.name}", "export it with finer lines")
+    return replace(amplitude, x=amplitude.x[near], y=amplitude.y[near])
 
 
 def read_signals(path: Path, axis_unit: str | None = None, decimal: DecimalMark | None = None) -> list[MeasuredSignal]:

@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
+from beamsim.analyses.compare.analysis import harmonics_of
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import read_samples
 from beamsim.measurements.channels import history_named, read_tests
@@ -17,6 +18,7 @@ from tests.helpers.universal_files import NO_LABEL, OVER_FREQUENCY, amplitudes, 
 pytestmark = pytest.mark.quick
 
 Y = np.sin(np.arange(24.0))
+G = 9.80665
 
 
 def channel(tmp_path, *sets, encoding="ascii", name="a.uff"):
@@ -256,7 +258,7 @@ CASE = {
     ("test", "kinds"),
     [({"frequency": "10 Hz"}, "a time history or an amplitude spectrum"), ({"kind": "transient"}, "a time history")],
 )
-@pytest.mark.parametrize("number", [4, 6, 9])
+@pytest.mark.parametrize("number", [2, 6, 9])
 def test_identification_refuses_what_is_no_amplitude(tmp_path, test, kinds, number):
     (tmp_path / "a.uff").write_text(function(Y, kind=number, name="tip", **OVER_FREQUENCY))
     fit = {"estimate": ["chain.snubbers.stop.gap"], "tests": [{"file": "a.uff", **test}]}
@@ -269,3 +271,39 @@ def test_the_excitation_of_a_tracked_sweep_is_a_time_history(tmp_path):
     (tmp_path / "a.uff").write_text(function(Y, kind=7, name="base"))
     with pytest.raises(ScenarioError, match="auto correlation in base"):
         history_named(tmp_path / "a.uff", "base")
+
+
+def fit_of(tmp_path, **keys):
+    fit = {"estimate": ["chain.snubbers.stop.gap"], "tests": [{"file": "a.uff", **keys}]}
+    return load_scenario({**CASE, "identify_stiffness": {"snubber": "stop", "nonlinear": fit}}), tmp_path
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({}, "has no harmonics of a vibration; give harmonics: 1 and the level"),
+        ({"harmonics": 1}, r"responds differently at each level; .*tests\[0\]\.level '2 g'"),
+        ({"harmonics": 1, "level": "2 g", "frequency": "5 Hz"}, "has no lines about 5 Hz"),
+        ({"kind": "transient"}, "the test of a transient needs a time history"),
+    ],
+)
+def test_a_steady_test_asks_for_the_level_of_a_frequency_response(tmp_path, keys, message):
+    (tmp_path / "a.uff").write_text(
+        function(H, kind=4, name="tip", over=(12, "", "g"), values=(12, "", "g"), **OVER_FREQUENCY)
+    )
+    scenario, folder = fit_of(tmp_path, **({"frequency": "21 Hz"} if "kind" not in keys else {}) | keys)
+    with pytest.raises(ScenarioError, match=message):
+        read_tests(scenario, folder)
+
+
+def test_a_frequency_response_is_the_fundamental_of_a_steady_test(tmp_path):
+    """In the phase of an excitation that is a sine."""
+    f = np.arange(20.0, 22.0, 0.25)
+    (tmp_path / "a.uff").write_text(
+        function(H[: f.size], kind=4, name="tip", over=(12, "", "g"), values=(12, "", "g"), **OVER_FREQUENCY)
+    )
+    scenario, folder = fit_of(tmp_path, frequency="21 Hz", level="2 g", harmonics=1, phase="of_excitation")
+    (signal,) = read_tests(scenario, folder)
+    harmonics = harmonics_of(signal, 21.0, 1)
+    np.testing.assert_allclose(harmonics.value, 2 * G * H[f == 21.0], rtol=1e-5)
+    assert harmonics.noise == [0.0]
