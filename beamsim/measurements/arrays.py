@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,7 @@ LIST = "DIMENSION_LIST"  # attribute in which HDF5 keeps references to the scale
 _NETCDF_FILL = 9.969209968386869e36  # of floats that were never written
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 _SCALING = re.compile(r"scale|slope|gain|calib|sensitiv|offset|lsb", re.IGNORECASE)
+_SECONDS = re.compile(r"(.+)[_ ]s(?:ec)?", re.IGNORECASE)
 _SINCE = re.compile(r"(\w+) since .+", re.IGNORECASE)
 
 
@@ -107,7 +108,8 @@ def read_matlab(path: Path) -> list[MeasuredSignal]:
         name: _Array(values.astype(complex if values.dtype.kind == "c" else float), _matlab_unit(name, arrays, texts))
         for name, values in arrays.items()
     }
-    return [_signal(name, name.replace("/", "."), found, path) for name in found]
+    signals = (_signal(name, name.replace("/", "."), found, path) for name in found)
+    return [replace(each, axis=each.axis.replace("/", ".")) for each in signals]
 
 
 def _matlab_unit(name: str, arrays: Mapping[str, Any], texts: Mapping[str, str]) -> str:
@@ -118,7 +120,7 @@ def _matlab_unit(name: str, arrays: Mapping[str, Any], texts: Mapping[str, str])
     if beside == [name] and folder:
         names += ["unit", "units"]
     found = (stated(texts.get(f"{folder}/{each}".lstrip("/").lower(), "")) for each in names)
-    return next(filter(None, found), "") or split_heading(last)[1]
+    return next(filter(None, found), "") or _heading(name)[1]
 
 
 def _is_channel(name: str, item: h5py.Dataset) -> bool:
@@ -155,7 +157,7 @@ def _unpacked(name: str, item: h5py.Dataset) -> _Array:
     given = {key: item.attrs[key] for key in item.attrs if key != LIST}
     given = {key: value for key, value in given.items() if not isinstance(value, h5py.Empty)}
     units = {text_of_attribute(value) for key, value in given.items() if key.lower() in ("unit", "units")} - {""}
-    unit = stated(next(iter(units), "")) or split_heading(name.rpartition("/")[2])[1]
+    unit = stated(next(iter(units), "")) or _heading(name)[1]
     again = "export the values in their unit"
     fault = (f"states several units of {name}: {', '.join(sorted(units))}", again) if len(units) > 1 else None
     raw = np.asarray(item[()]).ravel()
@@ -233,14 +235,22 @@ def _signal(name: str, label: str, arrays: Mapping[str, _Array], path: Path) -> 
     )  # fmt: skip
 
 
-def _is_axis(name: str) -> bool:
+def _heading(name: str) -> tuple[str, str]:
+    """Name and unit of an array by its path; a time may end in its unit, which the name of a channel may not."""
     last = name.rpartition("/")[2]
-    return is_time(last) or is_frequency(last)
+    if (match := _SECONDS.fullmatch(last)) and is_time(match[1]):
+        return match[1], "s"
+    return split_heading(last)
+
+
+def _is_axis(name: str) -> bool:
+    heading = _heading(name)[0]
+    return is_time(heading) or is_frequency(heading)
 
 
 def _is_of_frequency(name: str, array: _Array) -> bool:
-    last = name.rpartition("/")[2]
-    return is_frequency(last) or (not is_time(last) and is_unit_of(array.unit, si.FREQUENCY))
+    heading = _heading(name)[0]
+    return is_frequency(heading) or (not is_time(heading) and is_unit_of(array.unit, si.FREQUENCY))
 
 
 def _axes_of(name: str, arrays: Mapping[str, _Array]) -> Iterator[str]:

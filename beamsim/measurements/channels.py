@@ -44,9 +44,9 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
         path = Path(folder) / test.file
         try:
             name = test.channel or test.probe or default
-            signals = read_signals(path, test.axis_unit, test.decimal)
+            channels = read_signals(path, test.axis_unit, test.decimal)
             required = test.channel is not None
-            signal = channel_named(signals, name, test.quantity, path, required=required, at=f"{at}.channel")
+            signal = channel_named(channels, name, test.quantity, path, required=required, at=f"{at}.channel")
             signal = _usable_in(test, signal, scenario, f"{at}.level")
             signals.append(in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit"))
         except MeasurementError as fault:

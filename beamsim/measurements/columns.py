@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from beamsim.measurements.functions import is_unit_of
+from beamsim.measurements.functions import FunctionType, is_unit_of
 from beamsim.measurements.signal import (
     MeasuredSignal,
     MeasurementError,
@@ -130,6 +130,8 @@ def by_dimension(
     for number, signal in enumerate(signals, 1):
         if not signal.unit:
             continue
+        if signal.stated_function is not None:
+            signal.required((FunctionType.TIME_HISTORY,), "a table of columns")
         try:
             factor, dimension = units.read_level(f"1 {signal.unit}", tuple(dimensions.values()))
         except units.UnitError:
