@@ -479,8 +479,9 @@ class ExactFlow:
             if not acting:
                 before = phases if before is None else before
                 made = entered & contacts.touching(phases) & ~contacts.touching(before)
-                if made.any():
-                    made[made] = ~self._pressed_in(np.flatnonzero(made), given, state)
+                faces = made & contacts.openings(before)[1].any(axis=1)  # that move
+                if faces.any():
+                    made[faces] = ~self._pressed_in(np.flatnonzero(faces), given, state)
                 return StartOfMotion(before, phases, made, state)
             g = min(acting, key=lambda g: orders[g])
             j, following = int(watched.contact[g]), int(watched.following[g])

@@ -314,9 +314,10 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     if result.scenario.excitation.shock and result.base_unit == "m" and np.any(result.base_acceleration):
         up = ("Acceleration of the base", "m/s^2")
         panels["acceleration"] += histories(result, up, {"": result.base_acceleration})
+    holds_what_it_met = any(each.item.latch for each in result.scenario.located_snubbers)
     for picture, label, unit, limit, entry in _CONTACT:
         if unit in _touched(result):
-            levels, note = limit_levels(limits, limit), _doubts(result, entry)
+            levels, note = limit_levels(limits, limit, both_signs=holds_what_it_met), _doubts(result, entry)
             panels[picture] = histories(
                 result, (label, unit), _contact_forces(result, unit), levels, note, of="snubbers"
             )

@@ -166,3 +166,151 @@ def test_the_first_cycle_of_a_swept_sine_counts_no_contact_that_was_pressed_befo
     assert curve.contacts["s"].sum() == 0
     assert np.all(curve.impacts["s"].per_cycle == 0.0)
     assert np.all(curve.contact_share["s"] == 1.0)
+
+
+# --- a latch, in every analysis ---------------------------------------------------------------------------------------
+
+LATCHED = {"stiffness": 1e4, "latch": True}
+PULLED = 194.88695392719103  # N, of the mass that a step of -100 N tears at, see below
+
+
+def pulled(**rest):
+    """A mass that latches and is then pulled away from the stop by a step of 100 N."""
+    return case(LATCHED, 0.1e-3, 0.0316, (-100.0, 0.05), run={"duration": 0.5, **rest.pop("run", {})}, **rest)
+
+
+def closed_form():
+    """Largest pull: the motion about the balance of both springs under the step, from where that finds the mass."""
+    free, held, gap, begin = np.sqrt(SPRING / MASS), np.sqrt((SPRING + 1e4) / MASS), 0.1e-3, 0.05
+    time = np.arcsin(gap * free / 0.0316) / free
+    speed, rest = 0.0316 * np.cos(free * time), 1e4 * gap / (SPRING + 1e4)
+    later = held * (begin - time)
+    x = rest + (gap - rest) * np.cos(later) + speed / held * np.sin(later)
+    v = -(gap - rest) * held * np.sin(later) + speed * np.cos(later)
+    lower = rest - 100.0 / (SPRING + 1e4)
+    return 1e4 * (gap - (lower - np.hypot(x - lower, v / held)))
+
+
+def test_the_pull_of_a_latch_counts_in_a_run_its_limits_impacts_and_derivatives():
+    assert closed_form() == pytest.approx(PULLED, rel=1e-9)
+    scenario = pulled(
+        limits={"peak_force": 50.0, "gap": 1e-3},
+        run={"sensitivities": [{"path": "chain.snubbers.s.stiffness", "tolerance": 0.05}]},
+    )
+    result = beamsim.run(scenario)
+    summary = result.summary
+    assert summary["peak_force_n"]["s"] == pytest.approx(PULLED, rel=1e-12)
+    assert summary["margins"]["peak_force"]["verdict"] == "exceeded"
+    assert summary["margins"]["gap"]["value"] == pytest.approx(0.1e-3, rel=1e-12)  # before it was latched
+    assert summary["peak_times_s"]["peak_force_n"]["s"] == pytest.approx(0.08126, abs=1e-5)
+    assert summary["impacts"]["s"]["peak_force_n"] == pytest.approx(PULLED, rel=1e-9)
+    stiffer, softer = (
+        beamsim.run(pulled().model_copy(update={"chain": scenario.chain.model_copy(update={"snubbers": (
+            scenario.chain.snubbers[0].model_copy(update={"stiffness": 1e4 + change}),)})}))
+        for change in (1.0, -1.0)
+    )  # fmt: skip
+    by_stiffness = 0.5 * (stiffer.summary["peak_force_n"]["s"] - softer.summary["peak_force_n"]["s"])
+    found = result.gradients()["snubbers/s/peak_force"]["chain.snubbers.s.stiffness"]["derivative"]
+    assert found == pytest.approx(by_stiffness, rel=1e-5)
+
+
+def test_the_pull_of_a_latch_counts_in_studies():
+    vary = {"kind": "grid", "parameters": [{"path": "chain.snubbers.s.gap", "values": [0.1e-3, 0.2e-3]}]}
+    result = beamsim.design_study(pulled(limits={"peak_force": 50.0}, vary=vary))
+    assert result.responses["snubbers/s/peak_force"].values[0] == pytest.approx(PULLED, rel=1e-12)
+    assert result.summary["margins"]["peak_force"]["verdict"] == "exceeded"
+
+
+def test_the_pull_of_a_latch_counts_in_a_swept_sine():
+    """Held at rest by a preload, shaken in both directions; the run of the same sine has the same peak."""
+    stop = {"name": "s", "mass": 1, "side": "above", "preload": 5.0, **LATCHED}
+    plain = {"chain": {"masses": [MASS], "springs": [SPRING], "dashpots": [2.0], "snubbers": [stop]},
+             "limits": {"peak_force": 6.0, "gap": 1e-4}}  # fmt: skip
+    sine = {"from": 3.0, "to": 4.0, "rate": "5 oct/min"}
+    sweep = {"kind": "swept_sine", **sine}
+    base = {"kind": "harmonic", "applied_to": "base", "level": 9.0, "frequency": 3.0}
+    swept = beamsim.sweep(Scenario.model_validate({**plain, "excitation": base, "sweep": sweep}))
+    (curve,) = swept.curves.values()
+    drive = {"kind": "swept_sine", "applied_to": "base", "level": 9.0, **sine}
+    run = {"duration": 12.0 * np.log2(4.0 / 3.0), "sample_rate": 500.0, "convergence": "off"}
+    of_run = beamsim.run(Scenario.model_validate({**plain, "excitation": drive, "run": run})).summary
+    assert curve.force["s"].peak.max() == pytest.approx(of_run["peak_force_n"]["s"], rel=1e-9)
+    assert swept.summary["margins"]["peak_force"]["verdict"] == "exceeded"
+    assert curve.contacts["s"].sum() == of_run["contacts"]["s"] == 0
+    assert curve.peak_gap["s"].max() == of_run["largest_gap_m"]["s"] == 0.0
+
+
+def test_the_moment_of_a_latch_counts_in_both_directions():
+    """A hinged bar is pushed into its stop, which holds it, and is then pulled."""
+    bar = {"kind": "beam", "length": 1.0, "bending_stiffness": 1e6, "mass_per_length": 3.0, "elements": 2,
+           "supports": {"left": "free", "right": "free"}}  # fmt: skip
+    stop = {"name": "end", "angle": 0.0, "side": "above", "stiffness": 100.0, "latch": True}
+    hinge = {"name": "root", "kind": "hinge", "between": [{"body": "bar", "position": 0.0}, "base"], "stops": [stop]}
+    push = {"kind": "harmonic", "applied_to": {"body": "bar", "position": 1.0}, "level": 10.0, "frequency": 0.9}
+    result = beamsim.run(Scenario.model_validate({
+        "bodies": {"bar": bar}, "joints": [hinge], "excitation": push, "limits": {"peak_moment": 1.0},
+        "run": {"duration": 1.5, "sample_rate": 500.0, "start": "rest", "convergence": "off"},
+    }))  # fmt: skip
+    moments, summary = result.snubbers["root.end"].force, result.summary
+    pushes, pulls = moments.max(), -moments.min()
+    assert pulls > 1.2 * pushes > 0.0
+    assert summary["peak_moment_n_m"]["root.end"] == pytest.approx(pulls, rel=1e-3)
+    assert summary["margins"]["peak_moment"]["value"] == pytest.approx(pulls, rel=1e-3)
+    assert summary["largest_pulling_moment_n_m"]["root.end"] == pytest.approx(pulls, rel=1e-3)
+
+
+def test_a_lower_curve_is_checked_where_it_keeps_its_distance():
+    """5 N below the table at its last point, and beyond: the table ends far from there. Crossing curves are refused."""
+    lower = [[0.0, 0.0], [1.5e-3, 20.0], [2e-3, 95.0]]
+    table = [[0.0, 0.0], [2e-3, 100.0], [10e-3, 140.0]]
+    law = {"force_deflection": table, "unloading": {"stiffness": 4e5, "force_deflection": lower}}
+    result = beamsim.run(case(law, 0.0, 0.7, run={"duration": 0.05, "sample_rate": 50e3}))
+    s = result.snubbers["s"]
+    elastic = 5.0 / 4e5  # m, from curve to curve, with the slopes of both below 2 % of it
+    back = (np.diff(s.penetration, prepend=-1.0) < 0.0) & (s.penetration > 2e-3)
+    back &= s.penetration < s.penetration.max() - 1.02 * elastic
+    expected = np.interp(s.penetration, *np.array(table).T) - 5.0
+    np.testing.assert_allclose(s.force[back], expected[back], rtol=1e-9)
+    assert back.sum() > 20
+    above = {**law, "unloading": {"stiffness": 4e5, "force_deflection": [[0.0, 0.0], [1e-3, 49.0], [2e-3, 101.0]]}}
+    with pytest.raises(beamsim.ScenarioError, match=r"above the loading curve at 0\.002"):
+        beamsim.run(case(above, 0.0, 0.3))
+
+
+# --- gaps in sweeps and along branches --------------------------------------------------------------------------------
+
+SHAKEN = {"masses": [MASS], "springs": [4e3], "dashpots": [6.0]}
+
+
+def test_the_gap_of_a_crushed_stop_in_a_swept_sine_is_that_of_its_run():
+    stop = {"name": "s", "mass": 1, "side": "above", "gap": 1e-3, **CRUSHED}
+    plain = {"chain": SHAKEN | {"snubbers": [stop]}, "limits": {"gap": 1.0}}
+    sine = {"from": 8.0, "to": 9.0, "rate": "10 oct/min"}
+    base = {"kind": "harmonic", "applied_to": "base", "level": 9.0, "frequency": 8.0}
+    sweep = {"kind": "swept_sine", **sine}
+    (curve,) = beamsim.sweep(Scenario.model_validate({**plain, "excitation": base, "sweep": sweep})).curves.values()
+    drive = {"kind": "swept_sine", "applied_to": "base", "level": 9.0, **sine}
+    run = {"duration": 6.0 * np.log2(9.0 / 8.0), "sample_rate": 500.0, "convergence": "off"}
+    of_run = beamsim.run(Scenario.model_validate({**plain, "excitation": drive, "run": run}))
+    crush = of_run.snubbers["s"].residual_crush
+    assert crush > 0.1e-3
+    assert curve.peak_gap["s"].max() == pytest.approx(of_run.summary["largest_gap_m"]["s"], rel=1e-9)
+    lowest = min(probe.minimum.min() for probe in curve.displacement.values())
+    assert curve.peak_gap["s"].max() > 1e-3 - lowest + 0.1e-3
+
+
+@pytest.mark.slow
+def test_the_gap_of_a_crushed_stop_along_a_branch_has_its_crush():
+    """Which stays as it is along a branch of elastic motions."""
+    stop = {"name": "s", "mass": 1, "side": "above", "gap": 1e-3,
+            "stiffness": 1e4, "hardening": {"yield_force": 40.0, "stiffness": 1e3}}  # fmt: skip
+    result = beamsim.continuation(Scenario.model_validate({
+        "chain": SHAKEN | {"snubbers": [stop]}, "limits": {"gap": 0.02},
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 4.0, "frequency": 9.0},
+        "sweep": {"kind": "continuation", "from": 9.5, "to": 10.0},
+    }))  # fmt: skip
+    branch = result.branches[0]
+    (probe,) = branch.displacement.values()
+    crush = branch.peak_gap["s"] - (1e-3 - probe.minimum)
+    assert crush[0] > 1e-5
+    np.testing.assert_allclose(crush, crush[0], rtol=1e-6)
