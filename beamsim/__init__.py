@@ -38,8 +38,9 @@ if TYPE_CHECKING:
     from beamsim.store.export import export_result
     from beamsim.store.results import open_result, write_result
     from beamsim.store.studies import ensemble
-    from beamsim.trust.checked import coexisting, continuation, design_study, nnm, sweep
+    from beamsim.trust.checked import coexisting, continuation, nnm, sweep
     from beamsim.trust.runs import run
+    from beamsim.trust.studies import design_study
 
 _NAMES = {
     "beamsim.analyses.designs.plan": ("plan_designs",),

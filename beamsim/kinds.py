@@ -64,7 +64,7 @@ KINDS = {
     ),
     "designs": Kind(
         "sweep", "a design study by `beamsim sweep`",
-        analysis="beamsim.trust.checked:design_study",
+        analysis="beamsim.trust.studies:design_study",
         result="beamsim.analyses.designs.result:DesignsResult",
         screen="beamsim.cli.studies:design_screen",
         views="beamsim.cli.studies:DESIGN_VIEWS",

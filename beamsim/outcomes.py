@@ -217,12 +217,17 @@ class Outcome:
 
     @property
     def complete(self) -> bool:
-        """Whether everything requested was computed and is reliable."""
+        """Whether everything requested was computed, and no value of it is known to be doubtful."""
+        return self.gravest in (OutcomeKind.COMPLETE, OutcomeKind.NOTED)
+
+    @property
+    def usable(self) -> bool:
+        """Whether everything requested was computed and can be used: complete, or doubtful in some of its values."""
         return STANDINGS[self.gravest].exit_code == ExitCode.SUCCESS
 
     @property
     def trusted(self) -> bool:
-        """Whether what was computed is reliable, even if it is not complete."""
+        """Whether what was computed can be used, even if something is missing or some values are doubtful."""
         unreliable = self.kind in (OutcomeKind.UNTRUSTED, OutcomeKind.FAILED)
         return not unreliable and all(part.trusted for part in self.parts)
 

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import beamsim
-from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.system.build import build_system
+from beamsim.trust.studies import design_study
 from benchmarks.measure import CASE, SECONDS, command, imports, march, processor_time, spent
 
 STUDY = "configs/design_stiffness_gap.yaml"

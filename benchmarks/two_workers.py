@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 import beamsim
-from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.trust import checked
+from beamsim.trust.studies import design_study
 from benchmarks.measure import spent
 
 CONFIGS = Path(__file__).parents[1] / "configs"

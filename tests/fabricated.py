@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.designs.responses import means
+from beamsim.analyses.designs.result import CaseOutcome, limited_response
 from beamsim.analyses.run.result import (
     BodyResult,
     EnergyHistory,
@@ -18,6 +21,7 @@ from beamsim.analyses.run.result import (
     Work,
 )
 from beamsim.analyses.run.spectra import spectrum
+from beamsim.analyses.values import judged
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import NoExcitation
@@ -161,3 +165,24 @@ def fabricate(
         beamsim_version="0.1.0",
         provenance={"numpy": "2.0"},
     )
+
+
+def solved_case(
+    limits: dict[str, float], index: int, values: dict[str, Any], changes: dict[str, tuple[float, float]] | None = None,
+    **fields: Any,
+) -> CaseOutcome:  # fmt: skip
+    """The outcome of a case with some responses, as its run would have it.
+
+    Parameters
+    ----------
+    limits : by name, SI units.
+    index, values, fields : of the outcome.
+    changes : by limit the value less and plus its change with a finer model; by default it does not change.
+    """
+    margins = {}
+    for name, limit in limits.items():
+        found = [x for response, x in values.items() if means(limited_response(name), response)]
+        value = max(found, default=float("nan"))
+        lowest, highest = (changes or {}).get(name, (value, value))
+        margins[name] = {"limit": limit, "value": value, "lowest": lowest, "highest": highest, "at": ""}
+    return CaseOutcome(index, values, margins=judged(margins), **fields)

@@ -165,7 +165,7 @@ def sureness(result: Result, change: float) -> str:
 def standing(result: Result) -> str:
     """What the outcome comes to, with the number of values that do not converge; empty of what is complete."""
     said, doubtful = STANDINGS[result.outcome.gravest].first_line, result.summary.get("doubtful")
-    return f"{said}: {counted(len(doubtful), 'value')}" if said and doubtful and result.complete else said
+    return f"{said}: {counted(len(doubtful), 'value')}" if said and doubtful and result.outcome.usable else said
 
 
 def limits_by_place(result: Result) -> dict[str, list[str]]:

@@ -73,7 +73,16 @@ def design_screen(result: DesignsResult) -> Screen:
         )
     for name, of in shown[:SHOWN]:
         lines += _remarks(result, name, within.get("responses", {}).get(name, of))
-    return Screen(_judged(result), rows, lines)
+    return Screen(_judged(result), rows, [*lines, _comparison(result)])
+
+
+def _comparison(result: DesignsResult) -> str:
+    """How many cases are compared with a finer model."""
+    count, total = int(result.compared.sum()), result.cases
+    if count == total:
+        return "all cases compared with a finer model"
+    others = f", the other {total - count} not" if count else ""
+    return f"{count or 'none'} of {total} cases compared with a finer model{others}"
 
 
 def _near_lines(result: DesignsResult) -> Iterator[str]:
@@ -103,7 +112,7 @@ def _probability_screen(result: DesignsResult, of: Mapping[str, Any]) -> Screen:
     failed = f", {result.summary['failed']} FAILED" if result.summary["failed"] else ""
     said = f"{p:.2g}{often}" if is_known(p) and p else f"below {of['high']:.1g}" if is_known(of["high"]) else "unknown"
     verdict = f"probability of exceeding {what} {said}, {of['histories']} histories{failed}"
-    return Screen(verdict, list(_random_rows(result)), lines)
+    return Screen(verdict, list(_random_rows(result)), [*lines, _comparison(result)])
 
 
 def _random_rows(result: DesignsResult) -> Iterator[dict[str, str]]:
@@ -124,6 +133,7 @@ def _judged(result: DesignsResult) -> str:
     sides = f"{' x '.join(map(str, result.shape))} = " if len(result.shape) > 1 else ""
     solved = f", {s['solved']} solved" if s["solved"] < result.cases else ""
     failed = f", {s['failed']} FAILED" if s["failed"] else ""
+    failed += f", {s['not_reliable']} not reliable" if s.get("not_reliable") else ""
     passing = f", {_passing(result, s['passing'])}" if "passing" in s else ""
     cases = f"{_DESIGNS[result.kind]}{sides}{counted(result.cases, 'case')}, each a {result.analysis.replace('_', ' ')}"
     return f"{cases}{solved}{failed}{passing}"
@@ -183,7 +193,9 @@ def _limit_lines(result: DesignsResult) -> Iterator[str]:
         elif item["verdict"] == OnLimit.MET:
             where = "in all cases: at most"
         else:
-            where = f"in {item.get('cases_exceeding') or 'some'} of {result.cases} cases:"
+            exceeded = item["verdict"] == OnLimit.EXCEEDED
+            count = item.get("cases_exceeding" if exceeded else "cases_not_reliable")
+            where = f"in {count or 'some'} of {result.cases} cases:"
             with_them = _parameters(result, item.get("parameters", {})).items()
             most = "".join(f", {label} {value}" for label, value in with_them)
         met = f", met with a probability of {_odds(item['probability'])}" if "probability" in item else ""

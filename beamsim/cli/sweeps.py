@@ -193,16 +193,16 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, *, resume: boo
 
 
 def _finished(kind: str, target: Path, given: Given, **same: object) -> bool:
-    """Whether the file has the complete result, with fields that are the same; it is then printed."""
+    """Whether the file has everything that was asked for, with fields that are the same; it is then printed."""
     if journal_path(target).exists() or not holds(target, kind):
         return False
     stored: Any = open_result(target, kind)
-    if not stored.complete or stored.beamsim_version != __version__:
+    if not stored.outcome.usable or stored.beamsim_version != __version__:
         return False
     if any(getattr(stored, name) != value for name, value in same.items()):
         return False
     if not given.quiet:
-        say(f"beamsim: {target} is complete; there is nothing to compute")
+        say(f"beamsim: {target} has all of it; there is nothing to compute")
     with interruptible() as interrupted:
         conclude(kind, stored, target, given._replace(no_plots=True), interrupted)
     return True
@@ -223,7 +223,7 @@ def _coexist(scenario: Scenario, target: Path, given: Given, *, resume: bool, **
     path, fingerprint = journal_path(target), fingerprint_of(scenario, plain(scenario))
     with opened_journal(path, fingerprint, resume=resume) as journal, interruptible() as interrupted:
         _say_known(journal, " starts and disturbances", given)
-        known = tuple(journal.outcomes.values())
+        known = tuple(journal.kept)
         with progress_of("motions from many starts", shown=not given.quiet) as progress, scenario.locating():
             result = checked.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **workers)
         keep_result(result, target)

@@ -572,13 +572,8 @@ def _limits(scenario: ScenarioParts) -> Problems:
     if limits.bending_stress is not None:
         yield from _stress_known(scenario, "limits.bending_stress")
     for name in ("rms_displacement", "rms_acceleration"):
-        if getattr(limits, name) is None or scenario.excitation.stationary:
-            continue
-        if scenario.run is None:
+        if getattr(limits, name) is not None and not scenario.excitation.stationary and scenario.run is None:
             yield Problem(f"limits.{name}", "needs a run", "limit peaks, or add run: {duration: 1 s}")
-        elif scenario.study is not None:
-            message = f"needs a stationary input in a study, and the excitation is {scenario.excitation.kind}"
-            yield Problem(f"limits.{name}", message, "limit peaks")
     if limits.rms_force is not None and not scenario.excitation.stationary:
         message = f"is of a stationary input, and the excitation is {scenario.excitation.kind}"
         yield Problem("limits.rms_force", message, "limit peak_force")

@@ -214,7 +214,8 @@ class Run(Schema):
     """Numbers of the scenario, by their paths, by which all peaks and times in contact are differentiated: which number
     matters, and how much. Not computed by default."""
     convergence: Literal["on", "off"] | None = None
-    """Whether figures are compared with those of a finer model; by default on in a run, off in the cases of a study."""
+    """Whether values are compared with those of a finer model; by default on in a run, in a study for the cases that
+    decide."""
     max_events: q.Count = 1_000_000
     """Largest number of contact events, after which the run stops (chattering)."""
     memory: q.Memory = 2e9

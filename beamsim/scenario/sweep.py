@@ -230,7 +230,7 @@ class _UpAndDown(FrequencyRange):
     """Whether impacts per cycle, their impulse, time in contact, energy lost and highest speed are computed, and of
     friction slides, distance, energy lost and wear power."""
     convergence: Literal["on", "off"] | None = None
-    """Whether values are compared with those of a finer model; by default on, off in the cases of a study."""
+    """Whether values are compared with those of a finer model; by default on, in a study for the cases that decide."""
 
     def check(self) -> None:
         """Reject a range that contradicts the direction, and orders that cannot be tracked."""
@@ -460,7 +460,8 @@ class Coexisting(Schema):
     longest_period: q.Count = 16
     """Longest period considered, in cycles of the excitation."""
     convergence: Literal["on", "off"] | None = None
-    """Whether the largest values of stable motions are compared with those of a finer model; by default off."""
+    """Whether the largest values of stable motions are compared with those of a finer model; by default off, in a
+    study on for the cases that decide."""
 
     levels: ClassVar[tuple[float, ...]] = ()
 

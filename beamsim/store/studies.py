@@ -23,7 +23,7 @@ from beamsim.files import check_writable
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.store.results import keep_result, write_result
-from beamsim.trust.checked import design_study
+from beamsim.trust.studies import design_study
 from beamsim.version import __version__
 
 SAVED_EVERY_S = 30.0  # interval between updates of the result file
@@ -79,14 +79,14 @@ def stored_study(
 
     try:
         result = design_study(
-            plan, workers=workers, scheduler=scheduler, known=journal.outcomes.values(), each=each, progress=progress,
+            plan, workers=workers, scheduler=scheduler, known=journal.kept, each=each, progress=progress,
             stop=stop,
         )  # fmt: skip
     except BaseException:
-        if journal.outcomes:
+        if journal.kept:
             save()
         raise
-    if journal.outcomes:
+    if journal.kept:
         keep_result(result, target)
     if result.finished:
         journal.remove()
@@ -187,7 +187,7 @@ def opened_journal(path: Path, fingerprint: str, *, resume: bool) -> Iterator[Jo
         try:
             yield journal
         finally:
-            if not journal.outcomes:
+            if not journal.kept:
                 journal.remove()
 
 
@@ -196,15 +196,15 @@ class Journal:
 
     def __init__(self, path: Path, file: IO[bytes], header: bytes, *, resume: bool) -> None:
         self.path, self._file = path, file
-        self.outcomes: dict[int, CaseOutcome] = {}  # by index of the case
+        self.kept: list[CaseOutcome] = []  # in the order of completion; of some cases also with a comparison
         self.dropped = 0  # solved cases of this study that are discarded without resume
         file.seek(0)
         lines = file.read().splitlines(keepends=True)
-        known, size = _outcomes(lines[1:]) if lines[:1] == [header] else ({}, 0)
+        known, size = _outcomes(lines[1:]) if lines[:1] == [header] else ([], 0)
         if not resume:
-            self.dropped = len(known)
+            self.dropped = len({outcome.index for outcome in known})
         elif lines[:1] == [header]:
-            self.outcomes = known
+            self.kept = known
             file.truncate(len(header) + size)
             return
         elif lines and lines[0].endswith(b"\n"):
@@ -215,9 +215,14 @@ class Journal:
         file.truncate(0)
         self._write(header)
 
+    @property
+    def outcomes(self) -> dict[int, CaseOutcome]:
+        """By index of the case; of one that was solved again, with its comparison with a finer model."""
+        return {outcome.index: outcome for outcome in sorted(self.kept, key=lambda outcome: outcome.compared)}
+
     def add(self, outcome: CaseOutcome) -> None:
         """Write one case."""
-        self.outcomes[outcome.index] = outcome
+        self.kept.append(outcome)
         self._write(_line({**vars(outcome), "outcome": outcome.outcome.as_dict()}))
 
     def _write(self, line: bytes) -> None:
@@ -234,17 +239,16 @@ def _line(values: object) -> bytes:
     return f"{json.dumps(values, ensure_ascii=False)}\n".encode()
 
 
-def _outcomes(lines: Iterable[bytes]) -> tuple[dict[int, CaseOutcome], int]:
+def _outcomes(lines: Iterable[bytes]) -> tuple[list[CaseOutcome], int]:
     """The cases in lines up to the first that is incomplete, and their size in bytes."""
-    outcomes, size = dict[int, CaseOutcome](), 0
+    outcomes, size = list[CaseOutcome](), 0
     for line in lines:
         try:
             case = json.loads(line if line.endswith(b"\n") else b"")
-            read = {"outcome": Outcome.from_dict(case["outcome"]), "given": tuple(case["given"])}
-            outcome = CaseOutcome(**{**case, **read})
+            read = {name: tuple(case[name]) for name in ("given", "warnings")}
+            outcomes.append(CaseOutcome(**{**case, **read, "outcome": Outcome.from_dict(case["outcome"])}))
         except (KeyError, TypeError, ValueError):
             break
-        outcomes[outcome.index] = outcome
         size += len(line)
     return outcomes, size
 

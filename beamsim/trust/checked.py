@@ -13,10 +13,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.analyses.gapping import finite
-from beamsim.analyses.result import CONVERGENCE
-from beamsim.analyses.values import BY_NAME, largest_along, limited
+from beamsim.analyses.values import largest_along
 from beamsim.flow.compiled import processor_time
-from beamsim.kinds import KINDS, named
 from beamsim.outcomes import Progress, Stop, never, part_of
 from beamsim.trust.convergence import (
     COMPARISON,
@@ -35,8 +33,6 @@ from beamsim.trust.convergence import (
 if TYPE_CHECKING:
     from beamsim.analyses.coexisting.result import CoexistingResult
     from beamsim.analyses.continuation.result import ContinuationResult
-    from beamsim.analyses.designs.plan import DesignPlan
-    from beamsim.analyses.designs.result import DesignsResult
     from beamsim.analyses.nnm.result import NormalModeResult
     from beamsim.analyses.sweep.result import SweepResult
     from beamsim.scenario import Scenario
@@ -85,61 +81,6 @@ def sweep(
         return result
 
     return _checked(first, partial(compute, stop=stop), asked, _of_sweep, progress, stop)
-
-
-def design_study(scenario: Scenario | DesignPlan, **options: Any) -> DesignsResult:
-    """Solve the cases of a scenario with ``vary`` or ``optimise``; of a search also the best design alone.
-
-    Parameters
-    ----------
-    scenario, options : as of `beamsim.analyses.designs.analysis.design_study`: workers, scheduler, progress, stop, ...
-
-    Returns
-    -------
-    DesignsResult
-        Of a search with ``convergence`` and ``doubtful`` of the best design in its summary, with its margins, and with
-        what its run shows beside that of the scenario as it is.
-
-    Raises
-    ------
-    ScenarioError
-        If a case is invalid, or there are fewer workers than one.
-    NotTrustedError
-        If workers end unexpectedly.
-    """
-    from beamsim.analyses.designs.analysis import design_study as compute
-    from beamsim.analyses.designs.plan import design
-
-    result, stop = compute(scenario, **options), options.get("stop", never)
-    if result.kind != "optimise" or not result.finished or "best" not in result.summary:
-        return result
-    chosen = {"best": result.summary["best"][0], "as_it_is": result.summary.get("as_it_is")}
-    solve = named(KINDS[result.analysis if result.analysis in KINDS else "sweep"].analysis)
-    runs = {name: solve(design(result, case), stop=stop) for name, case in chosen.items() if case is not None}
-    return result.interrupted("the run of the best design") if stop() else _with_runs(result, **runs)
-
-
-def _with_runs(result: DesignsResult, best: Any, **others: Any) -> DesignsResult:
-    """A search with what is known of the best design as a case of its own; doubts are of what was asked for."""
-    from beamsim.analyses.designs.result import RunOfDesign, objectives
-
-    said = {entry.name: best.summary[entry.name] for entry in CONVERGENCE if entry.name in best.summary}
-    asked = {BY_NAME[name.rpartition("/")[2]].entry for aim in objectives(result.scenario) for name, _ in aim.terms}
-    asked |= {limited(name)[0].entry for name in result.limits}
-    for doubts in ("doubtful", "after_parting"):
-        said[doubts] = [key for key in said.get(doubts, ()) if key.partition(".")[0] in asked]
-    if not result.tolerances:  # within which the worst realisation has the margin
-        own = best.summary.get("margins", {})
-        said["margins"] = {name: item | own.get(name, {}) for name, item in result.summary.get("margins", {}).items()}
-    summary = result.summary | said
-    runs = {"best": best, **others}
-    shown = {name: RunOfDesign.of(name, run) for name, run in runs.items()} if result.analysis == "run" else None
-    checked = replace(
-        result, runs=shown, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary}
-    )
-    concerned = said["doubtful"] or said["after_parting"] or not best.outcome.complete
-    parts = (replace(best.outcome, within="the best design"),) if concerned else ()
-    return checked.ended(result.outcome.but(*parts))
 
 
 def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> ContinuationResult:

@@ -372,7 +372,7 @@ def _outcome(result: Result, checked: Convergence) -> Outcome:
     doubts = [_diverged(result, checked)] if checked.after else []
     if checked.doubtful:
         doubts = [_doubtful(result, checked, doubts)]
-    if not doubts or not result.outcome.complete:
+    if not doubts or not result.outcome.usable:
         return result.outcome.but(*doubts)
     return doubts[0].but(result.outcome) if result.outcome.message else doubts[0]
 

@@ -20,7 +20,7 @@ more than other records of the same length would change them, too.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -166,7 +166,10 @@ class Model:
         return self.motion.trajectory or self.motion.sampled()
 
 
-def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> RunResult:
+def run(
+    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, entries: Collection[str] | None = None,
+    shared: SharedBuilds | None = None,
+) -> RunResult:  # fmt: skip
     """Simulate a scenario, and compare its values with those of a finer model unless ``run.convergence: off``.
 
     Parameters
@@ -175,6 +178,9 @@ def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> Ru
     progress : called from time to time with the fraction of the duration that is done.
     stop : asked between blocks of events whether to end, and then before everything that is derived from the motion.
         The result holds the motion up to there with its peaks, energies and histories, and names what is left out.
+    entries : of the summary that are needed, by default all. Without a comparison nothing else is computed, and
+        histories, spectra and shapes are empty; outcome, warnings and margins are the same.
+    shared : keeps what runs of other cases have in common with this one.
 
     Returns
     -------
@@ -186,9 +192,10 @@ def run(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> Ru
     ScenarioError
         Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
-    begin, shared = clock.perf_counter(), SharedBuilds()
-    solution = solved(scenario, progress, stop, shared)
-    if not_none(scenario.run).convergence == "off":
+    begin, shared = clock.perf_counter(), shared or SharedBuilds()
+    alone = scenario.run is not None and scenario.run.convergence == "off"
+    solution = solved(scenario, progress, stop, shared, entries if alone else None)
+    if alone:
         return with_convergence(solution.result, Convergence(reason=NOT_ASKED))
     result = solution.result
     if not solution.motion.outcome.complete or result.outcome.interrupted:

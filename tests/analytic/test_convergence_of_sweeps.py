@@ -166,7 +166,10 @@ def test_a_study_judges_its_cases_as_their_runs_are_judged():
     assert margin["value"] < limit < margin["highest"] == pytest.approx(alone["peak_acceleration"]["highest"])
     assert margin["verdict"] == "not reliable"
     assert margin["cases_exceeding"] == 0
-    unchecked = case(1, sweep=None, run={"duration": 0.1}, vary=vary, limits={"peak_acceleration": limit})
+    chosen = case(1, sweep=None, run={"duration": 0.1}, vary=vary, limits={"peak_acceleration": limit})
+    assert beamsim.design_study(chosen).passing.tolist() == [True, False]  # the worst case of a limit is compared
+    run = {"duration": 0.1, "convergence": "off"}
+    unchecked = case(1, sweep=None, run=run, vary=vary, limits={"peak_acceleration": limit})
     assert beamsim.design_study(unchecked).passing.tolist() == [True, True]
 
 

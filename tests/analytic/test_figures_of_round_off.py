@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.analysis import design_study
 from beamsim.cli.tables import table_rows
+from beamsim.trust.studies import design_study
 
 PINNED = {
     "beam": {

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.analysis import design_study
-from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.analyses.designs.plan import design
-from beamsim.analyses.designs.result import CaseOutcome
-from beamsim.outcomes import COMPLETE
+from beamsim.trust.studies import CaseSolver, design_study
+from tests.fabricated import solved_case
 
 MASS, SPEED, HELD = 2.0, 0.5, 10.0
 CASE = {
@@ -62,7 +60,7 @@ def test_a_limit_binds_where_the_value_with_its_change_by_a_finer_model_reaches_
     def solve(self, case):
         force, depth = closed(case.values[0])
         values = {"snubbers/above/peak_force": force, "probes/mass_1/peak_displacement": depth}
-        return CaseOutcome(case.number, values, COMPLETE, 0.0, {DEPTH: (0.9 * depth, 1.1 * depth)}, case.values)
+        return solved_case({DEPTH: limit}, case.number, values, {DEPTH: (0.9 * depth, 1.1 * depth)}, given=case.values)
 
     monkeypatch.setattr(CaseSolver, "__call__", solve)
     limit = 4e-3
@@ -143,7 +141,7 @@ def test_a_front_has_the_designs_of_a_small_region_as_well(monkeypatch, seed):
         near = max(0.0, 1.0 - 5e3 * u) * max(0.0, 3.5e3 * v - 2.5) if product == "d" else 0.0
         values = (10.0 * (1e3 * u + 1e3 * v), 1.0 - 100.0 * u) if near == 0.0 else (40.0, 0.9 - 0.8 * near)
         named = dict(zip(("snubbers/above/peak_force", "probes/mass_1/peak_displacement"), values, strict=True))
-        return CaseOutcome(case.number, named, COMPLETE, 0.0, {}, case.values)
+        return solved_case({}, case.number, named, given=case.values)
 
     monkeypatch.setattr(CaseSolver, "__call__", solved)
     gaps = [{"path": f"snubbers[{k}].gap", "from": "0 mm", "to": "1 mm"} for k in range(2)]

@@ -10,12 +10,12 @@ import pytest
 from scipy.stats import norm
 
 from beamsim.analyses.designs import sampling
-from beamsim.analyses.designs.analysis import design_study
-from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, exit_code
+from beamsim.outcomes import Outcome, OutcomeKind, exit_code
 from beamsim.scenario import load_scenario
+from beamsim.trust.studies import CaseSolver, design_study
+from tests.fabricated import solved_case
 
 pytest.importorskip("openturns")
 
@@ -33,7 +33,7 @@ def solved_by(monkeypatch):
             if values is None:
                 return CaseOutcome(case.number, {}, Outcome.of(OutcomeKind.FAILED, "failed", "no"), given=case.values)
             values = values if isinstance(values, dict) else {FORCE: values}
-            return CaseOutcome(case.number, values, COMPLETE, given=case.values)
+            return solved_case(self.study.case.limits.given, case.number, values, given=case.values)
 
         monkeypatch.setattr(CaseSolver, "__call__", solve)
 
@@ -296,7 +296,7 @@ def test_a_value_counts_with_its_change_by_a_finer_model(monkeypatch):
     def solve(self, case):
         force = case.values[1]
         ranges = {"peak_force": (0.9 * force, 1.1 * force)}
-        return CaseOutcome(case.number, {FORCE: force}, COMPLETE, 0.0, ranges, case.values)
+        return solved_case(self.study.case.limits.given, case.number, {FORCE: force}, ranges, given=case.values)
 
     monkeypatch.setattr(CaseSolver, "__call__", solve)
     of = found(scenario(PAIR, "{peak_force: 143 kN}", method="form"))[1]

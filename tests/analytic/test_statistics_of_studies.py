@@ -16,6 +16,7 @@ from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
 from beamsim.scenario.parameters import VariedParameter
 from beamsim.scenario.studies import Correlation
+from tests.fabricated import solved_case
 
 pytestmark = pytest.mark.quick
 
@@ -192,7 +193,9 @@ def sampled(kind, samples, force, failed=()):
     text = f"{{kind: {kind}, samples: {samples}, parameters: [{spring}, {mass}]}}"
     plan = plan_designs(load_scenario(STEP + text))
     outcomes = {
-        case.number: CaseOutcome(case.number, {"probes/m/peak_displacement": 2.0 * force / case.values[0]})
+        case.number: solved_case(
+            plan.scenario.limits.given, case.number, {"probes/m/peak_displacement": 2.0 * force / case.values[0]}
+        )
         for case in plan.cases
     }
     lost = Outcome.of(OutcomeKind.FAILED, "failed", "lost")

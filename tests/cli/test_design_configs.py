@@ -6,8 +6,8 @@ from scipy.stats import spearmanr
 from shipped import PATHS, shipped
 
 import beamsim
-from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import design
+from beamsim.trust.studies import design_study
 
 CONFIGS = PATHS[0].parent
 

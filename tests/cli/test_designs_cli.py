@@ -64,7 +64,7 @@ def test_a_study_leaves_its_file_and_maps_and_prints_margins(here):
                  ", tip stiffness 200 kN/m",
                  "tip peak force", "case_maps.png"):  # fmt: skip
         assert text in done.stdout, text
-    assert open_result("case.h5").complete
+    assert open_result("case.h5").outcome.usable
 
 
 def test_the_best_of_the_cases_that_meet_every_limit(here):
@@ -221,9 +221,7 @@ def test_failed_cases_are_saved_around_and_end_with_3(here):
 def test_resume_of_a_complete_study_computes_nothing(here, monkeypatch):
     assert invoke("sweep", "case.yaml", "--workers", 1, "-q", "--no-plots").exit_code == 0
     before = (here / "case.h5").read_bytes()
-    monkeypatch.setattr(
-        "beamsim.analyses.designs.analysis.design_study", lambda *_, **__: pytest.fail("computed again")
-    )
+    monkeypatch.setattr("beamsim.trust.studies.design_study", lambda *_, **__: pytest.fail("computed again"))
     done = invoke("sweep", "case.yaml", "--resume")
     assert done.exit_code == 0, done.output
     assert "there is nothing to compute" in done.stderr

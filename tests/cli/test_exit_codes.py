@@ -47,7 +47,8 @@ def test_an_outcome_has_its_code_and_its_first_line(kind, fabricated_run):
     result = fabricated_run(outcome=outcome)
     assert exit_code(outcome) == STANDINGS[kind].exit_code == CODES[kind]
     assert ended(result) == CODES[kind]
-    assert outcome.complete == (CODES[kind] == 0)
+    assert outcome.usable == (CODES[kind] == 0)
+    assert outcome.complete == (kind not in FIRST_LINES)  # what is marked NOT CONVERGED was called complete
     first = named(KINDS["run"].screen)(result).text(result, ["case.h5"]).splitlines()[0]
     assert first.partition("  ")[2].startswith(FIRST_LINES.get(kind, "not checked"))
 
@@ -58,7 +59,8 @@ def test_what_accompanies_an_outcome_counts_as_the_outcome_itself(kind, part):
     both = of_kind(kind).but(of_kind(part))
     assert both.gravest is max(kind, part, key=list(OutcomeKind).index)
     assert exit_code(both) == max(CODES[kind], CODES[part])
-    assert both.complete == (exit_code(both) == 0)
+    assert both.usable == (exit_code(both) == 0)
+    assert both.complete == (both.gravest not in FIRST_LINES)
 
 
 @pytest.mark.parametrize(

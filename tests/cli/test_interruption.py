@@ -224,7 +224,7 @@ def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_
 
 def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkeypatch, tmp_path):
 
-    from beamsim.analyses.designs.cases import CaseSolver
+    from beamsim.trust.studies import CaseSolver
 
     solved = []
 
@@ -236,7 +236,8 @@ def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkey
         return real(self, case)
 
     monkeypatch.setattr(CaseSolver, "__call__", solve)
-    sets = ["--set", "vary.samples=5", "--set", "run.duration=0.5 s", "--workers", "1", "--no-plots"]
+    changes = ("vary.samples=5", "run.duration=0.5 s", "run.convergence=off")
+    sets = [*(word for change in changes for word in ("--set", change)), "--workers", "1", "--no-plots"]
     target = tmp_path / "study.h5"
     done = invoke("sweep", CONFIGS / "design_tolerances.yaml", *sets, "-o", target)
     assert done.exit_code == 130, done.output

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.store.studies import journal_path
+from beamsim.trust.studies import CaseSolver
 from tests.helpers.commands import invoke
 
 CASE = """\
@@ -81,7 +81,8 @@ def test_an_interrupted_search_goes_on_where_it_was(monkeypatch, heeded):
     solved, whole = [], beamsim.open_result("whole.h5").cases
 
     def solve(self, case, real=CaseSolver.__call__):
-        solved.append(case.number)
+        if not case.compared:
+            solved.append(case.number)
         if len(solved) == 25:  # amid a generation
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(0.3)

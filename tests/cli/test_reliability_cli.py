@@ -10,8 +10,8 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 import beamsim
-from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.store.studies import journal_path
+from beamsim.trust.studies import CaseSolver
 from tests.helpers.commands import invoke
 
 pytest.importorskip("openturns")

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
 
-from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.analyses.parallel import processes
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result
+from beamsim.trust.studies import design_study
 from tests.helpers.commands import invoke
 
 BASE = """\

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import binomtest
 
 import beamsim
-from beamsim.analyses.designs.analysis import design_study
 from beamsim.scenario import load_scenario
+from beamsim.trust.studies import design_study
 
 pytest.importorskip("openturns")
 pytestmark = pytest.mark.slow

@@ -5,10 +5,11 @@ from functools import partial
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.cases import CaseSolver, Evaluator
+from beamsim.analyses.designs.cases import Evaluator
 from beamsim.analyses.designs.plan import plan_draws
 from beamsim.analyses.parallel import working
 from beamsim.scenario import load_scenario
+from beamsim.trust.studies import CaseSolver
 
 BASE = """\
 chain: {masses: [1 kg], springs: [1 kN/m]}

@@ -8,12 +8,13 @@ from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.drawing import save_figures
 from beamsim.scenario import load_scenario
 from beamsim.store.results import write_result
 from beamsim.store.studies import journal_path, opened_journal
+from tests.fabricated import solved_case
 
 BASE = """\
 title: Fabricated study
@@ -44,7 +45,11 @@ STUDIES = {
 }
 
 
-def outcome(index, rng):
+def limits_of(plan):
+    return {} if plan.scenario.limits is None else plan.scenario.limits.given
+
+
+def outcome(limits, index, rng):
     force, gap = rng.uniform(10, 50), rng.uniform(0, 2e-3)
     values = {
         "probes/tip/peak_displacement": rng.uniform(1e-4, 1e-3),
@@ -55,7 +60,7 @@ def outcome(index, rng):
         "bending_stress": 1e6 * rng.uniform(1, 9),
         "closed_frequencies_hz": [200.0 + force, 500.0 + force, np.nan],
     }
-    return CaseOutcome(index, values, COMPLETE, 0.1)
+    return solved_case(limits, index, values, processor_time_s=0.1)
 
 
 def failure(index, reason):
@@ -65,7 +70,7 @@ def failure(index, reason):
 def fabricated(name, failed=(), missing=()):
     plan = plan_designs(load_scenario(f"{BASE}{STUDIES[name]}\n"))
     rng = np.random.default_rng(1)
-    outcomes = {case.number: outcome(case.number, rng) for case in plan.cases}
+    outcomes = {case.number: outcome(limits_of(plan), case.number, rng) for case in plan.cases}
     outcomes |= {k: failure(k, "more than max_events events") for k in failed}
     return gather(plan, {k: o for k, o in outcomes.items() if k not in missing}, 1.5)
 
@@ -124,8 +129,10 @@ def test_a_search_is_drawn_over_its_range_and_the_case_as_it_is_is_no_design():
     plan = plan_designs(load_scenario(BASE + text))
     gaps, forces = [0.0, *np.geomspace(9e-4, 1e-9, 11)], [5.0, *np.linspace(29.0, 10.0, 11)]
     tried = {
-        k: CaseOutcome(k, {"snubbers/tip/peak_force": force, "snubbers/tip/largest_gap": gap, "bending_stress": 1e6},
-                       COMPLETE, 0.1, {}, (gap,))
+        k: solved_case(
+            limits_of(plan), k,
+            {"snubbers/tip/peak_force": force, "snubbers/tip/largest_gap": gap, "bending_stress": 1e6}, given=(gap,),
+        )
         for k, (gap, force) in enumerate(zip(gaps, forces, strict=True))
     }  # fmt: skip
     figures = gather(plan, tried, 1.0).plot()
@@ -139,7 +146,7 @@ def test_a_search_is_drawn_over_its_range_and_the_case_as_it_is_is_no_design():
 
 def outcomes(count):
     rng = np.random.default_rng(0)
-    return [outcome(k, rng) for k in range(count)]
+    return [outcome({"peak_force": 30.0}, k, rng) for k in range(count)]
 
 
 def same(kept, read):
@@ -164,7 +171,7 @@ def test_a_limit_is_judged_with_the_change_of_its_value_also_after_a_study_was_r
     ranges = [(29.0, 29.0), (28.0, 29.9), (28.0, 31.0), (31.0, 32.0), (-np.inf, np.inf)]
     with opened_journal(tmp_path / "x.partial", "print", resume=False) as journal:
         for k, ends in enumerate(ranges):
-            journal.add(CaseOutcome(k, {"snubbers/tip/peak_force": 29.0}, ranges={"peak_force": ends}))
+            journal.add(solved_case({"peak_force": 30.0}, k, {"snubbers/tip/peak_force": 29.0}, {"peak_force": ends}))
     with opened_journal(tmp_path / "x.partial", "print", resume=True) as journal:
         case = load_scenario(f"{BASE}{STUDIES['curve']}\n", ["limits.gap=null", "limits.bending_stress=null"])
         result = gather(plan_designs(case), journal.outcomes)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.cases import CaseSolver
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.store.studies import journal_path, opened_journal
+from beamsim.trust.studies import CaseSolver
 
 CASE = """\
 chain: {masses: [1], springs: [100, 0], snubbers: [{name: stop, mass: 1, side: below, stiffness: 1 kN/m, gap: 2 mm}]}

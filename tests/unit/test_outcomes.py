@@ -37,6 +37,7 @@ def test_complete():
     [
         (OutcomeKind.COMPLETE, "complete: what at 3 Hz"),
         (OutcomeKind.NOTED, "what at 3 Hz"),
+        (OutcomeKind.DOUBTFUL, "not converged at 3 Hz: what"),
         (OutcomeKind.INCOMPLETE, "what at 3 Hz"),
         (OutcomeKind.STOPPED, "stopped at 3 Hz: what"),
         (OutcomeKind.UNTRUSTED, "not reliable at 3 Hz: what"),
@@ -50,7 +51,8 @@ def test_what_each_kind_says_and_means(kind, text):
     assert outcome.complete == (kind in ("complete", "noted"))
     assert outcome.trusted == (kind not in ("untrusted", "failed"))
     assert outcome.cut_short == (kind in ("incomplete", "stopped", "interrupted", "failed"))
-    assert Outcome.of(kind, "code").message in ("", "stopped", "not reliable", "interrupted")
+    assert outcome.usable == (kind in ("complete", "noted", "doubtful"))
+    assert Outcome.of(kind, "code").message in ("", "stopped", "not converged", "not reliable", "interrupted")
 
 
 def test_the_parameter_of_a_branch_is_converted_once():

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.inputs.density import SpectralDensity
 from beamsim.inputs.excitation import random_signals
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import RandomInput
+from beamsim.trust.studies import design_study
 
 TABLE = (np.array([5.0, 20.0, 80.0]), np.array([0.01, 0.04, 0.01]))
 DURATION = 8.0

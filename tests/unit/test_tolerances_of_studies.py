@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.analysis import design_study
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
+from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result
 from beamsim.store.results import write_result
+from beamsim.trust.studies import design_study
+from tests.fabricated import solved_case
 
 BASE = """\
 beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4}
@@ -41,8 +42,8 @@ def of_forces(forces, tolerances, limits="{peak_force: 30 N}", more="minimise: p
     outcomes = {}
     for k, force in enumerate(np.ravel(forces)):
         failed = Outcome.of(OutcomeKind.FAILED, "failed", "why")
-        ending = failed if np.isnan(force) else COMPLETE
-        outcomes[k] = CaseOutcome(k, {} if np.isnan(force) else {FORCE: float(force)}, ending)
+        found = solved_case(plan.scenario.limits.given, k, {FORCE: float(force)})
+        outcomes[k] = CaseOutcome(k, {}, failed) if np.isnan(force) else found
     return gather(plan, outcomes)
 
 
@@ -118,7 +119,8 @@ def test_the_worst_place_of_those_that_a_case_has_judges_it(goal, of_known, best
     plan = plan_designs(scenario("null", more=f"{goal}: peak_force, "))
     forces = [{"up_0": 9.0, "down_0": 10.0}, {"up_0": 8.0}, {"down_0": 7.0}]
     outcomes = {
-        k: CaseOutcome(k, {f"{curve}/{FORCE}": force for curve, force in of.items()}) for k, of in enumerate(forces)
+        k: solved_case(plan.scenario.limits.given, k, {f"{curve}/{FORCE}": force for curve, force in of.items()})
+        for k, of in enumerate(forces)
     }
     result = gather(plan, outcomes)
     assert result.judged(*result.responses.values()).tolist() == of_known
@@ -131,7 +133,7 @@ def test_a_limit_that_no_response_is_compared_with_is_not_met():
     result = of_forces(FORCES, f"{{{FOUR}}}", "{peak_force: 50 N, gap: 1 mm}")
     assert result.passing.tolist() == [False, False, False]
     assert "best" not in result.summary
-    assert any("limits.gap: no case has a response" in warning for warning in result.warnings)
+    assert any("limits.gap: no case has a value" in warning for warning in result.warnings)
 
 
 def test_a_case_with_a_realisation_that_failed_does_not_pass(tmp_path):

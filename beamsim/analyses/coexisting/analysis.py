@@ -103,7 +103,7 @@ def coexisting(
     scenario : with a ``sweep`` section of kind coexisting and a harmonic excitation.
     progress : called with the fraction done.
     stop : asked between starts and points of branches; the result then holds the starts up to there.
-    workers, scheduler : that share starts and disturbances, as of `beamsim.analyses.designs.analysis.design_study`.
+    workers, scheduler : that share starts and disturbances, as of `beamsim.trust.studies.design_study`.
     known : outcomes of starts and disturbances of an earlier call that was interrupted.
     each : called with every new one, in the order of completion.
 

@@ -3,39 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.designs.plan import DesignPlan, Realisations, varies_seed
+from beamsim.analyses.designs.plan import DesignPlan, Realisations, varied_seeds
 from beamsim.analyses.designs.responses import describe
 from beamsim.analyses.designs.result import (
     CaseFailure,
     CaseOutcome,
     DesignsResult,
+    LimitVerdicts,
     Objective,
     RealisedResponse,
     Response,
     SobolIndices,
     is_scalar,
     judging,
-    limited_response,
     objectives,
-    responses_of,
     varies,
-    worst_of,
 )
 from beamsim.analyses.designs.statistics import probability, rank_correlations, statistics, swings
-from beamsim.analyses.doubts import forces_beyond_tables
 from beamsim.analyses.values import margin_of, margins_of
-from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, on_limit, together
-from beamsim.scenario.parameters import Value
-from beamsim.typing import Bools, Floats
+from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, together
+from beamsim.scenario.parameters import Value, value_at
+from beamsim.typing import Bools, Floats, Ints
 
+_NUMBERS = re.compile(r"[-+]?\d[\d.,]*(?:e[-+]?\d+)?")
 SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have statistics
 
 
@@ -98,11 +97,33 @@ class _Cases:
         """Number of the cases whose realisations are not all known."""
         return int(np.sum(~self.known.reshape(-1, self.shape[-1]).all(axis=1)))
 
+    def of_all(self, holds: Callable[[CaseOutcome], bool]) -> Bools:
+        """Of the design's shape: which cases are known in all realisations, of each of which something holds."""
+        numbers = [number for number, outcome in self.outcomes.items() if holds(outcome)]
+        return np.asarray(np.isin(np.arange(len(self.plan.cases)), numbers).reshape(self.shape).all(axis=-1))
+
     @cached_property
     def solved(self) -> Bools:
         """Of the design's shape: which cases have responses in all realisations."""
-        complete = [number for number, outcome in self.outcomes.items() if outcome.outcome.complete]
-        return np.asarray(np.isin(np.arange(len(self.plan.cases)), complete).reshape(self.shape).all(axis=-1))
+        return self.of_all(lambda outcome: not outcome.failed)
+
+    @cached_property
+    def usable(self) -> Bools:
+        """Of the design's shape: which of these are computed as a whole and reliable."""
+        return self.of_all(lambda outcome: outcome.outcome.usable)
+
+    @cached_property
+    def compared(self) -> Bools:
+        """Of the design's shape: which cases are compared with a finer model, in some realisation."""
+        return ~self.of_all(lambda outcome: not outcome.compared) & self.known.reshape(self.shape).any(axis=-1)
+
+    @cached_property
+    def gravest(self) -> list[CaseOutcome | None]:
+        """(cases,) of each the first of the realisations whose outcomes are the gravest; None where none is known."""
+        grave, count = list(OutcomeKind), self.shape[-1]
+        rows = ([self.outcomes.get(first + r) for r in range(count)] for first in range(0, self.known.size, count))
+        known = ([of for of in row if of is not None] for row in rows)
+        return [max(row, key=lambda of: grave.index(of.outcome.gravest), default=None) for row in known]
 
     @cached_property
     def drawn(self) -> Bools:
@@ -120,8 +141,8 @@ class _Cases:
 
     @cached_property
     def passing(self) -> Bools:
-        """Of the design's shape: which cases are solved and meet every limit."""
-        return self.solved & self.judged.met
+        """Of the design's shape: which cases are reliable and meet every limit."""
+        return self.usable & self.judged.met
 
     @cached_property
     def shares(self) -> Floats | None:
@@ -146,6 +167,31 @@ class _Cases:
             aims.append((objective, response))
         return aims
 
+    def of_limit(self, name: str) -> _OfLimit:
+        """How the realisations of all cases do by a limit."""
+        unknown = {"value": math.nan, "lowest": math.nan, "highest": math.nan, "verdict": OnLimit.NOT_RELIABLE.value}
+        items = [unknown] * self.known.size
+        for number, outcome in self.outcomes.items():
+            items[number] = {**unknown, **outcome.margins.get(name, {})}
+        value, low, high = (
+            np.array([item[key] for item in items], dtype=float) for key in ("value", "lowest", "highest")
+        )
+        verdicts, quantile = np.array([item["verdict"] for item in items]), self.plan.study.realisations.quantile
+        return _OfLimit(
+            items, value, low, high, verdicts, judging(value, self.shape[-1], quantile, large_is_good=False)
+        )
+
+
+class _OfLimit(NamedTuple):
+    """How the realisations (N,) of all cases do by one limit."""
+
+    items: list[dict[str, Any]]  # of their margins
+    value: Floats  # SI; nan where it is not known
+    low: Floats  # the value less its change with a finer model
+    high: Floats  # plus it
+    verdicts: NDArray[np.str_]
+    chosen: Ints  # (cases,) realisations by which the cases are judged
+
 
 @dataclass(frozen=True)
 class _Judged:
@@ -156,11 +202,13 @@ class _Judged:
     margins : of every case, by limit.
     worst : by limit the case with the smallest margin, for the summary.
     over : by limit, of the design's shape: the value with its change over the limit; nan where it is not known.
+    verdicts : by limit, of the design's shape.
     met : of the design's shape, whether a case surely meets every limit, with the change of its value by a finer model.
     meets : the same of every realisation.
     """
 
     margins: dict[str, Response]
+    verdicts: dict[str, LimitVerdicts]
     worst: dict[str, Any]
     over: dict[str, Floats]
     met: Bools
@@ -265,11 +313,15 @@ def gather(
         scenario=scenario,
         analysis=plan.study.analysis,
         kind=plan.kind,
-        outcome=_outcome(cases.solved.size, cases.missing, failures) if ended is None else ended,
+        outcome=_outcome(cases) if ended is None else ended,
         coordinates=plan.coordinates,
         solved=cases.solved,
         responses=responses,
         margins=cases.judged.margins,
+        verdicts=cases.judged.verdicts,
+        case_outcomes=_texts(cases, lambda of: of.outcome.text),
+        case_warnings=_texts(cases, lambda of: "\n".join(of.warnings)),
+        compared=cases.compared,
         limits=limits,
         passing=cases.passing if limits else None,
         passing_share=cases.shares,
@@ -278,8 +330,7 @@ def gather(
         sensitivity=sensitivity,
         failures=failures,
         warnings=(
-            *scenario.warnings, *_about_seeds(plan),
-            *_about_choice(cases, choice, gaps), *_about_tables(plan, cases.realised),
+            *scenario.warnings, *_about_seeds(plan), *_about_choice(cases, choice, gaps), *_warnings_of_cases(cases),
         ),
         wall_time_s=wall_time_s,
         objectives=choice.values if optimised else None,
@@ -288,6 +339,8 @@ def gather(
     ).with_summary(
         solved=cases.solved.size - cases.missing - len(failures),
         failed=len(failures),
+        not_reliable=sum(not of.outcome.trusted for of in _with_responses(cases)),
+        compared=int(cases.compared.sum()),
         responses=_extremes(plan, responses),
         **_about_best(cases, choice),
         tolerances=_tolerances(realisations),
@@ -297,20 +350,36 @@ def gather(
     )  # fmt: skip
 
 
-def _about_tables(plan: DesignPlan, responses: Mapping[str, Response]) -> list[str]:
-    """Stops that some case presses further than their tables go, where all cases have the same tables."""
-    varied = [*(c.path for c in plan.coordinates), *(p.number.path for p in plan.study.realisations.parameters)]
-    if any("force_deflection" in path for path in varied):
-        return []
-    forces = [{r.name.split("/")[-2]: r.values} for r in responses_of(responses, "peak_force")]
-    return forces_beyond_tables(plan.scenario, forces)
+def _texts(cases: _Cases, text: Callable[[CaseOutcome], str]) -> NDArray[np.str_]:
+    """Of the design's shape a text of each case, of the gravest of its realisations; empty where none is known."""
+    texts = ["" if of is None else text(of) for of in cases.gravest]
+    return np.array(texts, dtype=np.str_).reshape(cases.plan.shape)
+
+
+def _with_responses(cases: _Cases) -> list[CaseOutcome]:
+    """The gravest outcome of each case that has responses."""
+    return [of for of in cases.gravest if of is not None and not of.failed]
+
+
+def _warnings_of_cases(cases: _Cases) -> Iterator[str]:
+    """The warnings of the cases, those that differ by numbers alone as one: the first, and in how many cases."""
+    count, total = cases.shape[-1], cases.solved.size
+    found: dict[str, tuple[str, set[int]]] = {}
+    for index in sorted(cases.outcomes):
+        for text in cases.outcomes[index].warnings:
+            if text not in cases.plan.scenario.warnings:
+                found.setdefault(_NUMBERS.sub("#", text), (text, set()))[1].add(index // count)
+    for text, numbers in found.values():
+        first = "" if total == 1 else f"case {min(numbers) + 1}: "
+        more = f" (and in {len(numbers) - 1} more of {total} cases)" if len(numbers) > 1 else ""
+        yield f"{first}{text}{more}"
 
 
 def _failures(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> tuple[CaseFailure, ...]:
     """The cases that failed, each with the first of its realisations that did."""
     first: dict[int, CaseFailure] = {}
     for index in sorted(outcomes):
-        if not outcomes[index].outcome.complete:
+        if outcomes[index].failed:
             case = index // plan.study.realisations.count
             first.setdefault(case, CaseFailure(case, plan.cases[index].values, outcomes[index].outcome))
     return tuple(first.values())
@@ -365,7 +434,7 @@ def costs(plan: DesignPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Fl
     Returns
     -------
     (objectives, cases) array
-        Infinite where a case has no value.
+        Infinite where a case has no value, or is not reliable.
     (limits, cases) array
         Share by which a value with its change by a finer model exceeds each limit, negative where it is met; infinite
         where that is not known.
@@ -375,7 +444,8 @@ def costs(plan: DesignPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Fl
     margins, over, shape = cases.judged.margins, cases.judged.over, cases.plan.shape
     least = np.min([margin.values for margin in margins.values()], axis=0) if margins else np.full(shape, np.inf)
     values = [aim.sign * (least if response is None else response.values) for aim, response in cases.aims]
-    beyond = np.array([over[name] - 1.0 for name in over]).reshape(len(over), *shape)
+    values = [np.where(cases.usable, of_aim, np.nan) for of_aim in values]
+    beyond = np.array([np.where(cases.usable, over[name], np.nan) - 1.0 for name in over]).reshape(len(over), *shape)
     known = [np.nan_to_num(each, nan=np.inf, posinf=np.inf, neginf=-np.inf) for each in (values, beyond)]
     return known[0], known[1]
 
@@ -441,8 +511,8 @@ def _about_choice(cases: _Cases, choice: _Choice, gaps: Sequence[str]) -> Iterat
         key, asked = "maximise" if objective.largest else "minimise", " + ".join(name for name, _ in objective.terms)
         yield f"vary.{key} = {asked}: no case has such a response; they have {', '.join(scalar)}"
     for name in cases.limits if cases.realised else ():
-        if not any(r.name in scalar for r in responses_of(cases.realised, limited_response(name))):
-            yield f"limits.{name}: no case has a response that is compared with it, so no case meets every limit"
+        if np.isnan(cases.judged.margins[name].values).all():
+            yield f"limits.{name}: no case has a value that is compared with it, so no case meets every limit"
     if gaps:
         yield f"no Sobol' indices of {', '.join(gaps)}, which are not known in all cases"
 
@@ -454,9 +524,11 @@ def _by_parameter(plan: DesignPlan, indices: SobolIndices) -> dict[str, dict[str
 
 def _about_seeds(plan: DesignPlan) -> list[str]:
     """What the scatter between the seeds of a random input means."""
-    if not varies_seed(plan.study.varied):
+    inputs = [value_at(plan.study.case, place[:-1]) for place in varied_seeds(plan.study.varied)]
+    amplitudes = {each.amplitudes for each in inputs if hasattr(each, "amplitudes")}  # of random inputs alone
+    if not amplitudes:
         return []
-    if getattr(plan.study.case.excitation, "amplitudes", None) == "random":
+    if amplitudes == {"random"}:
         return [
             "the seeds are realisations of a Gaussian process (excitation.amplitudes: random): they scatter as records "
             "of this duration do"
@@ -480,51 +552,50 @@ def _sensitivity(
     return {name: measure(r.values, numbers) for name, r in responses.items() if is_scalar(r, plan.shape) and varies(r)}
 
 
-def _ranges(outcomes: Mapping[int, CaseOutcome], limit: str, value: Floats) -> Floats:
-    """(2, cases and realisations) the values of a limit less and plus their changes, where these are known."""
-    ranges = np.array([value.ravel(), value.ravel()])
-    for number, outcome in outcomes.items():
-        if limit in outcome.ranges:
-            ranges[:, number] = outcome.ranges[limit]
-    return ranges
-
-
 def _margins(cases: _Cases) -> _Judged:
     """How cases and realisations do by the limits; the cases that are drawn give the probability that one is met."""
-    margins, summary, over = {}, {}, {}
-    plan, shape, quantile = cases.plan, cases.shape, cases.plan.study.realisations.quantile
-    met, meets = np.ones(plan.shape, dtype=bool), np.ones(shape, dtype=bool)
+    margins, verdicts, summary, over = {}, {}, {}, {}
+    shape = cases.plan.shape
+    met, meets = np.ones(shape, dtype=bool), np.ones(cases.shape, dtype=bool)
     for name, limit in cases.limits.items():
-        compared = [r for r in responses_of(cases.realised, limited_response(name)) if cases.scalar(r)]
-        margin = over[name] = np.full(plan.shape, math.nan)
-        if compared:
-            values, decisive = worst_of(compared, large_is_good=False)
-            ranges = _ranges(cases.outcomes, name, values)
-            meets &= (ranges[1] <= limit).reshape(shape)
-            chosen = judging(values, shape[-1], quantile, large_is_good=False)
-            value, (low, high) = values[chosen], ranges[:, chosen]
-            over[name] = (high / limit).reshape(plan.shape)
-            verdicts = np.array([on_limit(a, b, limit) for a, b in zip(low.tolist(), high.tolist(), strict=True)])
-            met &= (verdicts == OnLimit.MET).reshape(plan.shape)
-            margin = np.array([margin_of(limit, each) for each in value.tolist()]).reshape(plan.shape)
-        else:  # a limit that nothing is compared with is not met
-            met[:], meets[:] = False, False
-        margins[name] = Response(name, margin, "1", f"limits.{name} / value - 1")
-        if np.any(np.isfinite(margin) | np.isposinf(margin)):
-            case = int(np.nanargmin(margin))
-            at = compared[decisive[chosen[case]]].place
-            summary[name] = {
-                **margins_of(plan.scenario.limits, {name: (float(value[case]), at)})[name],
-                "lowest": float(np.nanmax(low)),  # a limit is exceeded in all cases if it is in one
-                "highest": float(np.nanmax(high)),
-                "case": case,
-                "parameters": _named(plan, case),
-                "cases_exceeding": int(np.sum(verdicts == OnLimit.EXCEEDED)),
-                **({"probability": probability((verdicts == OnLimit.MET)[cases.drawn])} if cases.drawn.any() else {}),
-            }
-        elif cases.realised:  # of which no case has a value
-            summary[name] = margins_of(plan.scenario.limits, {})[name]
-    return _Judged(margins, summary, over, met, meets)
+        of = cases.of_limit(name)
+        meets &= (of.verdicts == OnLimit.MET).reshape(cases.shape)
+        verdict, value = of.verdicts[of.chosen], of.value[of.chosen]
+        met &= (verdict == OnLimit.MET).reshape(shape)
+        over[name] = (of.high[of.chosen] / limit).reshape(shape)
+        margin = np.array([margin_of(limit, each) for each in value.tolist()])
+        margins[name] = Response(name, margin.reshape(shape), "1", f"limits.{name} / value - 1")
+        verdicts[name] = LimitVerdicts(name, verdict.reshape(shape))
+        if cases.realised:
+            summary[name] = _worst_of_limit(cases, name, of, margin)
+    return _Judged(margins, verdicts, summary, over, met, meets)
+
+
+def _worst_of_limit(cases: _Cases, name: str, of: _OfLimit, margin: Floats) -> dict[str, Any]:
+    """What the summary says of a limit: the verdict on all cases, and the case with the smallest margin that has it.
+
+    Parameters
+    ----------
+    cases : of the study.
+    name, of : of the limit.
+    margin : (cases,) for it.
+    """
+    verdict, known = of.verdicts[of.chosen], cases.known[of.chosen]
+    exceeding, unsure = (known & (verdict == each) for each in (OnLimit.EXCEEDED, OnLimit.NOT_RELIABLE))
+    judged = OnLimit.EXCEEDED if exceeding.any() else OnLimit.NOT_RELIABLE if unsure.any() else OnLimit.MET
+    if judged is OnLimit.MET and not known.all():  # what is missing may exceed it
+        judged = OnLimit.NOT_RELIABLE
+    counts: dict[str, Any] = {"cases_exceeding": int(exceeding.sum()), "cases_not_reliable": int(unsure.sum())}
+    if cases.drawn.any():
+        counts["probability"] = probability((verdict == OnLimit.MET)[cases.drawn])
+    among = next(each for each in (exceeding, unsure, known) if each.any())
+    about = {"verdict": judged.value, "exceeded": judged is OnLimit.EXCEEDED, **counts}
+    sizes = np.where(among, margin, np.nan)
+    sizes = margin if np.isnan(sizes).all() else sizes
+    if np.isnan(sizes).all():  # of which no case has a value
+        return {**margins_of(cases.plan.scenario.limits, {})[name], **about}
+    case = int(np.nanargmin(sizes))
+    return {**of.items[of.chosen[case]], "case": case, "parameters": _named(cases.plan, case), **about}
 
 
 def _extremes(plan: DesignPlan, responses: Mapping[str, Response]) -> dict[str, Any]:
@@ -554,21 +625,77 @@ def _named(plan: DesignPlan, case: int) -> dict[str, Value]:
     return {c.path: v for c, v in zip(plan.coordinates, values, strict=True)}
 
 
-def _outcome(cases: int, missing: int, failures: tuple[CaseFailure, ...]) -> Outcome:
-    parts = []
+def _outcome(cases: _Cases) -> Outcome:
+    """How a study ended: what is missing, and what is wrong with cases."""
+    total, missing, parts = cases.solved.size, cases.missing, list[Outcome]()
     if missing:
-        sentence = f"{cases - missing} of {cases} cases computed"
-        parts.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", sentence, done=cases - missing, cases=cases))
-    if failures:
-        first = failures[0]
-        parts.append(
-            Outcome.of(
-                OutcomeKind.INCOMPLETE, "cases_failed",
-                f"{len(failures)} of {cases} cases failed; the first is case {first.case + 1}: {first.outcome.text}",
-                failed=len(failures), cases=cases, case=first.case + 1,
-            )
-        )  # fmt: skip
+        sentence = f"{total - missing} of {total} cases computed"
+        parts.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", sentence, done=total - missing, cases=total))
+    known = [(k, of) for k, of in enumerate(cases.gravest) if of is not None]
+    for kind, code, what, holds in _KINDS_OF_CASES:
+        these = [(k, of) for k, of in known if holds(of)]
+        known = [pair for pair in known if pair not in these]
+        if these:
+            case, first = these[0]
+            sentence = f"{len(these)} of {total} cases {what}; the first is case {case + 1}: {first.outcome.text}"
+            parts.append(Outcome.of(kind, code, sentence, count=len(these), cases=total, case=case + 1))
     return together(parts)
+
+
+_KINDS_OF_CASES: tuple[tuple[OutcomeKind, str, str, Callable[[CaseOutcome], bool]], ...] = (
+    (OutcomeKind.INCOMPLETE, "cases_failed", "failed", lambda of: of.failed),
+    (OutcomeKind.UNTRUSTED, "cases_not_reliable", "are not reliable", lambda of: not of.outcome.trusted),
+    (OutcomeKind.INCOMPLETE, "cases_incomplete", "are incomplete", lambda of: of.outcome.cut_short),
+    (OutcomeKind.DOUBTFUL, "cases_doubtful", "are not converged", lambda of: not of.outcome.complete),
+)  # fmt: skip
+
+
+NEAREST = 1  # histories of a study of reliability that are compared, by limit
+
+
+def worth_comparing(plan: DesignPlan, outcomes: Mapping[int, CaseOutcome]) -> list[int]:
+    """Which cases decide and are not compared with a finer model yet.
+
+    They are the best case (of a front those that are listed), the worst one of each limit, and all that are closer to
+    a limit than its value changes in the cases that are compared. Of the histories of a study of reliability it is the
+    one that is nearest to each limit.
+
+    Parameters
+    ----------
+    plan : of the study.
+    outcomes : by index, those of compared cases with their comparison.
+
+    Returns
+    -------
+    Indices of outcomes; none of what is not reliable anyway. Comparing these may make others decide.
+    """
+    if plan.searches:
+        plan, outcomes = asked_for(plan, outcomes)
+    cases, rare = _Cases(plan, outcomes), plan.kind == "reliability"
+    usable = np.isin(np.arange(len(plan.cases)), [k for k, of in outcomes.items() if of.outcome.usable])
+    compared = np.array([k in outcomes and outcomes[k].compared for k in range(len(plan.cases))], dtype=bool)
+    deciding, chosen = list[Ints](), set[int]()
+    for name, limit in cases.limits.items():
+        of = cases.of_limit(name)
+        deciding.append(of.chosen)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            apart = np.abs(limit / of.value - 1.0)  # of values that change by as much, one reaches the limit
+            changes = np.maximum(of.high / of.value - 1.0, 1.0 - of.low / of.value)
+        if rare:
+            chosen |= set(
+                np.flatnonzero(usable & (apart <= np.nanmin(apart[usable], initial=np.inf)))[:NEAREST].tolist()
+            )
+            continue
+        judged = np.where(usable[of.chosen], of.value[of.chosen], -np.inf)
+        if np.any(np.isfinite(judged)):
+            chosen.add(int(of.chosen[np.nanargmax(judged)]))
+        known = changes[compared & np.isfinite(changes)]
+        chosen |= set(np.flatnonzero(usable & (apart <= known.max(initial=0.0))).tolist())
+    if not rare:
+        best = _chosen(cases)
+        for item in best.best[: len(best.best) if best.front is not None else 1]:
+            chosen |= {item["case"] * cases.shape[-1], *(int(of[item["case"]]) for of in deciding)}
+    return sorted(index for index in chosen if usable[index] and not compared[index])
 
 
 def best_cases(

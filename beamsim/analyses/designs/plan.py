@@ -107,6 +107,7 @@ class Case:
     number: int  # from 0
     values: tuple[Value, ...]  # of each varied parameter
     realisation: int = 0  # within the tolerances; 0 is the case itself
+    compared: bool = False  # whether its values are compared with those of a finer model
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,14 @@ class Study:
         scenario = with_parameters(self.case, self.varied, case.values)
         if case.realisation:
             scenario = with_values(scenario, self.realisations.values(scenario, case.realisation))
+        if case.compared:
+            scenario = with_values(scenario, {(self.section, "convergence"): "on"})
         return scenario.rechecked()
+
+    @property
+    def section(self) -> str:
+        """The section of the scenario that says what is done with a case."""
+        return "run" if self.analysis == "run" else "sweep"
 
 
 def with_parameters(scenario: Scenario, varied: Iterable[VariedParameter], values: Iterable[Value]) -> Scenario:
@@ -148,9 +156,8 @@ def design(result: DesignsResult, case: Mapping[str, Any]) -> Scenario:
     )
     title = f"{result.title}, {called}".removeprefix(", ")
     alone = result.scenario.model_copy(update={"vary": None, "optimise": None, "title": title})
-    alone = with_values(alone, result.scenario.whole_paths(alone))  # it has no folder that they could be relative to
-    if varies_seed(varied):
-        alone = with_values(alone, {("excitation", "amplitudes"): "random"})
+    alone = replaced(alone, result.scenario.whole_paths(alone))  # it has no folder that they could be relative to
+    alone = with_random_amplitudes(alone, varied)
     return with_parameters(alone, varied, case["parameters"].values()).rechecked()
 
 
@@ -183,6 +190,11 @@ class DesignPlan:
     def fingerprint(self) -> str:
         """Hash of all that the responses depend on."""
         return self.study.fingerprint
+
+    @property
+    def convergence(self) -> str | None:
+        """Which cases are compared with a finer model: all (on), none (off), or those that decide (None)."""
+        return getattr(getattr(self.scenario, self.study.section), "convergence", None)
 
 
 def plan_designs(scenario: Scenario) -> DesignPlan:
@@ -355,14 +367,14 @@ def _plan(
 ) -> DesignPlan:
     _refuse_names_of_fields(scenario, varied)
     places = [[parameter.places, sorted(map(str, parameter.choices.items()))] for parameter in varied]
-    case = _case(scenario, varies_seed(varied))
+    case = _case(scenario, varied)
     analysis = analysis_of(scenario)
     search = plain(scenario.vary if kind == "reliability" else scenario.optimise)
     fingerprint = fingerprint_of(
         scenario, analysis, kind, search, plain(case), places, columns, asked, realisations.as_data()
     )
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
-    study = Study(analysis, with_values(case, scenario.whole_paths(case)), varied, realisations, asked, fingerprint)
+    study = Study(analysis, replaced(case, scenario.whole_paths(case)), varied, realisations, asked, fingerprint)
     most = getattr(scenario.study, "most_cases", len(rows))
     plan = DesignPlan(scenario, kind, (), (), study, (), most).of(rows)
     if kind != "grid":
@@ -402,26 +414,32 @@ def fingerprint_of(scenario: Scenario, *data: Any) -> str:
     return hashlib.sha256(json.dumps([*data, contents], sort_keys=True).encode()).hexdigest()
 
 
-def _case(scenario: Scenario, seed_varies: bool) -> Scenario:
+def _case(scenario: Scenario, varied: Sequence[VariedParameter]) -> Scenario:
     """The scenario without unused sections; noise of several seeds has random amplitudes where nothing else is said."""
-    # stress and gap of sweeps and gapping of runs are computed where they are limited; changes of values count there
-    judged = scenario.sweep is not None or (scenario.run is not None and scenario.run.convergence == "on")
-    if scenario.limits is not None:
-        judged |= scenario.limits.gapping is not None or any(scenario.limits.given_curves())
-    unused = ("vary", "optimise", "identify_stiffness", "nnm", *(() if judged else ("limits",)))
+    unused = ("vary", "optimise", "identify_stiffness", "nnm")
     case = scenario.model_copy(update={**dict.fromkeys(unused), "title": ""}).with_source(scenario.source)
     for name in ("run", "sweep"):
         section = getattr(case, name)
         if section is not None and section.convergence is None:
             case = with_values(case, {(name, "convergence"): "off"})
-    if seed_varies and getattr(case.excitation, "amplitudes", None) is None:
-        case = with_values(case, {("excitation", "amplitudes"): "random"})
-    return case
+    return with_random_amplitudes(case, varied)
 
 
-def varies_seed(varied: Iterable[VariedParameter]) -> bool:
-    """Whether the study draws several realisations of a random input, whose scatter it shows."""
-    return any(place == ("excitation", "seed") for parameter in varied for place in parameter.places)
+def with_random_amplitudes(scenario: Scenario, varied: Iterable[VariedParameter]) -> Scenario:
+    """The scenario whose inputs with a varied seed have random amplitudes, where the scenario does not say which."""
+    changed = {
+        (*place[:-1], "amplitudes"): "random"
+        for place in varied_seeds(varied)
+        if getattr(value_at(scenario, place[:-1]), "amplitudes", "none of its keys") is None
+    }
+    return with_values(scenario, changed)
+
+
+def varied_seeds(varied: Iterable[VariedParameter]) -> list[Path]:
+    """Where the seeds of inputs are that a study varies: each is another realisation of a random or matched input."""
+    return [
+        place for parameter in varied for place in parameter.places if place[0] == "excitation" and place[-1] == "seed"
+    ]
 
 
 def _coordinate(parameter: VariedParameter, column: list[Value]) -> Coordinate:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.designs.responses import describe, means
 from beamsim.analyses.result import CONVERGENCE, Result
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.values import limited
+from beamsim.analyses.values import Margins, limited
 from beamsim.errors import ScenarioError
 from beamsim.fields import (
     JSON,
@@ -66,15 +66,21 @@ def parameter_label(path: str) -> str:
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """One case: its responses, or the reason why there are none."""
+    """One case, as a command has it that solves the case alone: responses, outcome, warnings and margins."""
 
     index: int  # in the order of the cases
-    values: Mapping[str, float | list[float]]  # by name of the response; lists are per mode
-    outcome: Outcome = COMPLETE  # or why it failed
+    values: Mapping[str, float | list[float]]  # by name of the response; lists are per mode; none where it failed
+    outcome: Outcome = COMPLETE
     processor_time_s: float = 0.0
-    # by limit its value less and plus the change of that with a finer model, where it has been compared
-    ranges: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    margins: Margins = field(default_factory=dict)
     given: tuple[Value, ...] = ()  # values of the varied parameters
+    warnings: tuple[str, ...] = ()
+    compared: bool = False  # whether its values were compared with those of a finer model
+
+    @property
+    def failed(self) -> bool:
+        """Whether it did not come to its end, so that it has no responses."""
+        return self.outcome.ended_early
 
 
 @declared
@@ -120,6 +126,16 @@ class Response:
         *path, _ = self.name.split("/")  # [curve,] [probes or snubbers, name]
         *curve, _, name = path if len(path) > 1 else (*path, "", "")
         return " ".join([name, *curve]).strip()
+
+
+@declared
+class LimitVerdicts:
+    """The verdict on a limit in every case."""
+
+    name: str = attribute("", "name of the limit")
+    values: NDArray[Any] = dataset(  # the design's shape
+        "1", "verdict on limits.{name}: ok, exceeded or not reliable", name=".", along=_CASES
+    )
 
 
 _REALISATION = Counter("realisation", "number of the realisation within the tolerances; 0 is the case itself", start=0)
@@ -236,6 +252,8 @@ _SUMMARY = (
     Entry("cases", "1", "number of cases", "varied", of="cases"),
     Entry("solved", "1", "cases with responses"),
     Entry("failed", "1", "cases that failed"),
+    Entry("not_reliable", "1", "cases whose responses are not reliable"),
+    Entry("compared", "1", "cases that are compared with a finer model; the others are not"),
     Entry("reliability", "", "probability that limits are exceeded, with the ends of its 95 % interval and its "
              "coefficient of variation; reliability_index; method, event, target of the coefficient, histories and how "
              "many of them failed; design_point by path with its distance in standard deviations; and by path what a "
@@ -253,8 +271,9 @@ _SUMMARY = (
     Entry("scatter", "", "by response of the best case, or of the only one: nominal, smallest and largest value and "
              "what responses have of a sample, over the realisations; and the probability that every limit is met",
              "within tolerances"),
-    Entry("margins", "", "by limit, of the worst case: limit, value, margin, at, exceeded, case, parameters; the "
-             "number of cases beyond the limit, and of a sample the probability that it is met"),
+    Entry("margins", "", "by limit, of the worst case: limit, value, lowest and highest, margin, at, case, parameters; "
+             "the verdict on all cases, the number of cases that exceed the limit and of those with the verdict not "
+             "reliable, and of a sample the probability that it is met"),
     Entry("probability", "", "of a sample: share of the cases that meet every limit, with the ends of the 95 % "
              "interval of its probability"),
     *CONVERGENCE,
@@ -285,6 +304,14 @@ class DesignsResult(Result):
     solved: Bools = dataset("1", "whether the case has responses", name=f"{GROUP}/solved", flags=("missing", "solved"))
     responses: dict[str, Response] = members(GROUP, Response, called="<response>")
     margins: dict[str, Response] = members(f"{GROUP}/margins", Response, called="<limit>")  # limit / value - 1
+    verdicts: dict[str, LimitVerdicts] = members(f"{GROUP}/verdicts", LimitVerdicts, called="<limit>")
+    # the design's shape; within tolerances of the gravest realisation
+    case_outcomes: NDArray[Any] = dataset("1", "how the case ended", name=f"{GROUP}/outcome")
+    case_warnings: NDArray[Any] = dataset("1", "warnings of the case, one a line", name=f"{GROUP}/warnings")
+    compared: Bools = dataset(
+        "1", "whether the values of the case are compared with those of a finer model", name=f"{GROUP}/compared",
+        flags=("not compared with a finer model", "compared with a finer model"),
+    )  # fmt: skip
     limits: dict[str, float] = attribute("", "limits by name, in SI units, JSON object", codec=JSON, at=GROUP)
     failures: tuple[CaseFailure, ...] = attribute(
         "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec=FAILURES,
@@ -293,7 +320,7 @@ class DesignsResult(Result):
     # the design's shape; None without limits
     passing: Bools | None = dataset(
         "1",
-        "whether the case has responses and meets every limit",
+        "whether the case is reliable and meets every limit",
         name=f"{GROUP}/passing",
         flags=("failing", "passing"),
         default=None,
@@ -328,6 +355,11 @@ class DesignsResult(Result):
         f"{GROUP}/rounds", Round, Counter("round", "number of the round"), default=None
     )
     fingerprint: str = attribute("", "hash of all that the responses depend on", at=GROUP, default="")
+
+    def ended(self, outcome: Outcome) -> Self:
+        """The result with another outcome, which its summary repeats; verdicts on limits are those of its cases."""
+        summary = self.summary | ({"status": outcome.text} if "status" in self.summary else {})
+        return replace(self, outcome=outcome, summary=summary)
 
     @property
     def finished(self) -> bool:

@@ -57,7 +57,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import counted, path_text
 from beamsim.scenario.excitation import Harmonic
-from beamsim.scenario.parameters import with_values
+from beamsim.scenario.parameters import replaced
 from beamsim.scenario.run import Reduction
 from beamsim.scenario.studies import IdentifyStiffness, NonlinearFit, SteadyTest, SweepTest, TransientTest
 from beamsim.system.build import build_system
@@ -406,7 +406,7 @@ def _prepared(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
         # 3.0: times the highest harmonic used: modes of a fit without `reduction`
         reduction = Reduction(highest_frequency=3.0 * highest)
     prepared = scenario.model_copy(update={"reduction": reduction, "sweep": None, "nnm": None})
-    return prepared if len(steady) == len(tests) else with_values(prepared, scenario.whole_paths(prepared))
+    return prepared if len(steady) == len(tests) else replaced(prepared, scenario.whole_paths(prepared))
 
 
 @dataclass

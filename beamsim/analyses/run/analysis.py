@@ -6,7 +6,7 @@ It may start from a periodic motion that a continuation has stored: from its sta
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
@@ -25,15 +25,16 @@ from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
 from beamsim.analyses.run.impacts import impacts_of
 from beamsim.analyses.run.motion import (
-    Histories,
     RunMotion,
     bodies_of_run,
     contact_instant,
     history_fields,
+    no_histories,
     output_times,
     pull_warnings,
 )
 from beamsim.analyses.run.names import refuse_names_of_fields
+from beamsim.analyses.run.needed import EVERYTHING, Needed
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
@@ -66,8 +67,9 @@ class Solution(NamedTuple):
 
 
 def motion_of(
-    system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None, stop: Stop
-) -> RunMotion:
+    system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None, stop: Stop,
+    needed: Needed = EVERYTHING,
+) -> RunMotion:  # fmt: skip
     """The motion of a built system, in closed form or by time stepping.
 
     Parameters
@@ -75,6 +77,7 @@ def motion_of(
     system, settings : of the run.
     times : (nt,) s, at which it is asked for.
     progress, stop : as of `solved`.
+    needed : which extremes are searched for; time stepping finds all.
 
     Returns
     -------
@@ -85,12 +88,19 @@ def motion_of(
     ScenarioError
         If it needs more memory or steps than there may be.
     """
-    solve = stepped_motion_of if steps_in_time(system, settings) else exact_motion_of
-    return solve(system, settings, times, progress, stop)
+    if steps_in_time(system, settings):
+        return stepped_motion_of(system, settings, times, progress, stop)
+    return exact_motion_of(system, settings, times, progress, stop, needed)
 
 
-def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: Stop, shared: SharedBuilds) -> Solution:
+def solved(
+    scenario: Scenario, progress: Callable[[float], None] | None, stop: Stop, shared: SharedBuilds,
+    entries: Collection[str] | None = None,
+) -> Solution:  # fmt: skip
     """Simulate the scenario.
+
+    How the run is judged does not depend on what is asked of it: outcome, warnings, margins and every value are those
+    of the whole result.
 
     Parameters
     ----------
@@ -100,6 +110,8 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
         spectra, statistics and fatigue. The result holds the motion up to there with its peaks, energies and
         histories, and names what is left out.
     shared : keeps what the system is built from.
+    entries : of the summary that are needed; by default everything, with histories, spectra and shapes, which are
+        else empty.
 
     Returns
     -------
@@ -113,38 +125,39 @@ def solved(scenario: Scenario, progress: Callable[[float], None] | None, stop: S
     """
     begin = clock.perf_counter()
     scenario, system = _built(scenario, shared)
-    settings = not_none(scenario.run)
-    motion = motion_of(system, settings, output_times(scenario), progress, stop)
-    histories, left_out = motion.sampled(), list[str]()
+    settings, needed = not_none(scenario.run), Needed.of(scenario, entries)
+    motion = motion_of(system, settings, output_times(scenario), progress, stop, needed)
+    sampled = needed.everything or needed.statistics
+    histories, left_out = history_fields(motion, motion.sampled()) if sampled else no_histories(), list[str]()
 
     def goes_on(to: str) -> bool:  # from then on each step is left out
         if stop():
             left_out.append(to)
         return not left_out
 
-    spectra = spectra_of(motion) if goes_on("the spectra") else {}
+    spectra = spectra_of(motion) if (needed.everything or needed.root_mean_squares) and goes_on("the spectra") else {}
     result = RunResult(
         scenario=scenario,
         method=motion.method,
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
-        contact=contact_instant(motion),
+        contact=contact_instant(motion) if needed.everything else None,
         inputs=system.inputs,
         base_unit="rad" if any(each.on_base and each.rotates for _, each in scenario.excitation.items) else "m",
         events=motion.events,
         spectra=spectra,
-        **history_fields(motion, histories),
-        **bodies_of_run(motion),
+        **histories,
+        **(bodies_of_run(motion) if needed.everything else {}),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
     )
-    warnings = _warnings(motion) + coverage_notes(system, spectra, closed_form=motion.trajectory is not None)
+    warnings = _warnings(motion) + ([] if left_out else coverage_notes(motion))
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
-    summary = summary_of_run(motion, spectra, stop)
+    summary = summary_of_run(motion, spectra, needed, stop)
     warnings += jump_warnings(motion, summary["peak_acceleration_g"])
-    fields, notes = _asked_for(result, motion, histories, goes_on)
+    fields, notes = _asked_for(result, motion, needed, goes_on)
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
-    if left_out and result.complete:
+    if left_out and result.outcome.usable:
         fields["outcome"] = interruption(f"before {', '.join(left_out)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))
     result = result.with_summary(**summary, **figures_of_parts(result, summary))
@@ -180,35 +193,43 @@ def _warnings(motion: RunMotion) -> list[str]:
 
 
 def _asked_for(
-    result: RunResult, motion: RunMotion, histories: Histories, goes_on: Callable[[str], bool]
+    result: RunResult, motion: RunMotion, needed: Needed, goes_on: Callable[[str], bool]
 ) -> tuple[dict[str, Any], list[str]]:
     """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
 
     Parameters
     ----------
     result : of the motion.
-    motion, histories : it came from.
+    motion : it came from.
+    needed : of it; what a note may follow from is computed in any case.
     goes_on : whether what is named is still computed, or left out.
     """
     scenario, system, closed_form = result.scenario, motion.system, motion.trajectory is not None
     settings = not_none(scenario.run)
     fields: dict[str, Any] = {}
     notes: list[str] = []
-    if scenario.excitation.stationary and goes_on("densities and statistics"):
+    if scenario.excitation.stationary and needed.statistics and goes_on("densities and statistics"):
         from beamsim.analyses.run.random_response import largest_known, random_response
 
         fields["random"] = random = random_response(result, system)
         fields["outcome"] = largest_known(result.outcome, random, settings)
     reached = settings.from_ < motion.marched.end or not settings.from_
-    if settings.impacts is not None and closed_form and reached and goes_on("statistics of impacts"):
+    if (
+        needed.everything
+        and settings.impacts is not None
+        and closed_form
+        and reached
+        and goes_on("statistics of impacts")
+    ):
         fields["impacts"] = impacts_of(system, motion.parts())
     if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
         damage = fatigue_of(system, motion.parts, motion.marched.end, motion.extremes[STRESS])
         fields["fatigue"] = damage
         notes += fatigue_warnings(damage, settings.fatigue)
-    if settings.srs is not None and goes_on("shock response spectra"):
-        fields["srs"] = shock_response(system, motion.trajectory or histories)
-        notes += [] if closed_form else _coarse_samples(histories.time, settings.srs)
+    if settings.srs is not None and needed.has("srs_over_limit") and goes_on("shock response spectra"):
+        fields["srs"] = shock_response(system, motion.trajectory or motion.sampled())
+    if settings.srs is not None and not closed_form:
+        notes += _coarse_samples(motion.sampled().time, settings.srs)
     if settings.sensitivities and goes_on("sensitivities"):
         from beamsim.analyses.run.sensitivities import sensitivities_of
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -11,15 +11,14 @@ from beamsim.analyses.run.energy import EnergyBalance, energies, energies_of_seg
 from beamsim.analyses.run.filters import LowPassed, filtered
 from beamsim.analyses.run.impacts import friction_contacts
 from beamsim.analyses.run.motion import Histories, RunMotion, memory_of, reached, with_limit
+from beamsim.analyses.run.needed import EVERYTHING, Needed
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.values import (
     ACCELERATION,
     STRESS,
     Extreme,
-    Value,
     extreme_times,
     outer,
-    searched,
 )
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
@@ -108,7 +107,7 @@ def exact_motion_of(
     times: Floats,
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
-    values: Iterable[Value] | None = None,
+    needed: Needed = EVERYTHING,
 ) -> RunMotion:
     """The motion in closed form, with its figures, evaluated and forgotten stretch by stretch.
 
@@ -117,7 +116,7 @@ def exact_motion_of(
     system, settings : of the run.
     times : (nt,) s, at which it is asked for.
     progress, stop : see `beamsim.flow.transient.simulate`.
-    values : that are asked for, and nothing else; by default all that a run reports.
+    needed : which extremes are searched for.
 
     Returns
     -------
@@ -131,9 +130,9 @@ def exact_motion_of(
         has too many pieces, or the filter of the accelerations would need too many panels.
     """
     motion, limit = motion_in_stretches(system, settings, progress=progress, stop=stop)
-    if not motion.one_stretch and values is None:
+    if not motion.one_stretch:
         _refuse_what_needs_all(system, settings)
-    figures = StretchFigures(system, settings, motion.flow, times, values)
+    figures = StretchFigures(system, settings, motion.flow, times, needed)
     for stretch in motion.stretches():
         figures.add(stretch)
     at = extreme_times(figures.extremes)
@@ -248,7 +247,7 @@ class StretchFigures:
     system, settings : of the run.
     flow : of the motion.
     times : (nt,) s, all output times.
-    values : that are asked for, and nothing else; by default all, with the stress at every station.
+    needed : which extremes are searched for.
     """
 
     def __init__(
@@ -257,16 +256,17 @@ class StretchFigures:
         settings: Run,
         flow: ExactFlow,
         times: Floats,
-        values: Iterable[Value] | None = None,
+        needed: Needed = EVERYTHING,
     ) -> None:
         self.balance, self.extremes = EnergyBalance(), dict[Key, Extreme]()
         self.low_passed = None
-        channels = searched(system.channels, values)
-        if values is None and settings.low_pass is not None:  # extremes of accelerations are those behind the filter
+        channels = needed.searched(system.channels)
+        if settings.low_pass is not None:  # extremes of accelerations are those behind the filter
             channels = channels.without(ACCELERATION)
             self.low_passed = LowPassed(settings.low_pass, times, len(system.probes))
             self._accelerations = Observed(flow, system.channels.of_keys(ACCELERATION)).linear
-        self._observed = Observed(flow, channels, None if values is None else STRESS)
+        largest_alone = STRESS if STRESS in channels.places and not needed.every_station else None
+        self._observed = Observed(flow, channels, largest_alone)
 
     def add(self, stretch: Trajectory) -> None:
         """Include the next stretch."""

@@ -69,6 +69,15 @@ class Histories:
         return np.asarray(self.values[:, self.channels.places[key]])
 
 
+def no_histories() -> dict[str, Any]:
+    """The fields of `history_fields` of a result without histories."""
+    none = np.zeros(0)
+    return {
+        "time": none, "probes": {}, "snubbers": {}, "base_acceleration": none, "base_displacement": none,
+        "energy": EnergyHistory(none, none, none),
+    }  # fmt: skip
+
+
 def history_fields(motion: RunMotion, histories: Histories) -> dict[str, Any]:
     """Everything at the output times, as fields of the result.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -80,36 +79,38 @@ def spectra_of(motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
     return spectra
 
 
-def coverage_notes(
-    system: StructuralSystem, spectra: Mapping[tuple[str, str], Spectrum], *, closed_form: bool
-) -> list[str]:
+def coverage_notes(motion: RunMotion) -> list[str]:
     """A note where spectra do not cover every mode kept.
 
     Parameters
     ----------
-    system : of the motion.
-    spectra : by name and quantity.
-    closed_form : whether the motion is known in closed form, of which nothing is aliased.
+    motion : of which there are, or would be, spectra.
 
     Returns
     -------
     One sentence, or none.
     """
+    system, trajectory = motion.system, motion.trajectory
     highest = float(system.closed_frequencies_hz[: system.kept_modes].max(initial=0.0))
-    if closed_form:
-        cut = [float(s.frequency_hz[-1]) for s in spectra.values() if s.frequency_hz.size >= MOST_FREQUENCIES]
-        if not cut or (shown := min(cut)) >= highest:
+    if not spectral(system).channels:
+        return []
+    if trajectory is None or trajectory.end <= 0.0:
+        time = motion.sampled().time
+        rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
+        if rate >= 2.0 * highest or trajectory is not None:
             return []
         return [
-            f"spectra end at {shown:.4g} Hz, their {MOST_FREQUENCIES}th frequency, and the highest mode kept has "
-            f"{highest:.4g} Hz; analyse a shorter part of the run (run.spectrum.last)"
+            f"spectra are made of samples at {rate:g} Hz, and the highest mode kept has {highest:.4g} Hz: content "
+            f"above {0.5 * rate:g} Hz is aliased; raise run.sample_rate"
         ]
-    rate = min((s.rate_hz for s in spectra.values() if s.rate_hz is not None), default=np.inf)
-    if rate >= 2.0 * highest:
+    settings = not_none(system.scenario.run).spectrum
+    duration = _duration(settings, trajectory.end, system.excitation_frequency_hz)
+    shown = _highest_shown(system, trajectory, duration)
+    if shown >= highest or shown < MOST_FREQUENCIES / duration:
         return []
     return [
-        f"spectra are made of samples at {rate:g} Hz, and the highest mode kept has {highest:.4g} Hz: content above "
-        f"{0.5 * rate:g} Hz is aliased; raise run.sample_rate"
+        f"spectra end at {shown:.4g} Hz, their {MOST_FREQUENCIES}th frequency, and the highest mode kept has "
+        f"{highest:.4g} Hz; analyse a shorter part of the run (run.spectrum.last)"
     ]
 
 
@@ -131,13 +132,17 @@ def records_of(
     -------
     A record of each channel.
     """
-    settings, duration = not_none(system.scenario.run).spectrum, span[1] - span[0]
-    content = _highest_content(system, trajectory, duration)
-    highest = min(max(settings.to or content, *settings.frequencies, 0.0), MOST_FREQUENCIES / duration)
-    highest = max(highest, least_hz)
+    duration = span[1] - span[0]
+    highest = max(_highest_shown(system, trajectory, duration), least_hz)
     part = MotionPart.of(trajectory, Observed(trajectory.flow, channels).linear, span, 2.0 * np.pi * highest)
     size = max(int(SAMPLES_OF_A_PERIOD * highest * duration), FEWEST_SAMPLES)
     return [MotionRecord(part, k, highest, size) for k in range(channels.order.size)]
+
+
+def _highest_shown(system: StructuralSystem, trajectory: Trajectory, duration: float) -> float:
+    """Frequency, Hz, at which the spectra of a part of a motion, s, end."""
+    settings, content = not_none(system.scenario.run).spectrum, _highest_content(system, trajectory, duration)
+    return min(max(settings.to or content, *settings.frequencies, 0.0), MOST_FREQUENCIES / duration)
 
 
 def _duration(settings: SpectrumSettings, available: float, excitation_hz: float) -> float:

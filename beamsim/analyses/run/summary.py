@@ -12,6 +12,7 @@ import numpy as np
 from beamsim.analyses.gapping import gapping_ratios
 from beamsim.analyses.run.linear_prediction import gapping_of_run
 from beamsim.analyses.run.motion import RunMotion
+from beamsim.analyses.run.needed import Needed
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
 from beamsim.analyses.values import (
     ACCELERATION,
@@ -124,7 +125,7 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
 
 
 def summary_of_run(
-    motion: RunMotion, spectra: dict[tuple[str, str], Spectrum], stop: Callable[[], bool]
+    motion: RunMotion, spectra: dict[tuple[str, str], Spectrum], needed: Needed, stop: Callable[[], bool]
 ) -> dict[str, Any]:
     """What does not repeat a field of the result.
 
@@ -132,6 +133,7 @@ def summary_of_run(
     ----------
     motion : of the run.
     spectra : by name and quantity; where they were left out, root mean squares are nan.
+    needed : entries; how gapping is predicted takes longer than most.
     stop : asked whether to end the linear motions that gapping is told from.
 
     Returns
@@ -160,16 +162,17 @@ def summary_of_run(
         summary |= system.base_correction.summary()
     if any(spring.kind != FRICTION for spring in system.springs):
         summary["breakpoints_passed"] = motion.breakpoints
-    if system.stress is not None:
+    if system.stress is not None and STRESS in motion.extremes:
         where = int(largest(motion.extremes[STRESS]).argmax())
         summary["largest_bending_stress_position_m"] = float(system.stress.stations.position[where])
         if system.stress.stations.across is not None:
             summary["largest_bending_stress_across_m"] = float(system.stress.stations.across[where])
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
-    if of_snubbers := gapping_of_run(motion, summary, stop):
+    predicted = needed.has("gapping_ratio")
+    if of_snubbers := gapping_of_run(motion, summary, stop) if predicted else {}:
         summary["gapping"] = of_snubbers
-    if system.sine is not None:
+    if predicted and system.sine is not None:
         summary["gapping_ratio"] = gapping_ratios(of_snubbers)
     return summary
 

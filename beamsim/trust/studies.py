@@ -1,0 +1,217 @@
+"""Studies: many cases of one scenario, each solved and judged as the command that solves it alone does.
+
+There is one function that solves a case, `solve_case`. Commands call what it calls; studies, ensembles, searches and
+reliability call it by `CaseSolver`, which asks for those values alone that the table has.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Collection, Iterable
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from beamsim.analyses.continuation.result import ContinuationResult
+from beamsim.analyses.designs.cases import Ended, Evaluator, unsettled
+from beamsim.analyses.designs.gathering import gather, worth_comparing
+from beamsim.analyses.designs.plan import Case, DesignPlan, Study, check_cases, design, plan_designs
+from beamsim.analyses.designs.reliability import Exceedance, asked, concluded
+from beamsim.analyses.designs.responses import entries_of, means, responses_of_result
+from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RunOfDesign, objectives
+from beamsim.analyses.designs.search import search
+from beamsim.analyses.parallel import working
+from beamsim.analyses.result import CONVERGENCE
+from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.sweep.result import SweepResult
+from beamsim.analyses.values import BY_NAME, limited
+from beamsim.errors import BeamsimError
+from beamsim.outcomes import Outcome, OutcomeKind, Stop, never, tell
+from beamsim.scenario import Scenario
+from beamsim.system.parts import SharedBuilds
+from beamsim.trust.checked import continuation, sweep
+from beamsim.trust.convergence import COMPARISON
+from beamsim.trust.runs import run
+
+
+def solve_case(
+    scenario: Scenario, analysis: str, *, entries: Collection[str] | None = None, shared: SharedBuilds | None = None,
+    stop: Stop = never,
+) -> RunResult | SweepResult | ContinuationResult:  # fmt: skip
+    """Solve a case and judge it, as `beamsim run` and `beamsim sweep` do.
+
+    Parameters
+    ----------
+    scenario : of the case.
+    analysis : one of `beamsim.analyses.designs.plan.ANALYSES`.
+    entries : of the summary of a run that are needed, by default all; outcome, warnings and margins are the same.
+    shared : keeps what cases have in common.
+    stop : asked whether to end.
+
+    Returns
+    -------
+    The result of the command.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario cannot be solved.
+    """
+    if analysis == "run":
+        return run(scenario, stop=stop, entries=entries, shared=shared)
+    if analysis == "continuation":
+        return continuation(scenario, stop=stop)
+    return sweep(scenario, stop=stop)
+
+
+class CaseSolver:
+    """Solves the cases of one study; what they share is built once."""
+
+    def __init__(self, study: Study, stop: Stop = never) -> None:
+        self.study = study
+        self.stop = stop
+        self.shared = SharedBuilds()
+
+    def __call__(self, case: Case) -> CaseOutcome:
+        """Solve one case, unless it is to stop; an error becomes part of the outcome, so that other cases continue."""
+        begin = clock.thread_time()
+        found: dict[str, Any] = {}
+        try:
+            found = self._solved(self.study.scenario(case))
+        except BeamsimError as error:
+            found["outcome"] = Outcome.of(OutcomeKind.FAILED, "failed", "; ".join(str(error).splitlines()))
+        except (ArithmeticError, ValueError, RuntimeError) as error:
+            reason = f"internal error ({type(error).__name__}: {error})"
+            found["outcome"] = Outcome.of(OutcomeKind.FAILED, "failed", reason)
+        about = {"given": case.values, "compared": case.compared, "processor_time_s": clock.thread_time() - begin}
+        return CaseOutcome(index=case.number, **{"values": {}, **found, **about})
+
+    def _solved(self, scenario: Scenario) -> dict[str, Any]:
+        """Responses, outcome, margins and warnings of a case."""
+        asked, analysis = self.study.asked, self.study.analysis
+        entries = entries_of(asked, scenario) if analysis == "run" else None
+        result = solve_case(scenario, analysis, entries=entries, shared=self.shared, stop=self.stop)
+        values = {} if result.outcome.ended_early else responses_of_result(result)
+        if asked:
+            values = {name: x for name, x in values.items() if any(means(each, name) for each in asked)}
+        margins = result.summary.get("margins", {})
+        return {"values": values, "outcome": result.outcome, "margins": margins, "warnings": result.warnings}
+
+
+def design_study(
+    scenario: Scenario | DesignPlan,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    known: Iterable[CaseOutcome] = (),
+    each: Callable[[CaseOutcome], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: Stop = never,
+) -> DesignsResult:
+    """Solve every case of a scenario with ``vary`` or ``optimise``.
+
+    The result does not depend on the number or kind of workers, or on which outcomes were known before. Each case has
+    the outcome, warnings and margins that its run has. With ``convergence: on`` all cases are compared with a finer
+    model, with ``off`` none; else those that decide: the best, the worst of each limit, and those that are closer to a
+    limit than values change.
+
+    Parameters
+    ----------
+    scenario : with ``vary`` or ``optimise``; or its plan from `plan_designs`, already checked by `check_cases`. Each
+        case is a sweep if there is a section ``sweep``, else a run.
+    workers : number of processes on this machine; one is this process, several start beside it and import the script
+        that calls, so that its call stands below ``if __name__ == "__main__":``.
+    scheduler : address of a Dask scheduler whose workers are used instead.
+    known : outcomes of an earlier, unfinished study.
+    each : called with every new outcome, in the order of completion.
+    progress : called with the fraction of cases done; not of a study of reliability.
+    stop : asked between cases, and within those of runs and swept sines, whether to end; the result then holds the
+        cases that were solved.
+
+    Returns
+    -------
+    DesignsResult
+        Of a search with what the runs of the best design and of the scenario as it is show.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario of a case is invalid, or there are fewer workers than one.
+    NotTrustedError
+        If workers end unexpectedly; `each` has been called for all solved cases.
+    """
+    begin = clock.perf_counter()
+    if isinstance(scenario, DesignPlan):
+        plan = scenario
+    else:
+        plan = plan_designs(scenario)
+        check_cases(plan)
+    ended: Outcome | None = None
+    histories: Exceedance | None = None
+    count = plan.study.realisations.count
+    known, total = tuple(known), plan.most * count
+    progress = None if plan.kind == "reliability" else progress  # which does not know how many it needs
+
+    def solved(outcome: CaseOutcome) -> None:
+        if each is not None:
+            each(outcome)
+        tell(progress, len(evaluate.outcomes) / total)
+
+    tell(progress, len({outcome.index for outcome in known}) / total)
+    solving = working(partial(CaseSolver, plan.study), total, stop, workers=workers, scheduler=scheduler)
+    all_compared = plan.convergence == "on"
+    with Evaluator(
+        solving, most=plan.most, realisations=count, compared=all_compared, known=known, each=solved
+    ) as evaluate:
+        with suppress(Ended):
+            if plan.kind == "reliability":
+                histories = asked(plan, evaluate)
+            elif plan.searches:
+                ended = search(plan, evaluate)
+            else:
+                evaluate([case.values for case in plan.cases if not case.realisation])
+        if evaluate.ended != "interrupted" and plan.convergence is None:
+            while chosen := worth_comparing(plan, evaluate.outcomes):
+                evaluate.compare(chosen)
+    ended = unsettled(plan.most) if evaluate.ended == "most_cases" else ended
+    result = gather(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
+    interrupted = evaluate.ended == "interrupted"
+    if histories is not None and not interrupted:
+        result = concluded(result, histories)
+    if interrupted and result.finished:
+        return result.interrupted(COMPARISON)
+    return result if interrupted else _with_runs(result, stop)
+
+
+def _with_runs(result: DesignsResult, stop: Stop) -> DesignsResult:
+    """A search with what the runs of its best design and of the scenario as it is show; any other study as it is."""
+    if result.kind != "optimise" or not result.finished or "best" not in result.summary:
+        return result
+    chosen = {"best": result.summary["best"][0], "as_it_is": result.summary.get("as_it_is")}
+    runs = {
+        name: solve_case(design(result, case), result.analysis, stop=stop)
+        for name, case in chosen.items()
+        if case is not None
+    }
+    if stop():
+        return result.interrupted("the run of the best design")
+    best = runs["best"]
+    said: dict[str, Any] = {entry.name: best.summary[entry.name] for entry in CONVERGENCE if entry.name in best.summary}
+    for doubts in ("doubtful", "after_parting"):
+        said[doubts] = _concerning(result, said.get(doubts, ()))
+    summary = result.summary | said
+    shown = {name: RunOfDesign.of(name, of) for name, of in runs.items() if isinstance(of, RunResult)} or None
+    checked = replace(
+        result, runs=shown, summary={e.name: summary[e.name] for e in result.SUMMARY if e.name in summary}
+    )
+    concerned = said["doubtful"] or said["after_parting"] or not best.outcome.usable
+    parts = (replace(best.outcome, within="the best design"),) if concerned else ()
+    return checked.ended(result.outcome.but(*parts))
+
+
+def _concerning(result: DesignsResult, doubts: Iterable[str]) -> list[str]:
+    """Those of the doubtful values (entry.place) that a search was asked for: its objectives and limits."""
+    asked = {BY_NAME[name.rpartition("/")[2]].entry for aim in objectives(result.scenario) for name, _ in aim.terms}
+    asked |= {limited(name)[0].entry for name in result.limits}
+    return [key for key in doubts if key.partition(".")[0] in asked]

@@ -1,0 +1,261 @@
+"""A case has the same outcome, warnings, margins and values in a study as alone, whatever solves it."""
+
+import math
+from pathlib import Path
+
+import pytest
+from shipped import PATHS
+
+import beamsim
+from beamsim.analyses.designs.plan import plan_draws
+from beamsim.analyses.designs.responses import responses_of_result
+from beamsim.scenario.parameters import find_parameters, value_at
+from beamsim.store.studies import journal_path, opened_journal, stored_study
+from beamsim.trust.studies import design_study
+
+EXAMPLES = sorted(Path(__file__).parents[1].joinpath("data", "examples").glob("*.yaml"))
+ALONE = {"run": beamsim.run, "continuation": beamsim.continuation}  # by analysis; all others are sweeps
+VARIED = ("run.duration", "sweep.to", "sweep.parameter.to", "excitation.level")  # the first that a scenario has
+QUICK = ("one_sided_65hz", "sensitivities", "dry_friction", "foam_drop", "released_panel", "chain_piecewise_linear")
+SHORT = {
+    "sweep_notched": {"sweep.to": "40 Hz"}, "sweep_up_down": {"sweep.rate": "8 oct/min"},
+    "sweep_one_sided_2g": {"sweep.rate": "8 oct/min"},
+    "continuation_friction": {"sweep.from": "4.95 Hz", "sweep.to": "5.05 Hz"},
+}  # fmt: skip
+
+
+def solves_cases(path):
+    """Whether a config has a section whose cases a study can solve."""
+    scenario = beamsim.load_scenario(path)
+    return scenario.run is not None if scenario.sweep is None else scenario.sweep.kind != "coexisting"
+
+
+def alone_and_in_a_study(scenario):
+    """The result of a scenario, and the outcome of the only case of a study that leaves it as it is."""
+    analysis = "run" if scenario.sweep is None else scenario.sweep.kind
+    section = getattr(scenario, "run" if analysis == "run" else "sweep")
+    for path in VARIED:
+        try:
+            value = value_at(scenario, find_parameters(scenario, path)[0])
+            break
+        except ValueError:
+            continue
+    result = ALONE.get(analysis, beamsim.sweep)(scenario)
+    outcomes = []
+    study = design_study(plan_draws(scenario, {path: [value]}), each=outcomes.append)
+    (case,) = outcomes
+    assert case.compared == (section.convergence == "on")
+    assert study.compared.tolist() == [case.compared]
+    return result, case, study
+
+
+def same(one, other):
+    """Whether numbers, texts, and mappings and rows of them are the same, but for round-off."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, (list, tuple)):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, float):
+        return math.isclose(one, other, rel_tol=1e-9, abs_tol=1e-11) or (math.isnan(one) and math.isnan(other))
+    return one == other
+
+
+def demand_same(result, case, study):
+    """Compare a case with the result of its command."""
+    assert case.outcome.text == result.outcome.text
+    assert case.outcome.gravest == result.outcome.gravest
+    assert case.warnings == result.warnings
+    assert same(dict(case.margins), result.summary.get("margins", {}))
+    whole = {} if case.failed else responses_of_result(result)  # of a motion that stopped early no study has values
+    left_out = whole.keys() - case.values.keys()
+    assert {name.rpartition("/")[2] for name in left_out} <= {"gapping"}  # which is computed on request
+    assert case.values.keys() <= whole.keys()
+    assert [name for name, x in case.values.items() if not same(whole[name], x)] == []
+    assert study.case_outcomes.tolist() == [result.outcome.text]
+    assert study.case_warnings.tolist() == ["\n".join(result.warnings)]
+    assert study.outcome.usable == result.outcome.usable
+    assert study.outcome.complete == result.outcome.complete
+
+
+@pytest.mark.parametrize("convergence", ["off", "on"])
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, id=f"{path.parent.name}/{path.stem}", marks=[] if path.stem in QUICK[:2] else pytest.mark.slow)
+     for path in [*PATHS, *EXAMPLES]],
+)  # fmt: skip
+def test_a_shipped_case_is_judged_in_a_study_as_alone(path, convergence):
+    if not solves_cases(path):
+        pytest.skip("no run or sweep of its own")
+    scenario = beamsim.load_scenario(path)
+    section = "run" if scenario.sweep is None else "sweep"
+    alone = {"vary": None, "optimise": None, f"{section}.convergence": convergence, **SHORT.get(path.stem, {})}
+    demand_same(*alone_and_in_a_study(beamsim.load_scenario(path, alone)))
+
+
+BEAM = """\
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 6,
+  damping: {kind: modal, ratio: 1 %}}
+snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151 kN/m, gap: 0 mm,
+  damping: {kind: viscous, coefficient: 20 N s/m}}]
+excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
+run: {duration: 0.05 s, sample_rate: 5 kHz}
+limits: {peak_force: 50 N, peak_acceleration: 100 g, gap: 5 mm, rms_displacement: 1 mm, gapping: 2}
+"""
+"""Its dashpot pulls, root mean squares are those of spectra, and acceleration jumps at touch-down."""
+
+
+@pytest.mark.parametrize("convergence", ["off", "on"])
+@pytest.mark.parametrize(
+    "more",
+    [
+        {}, {"reduction": {"modes": 1}, "excitation.frequency": "400 Hz"}, {"run.low_pass": "2 kHz"},
+        {"run.method": "reference", "run.duration": "3 ms"}, {"run.max_events": 3},
+        {"snubbers[0].stiffness": "1e9 N/m"},
+        {"run.spectrum": {"last": "20 ms"}, "snubbers[0].force_deflection": [[0, 0], [1e-6, 1]],
+         "snubbers[0].stiffness": None}, {"run.from": "10 ms", "run.impacts": {}}, {"excitation.level": "40 g"},
+    ],
+    ids=["plain", "reduction", "low_pass", "reference", "events", "stiff", "table", "from", "large"],
+)  # fmt: skip
+def test_a_case_that_is_warned_of_or_not_reliable_is_so_in_a_study(more, convergence):
+    demand_same(*alone_and_in_a_study(beamsim.load_scenario(BEAM, {**more, "run.convergence": convergence})))
+
+
+def test_the_comparison_can_fail():
+    result, case, study = alone_and_in_a_study(beamsim.load_scenario(BEAM, {"run.convergence": "off"}))
+    other = beamsim.run(beamsim.load_scenario(BEAM, {"run.convergence": "off", "excitation.level": "40 g"}))
+    with pytest.raises(AssertionError):
+        demand_same(other, case, study)
+    demand_same(result, case, study)
+
+
+UNRELIABLE = {"reduction": {"modes": 1}, "excitation.frequency": "400 Hz"}
+GAPS = {"vary": {"kind": "grid", "parameters": [{"path": "snubbers.tip.gap", "values": [0.0, 1e-4]}]}}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_study_with_a_case_that_is_not_reliable_is_not_reliable(workers, tmp_path):
+    """It said ok in all cases, with exit code 0."""
+    case = beamsim.load_scenario(BEAM, {**UNRELIABLE, **GAPS, "run.convergence": "off"})
+    study = beamsim.design_study(case, workers=workers)
+    assert study.outcome.gravest == "untrusted"
+    assert study.summary["not_reliable"] == 2
+    assert study.passing.tolist() == [False, False]
+    assert {of["verdict"] for of in study.summary["margins"].values()} == {"not reliable"}
+    assert {*study.verdicts["peak_force"].values.tolist()} == {"not reliable"}
+    assert "best" not in study.summary
+    path = beamsim.write_result(study, tmp_path / "study.h5")
+    stored = beamsim.open_result(path)
+    for name in ("case_outcomes", "case_warnings", "compared"):
+        assert getattr(stored, name).tolist() == getattr(study, name).tolist()
+    assert stored.verdicts["gap"].values.tolist() == study.verdicts["gap"].values.tolist()
+
+
+def near_limit(**more):
+    """Cases of which the second is nearer to a limit than its force changes with a finer model."""
+    plain, base = BEAM[: BEAM.index("limits:")], {"reduction": {"modes": 2}}
+    alone = beamsim.run(beamsim.load_scenario(plain, {**base, "excitation.level": 20.0}))
+    limits = {"peak_force": 1.0001 * alone.summary["peak_force_n"]["tip"]}
+    vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": [2.0, 5.0, 10.0, 19.99, 20.0]}]}
+    return beamsim.load_scenario(plain, {**base, "limits": limits, "vary": {**vary, **more}})
+
+
+def test_cases_that_decide_are_compared_unless_that_is_switched_off():
+    case = near_limit(minimise="peak_force")
+    study = beamsim.design_study(case)
+    assert study.compared.tolist() == [True, False, False, True, True]  # the best, a near one, and the worst
+    assert study.summary["compared"] == 3
+    worst = study.summary["margins"]["peak_force"]
+    alone = beamsim.run(beamsim.load_scenario(case, {"vary": None, "excitation.level": 20.0}))
+    assert worst["case"] in (3, 4)
+    assert worst["lowest"] < worst["value"] < worst["highest"]
+    assert study.verdicts["peak_force"].values[4] == alone.summary["margins"]["peak_force"]["verdict"]
+    assert study.case_outcomes[4] == alone.status
+    none = beamsim.design_study(beamsim.load_scenario(case, {"run.convergence": "off"}))
+    assert not none.compared.any()
+    every = beamsim.design_study(beamsim.load_scenario(case, {"run.convergence": "on"}))
+    assert every.compared.all()
+
+
+def test_workers_and_an_interruption_amid_the_comparison_change_nothing(tmp_path):
+    case = near_limit(minimise="peak_force")
+    plan = beamsim.plan_designs(case)
+    whole = design_study(plan)
+    several = design_study(plan, workers=2)
+    target = tmp_path / "study.h5"
+    seen = []
+    with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:
+        journal_add = journal.add
+        journal.add = lambda outcome: (seen.append(outcome), journal_add(outcome))
+        part = stored_study(plan, journal, target, stop=lambda: len(seen) > 5)
+    assert part.outcome.interrupted
+    assert part.status.startswith("interrupted during the comparison with a finer model")
+    with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:
+        resumed = stored_study(plan, journal, target)
+    for other in (several, resumed):
+        assert other.compared.tolist() == whole.compared.tolist()
+        assert other.case_outcomes.tolist() == whole.case_outcomes.tolist()
+        assert other.summary["margins"] == whole.summary["margins"]
+        assert other.outcome == whole.outcome
+    assert not journal_path(target).exists()
+
+
+def of_seeds(path):
+    """A shipped config whose input has a seed, made short."""
+    scenario = beamsim.load_scenario(path)
+    short = {"run.duration": "0.2 s", "run.spectrum": None} if scenario.excitation.kind == "matched" else {}
+    return beamsim.load_scenario(path, {"vary": None, **short})
+
+
+SEEDED = [path for path in PATHS if hasattr(beamsim.load_scenario(path).excitation, "seed")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", SEEDED, ids=lambda path: path.stem)
+def test_seeds_of_every_shipped_input_that_has_one_are_realisations(path):
+    """Of a matched record that ended in a KeyError, and before in a refusal of the file of its curve."""
+    scenario = of_seeds(path)
+    found = beamsim.ensemble(scenario, {"excitation.seed": [1, 2]})
+    amplitudes = {"excitation.amplitudes": "random"} if hasattr(scenario.excitation, "amplitudes") else {}
+    changes = {"excitation.seed": 2, **amplitudes, "run.convergence": "off"}
+    values = responses_of_result(beamsim.run(beamsim.load_scenario(scenario, changes)))
+    force = next(name for name in values if name.endswith("peak_force"))
+    assert found.responses[force].values[1] == pytest.approx(values[force], rel=1e-9)
+    assert found.responses[force].values[0] != found.responses[force].values[1]
+    vary = {"kind": "grid", "parameters": [{"path": "excitation.seed", "values": [1, 2]}]}
+    study = beamsim.design_study(beamsim.load_scenario(scenario, {"vary": vary}))
+    assert study.responses[force].values == pytest.approx(found.responses[force].values, rel=1e-12)
+
+
+def test_there_are_shipped_inputs_with_seeds():
+    assert {beamsim.load_scenario(path).excitation.kind for path in SEEDED} >= {"random", "matched"}
+
+
+MATCHED = """\
+chain: {masses: [1 kg], springs: [100 kN/m], damping: {kind: modal, ratio: 5 %}}
+snubbers: [{name: stop, mass: 1, side: below, gap: 0 mm, stiffness: 1 MN/m}]
+excitation: {kind: matched, applied_to: base, srs: [[20 Hz, 5 g], [100 Hz, 40 g], [400 Hz, 40 g]], quality: 10,
+  duration: 0.1 s, seed: 1}
+run: {duration: 0.15 s, sample_rate: 5 kHz}
+limits: {peak_force: 1 kN}
+"""
+
+
+@pytest.mark.parametrize(
+    "vary",
+    [
+        {"kind": "grid", "parameters": [{"path": "excitation.seed", "values": [1, 2]}]},
+        {"kind": "latin_hypercube", "samples": 2, "parameters": [{"path": "excitation.seed", "from": 1, "to": 9}]},
+        {"kind": "one_at_a_time", "parameters": [{"path": "excitation.seed", "values": [2]}]},
+        {"kind": "zip", "parameters": [{"path": "excitation.seed", "values": [1, 2]},
+                                       {"path": "excitation.quality", "values": [10, 12]}]},
+    ],
+    ids=lambda vary: vary["kind"],
+)  # fmt: skip
+def test_seeds_of_a_matched_record_in_each_kind_of_study(vary):
+    study = beamsim.design_study(beamsim.load_scenario(MATCHED, {"vary": vary}))
+    force = study.responses["snubbers/stop/peak_force"].values
+    assert force[0] != force[1]
+    seed = int(next(c for c in study.coordinates if c.path == "excitation.seed").values[0])
+    if vary["kind"] != "zip":
+        alone = beamsim.run(beamsim.load_scenario(MATCHED, {"excitation.seed": seed})).summary
+        assert force[0] == pytest.approx(alone["peak_force_n"]["stop"], rel=1e-9)
