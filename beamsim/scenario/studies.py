@@ -485,7 +485,8 @@ class _RecordedTest(_AnyTest):
     """What tests share whose measurement is a file."""
 
     file: q.FileName
-    """Measured signal or spectrum: CSV, HDF5 (also a beamsim result) or UFF dataset 58; relative to the case."""
+    """Measured signal or spectrum: CSV, HDF5 (also a beamsim result), netCDF-4, MATLAB or UFF dataset 58; its path is
+    relative to the case."""
     channel: q.Text | None = None
     """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""
     decimal: DecimalMark | None = None
@@ -519,9 +520,10 @@ class SteadyTest(_RecordedTest):
     frequency: q.Frequency | None = None
     """Excitation frequency of this test."""
     level: q.Level | None = None
-    """Excitation level of this test, in the quantity of the scenario's excitation."""
+    """Excitation level of this test, in the quantity of the scenario's excitation; a frequency response is multiplied
+    by it."""
     harmonics: q.Count = 6
-    """Number of harmonics of the excitation frequency that the fit uses."""
+    """Number of harmonics of the excitation frequency that the fit uses; a frequency response has one."""
     last: q.Duration | None = None
     """Use only the last part of a time signal (the steady vibration); everything by default."""
 
