@@ -25,6 +25,7 @@ _LETTERS = {"t": ("time", units.TIME), "f": ("frequency", units.FREQUENCY)}
 
 _COUNTS = re.compile(r"|#|n|i|no\.?|nr\.?|index|samples?|rows?|count|lfd\.? ?nr\.?|unnamed: 0", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.*?)\s*[(\[]((?:[^()\[\]]|\([^()]*\))*)[)\]]\s*")
+_BARE_POWER = re.compile(r"(?<=[A-Za-z])(-[1-4])(?![\w.])")
 _NUMBER_BEHIND = re.compile(r"(.*\S)\s+\([0-9]+\)")  # that tells equal headings apart
 _ENDING = re.compile(r"(.+?)_(m_per_s2|m_per_s|m/s\^2|m/s2|m/s|mm|ms|us|k?hz|rad|deg)", re.IGNORECASE)
 _SPELLED = {"m_per_s2": "m/s^2", "m_per_s": "m/s", "m/s2": "m/s^2", "hz": "Hz", "khz": "kHz"}
@@ -50,8 +51,12 @@ def split_heading(heading: str) -> tuple[str, str]:
 
 
 def stated(unit: str) -> str:
-    """The unit of a label in a file; empty where it says none."""
-    return "" if unit.strip().upper() in ("", "NONE", "1", "-") else unit.strip()
+    """The unit of a label in a file; empty where it says none. Powers may lack their sign, as in netCDF.
+
+    >>> stated(" NONE "), stated("m s-2")
+    ('', 'm s^-2')
+    """
+    return "" if unit.strip().upper() in ("", "NONE", "1", "-") else _BARE_POWER.sub(r"^\1", unit.strip())
 
 
 def axis_kind(heading: str) -> str:

@@ -564,7 +564,8 @@ class SampledInput(Driven):
     kind: Literal["sampled"] = "sampled"
     """Samples read from a file."""
     file: q.FileName
-    """CSV, HDF5 (.h5, .hdf5) or UFF 58 (.uff, .unv) file; its path is relative to the folder of the scenario."""
+    """CSV, HDF5 (.h5, .hdf5), netCDF-4 (.nc), MATLAB (.mat) or UFF 58 (.uff, .unv) file; its path is relative to the
+    folder of the scenario."""
     column: q.Text | None = None
     """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the set. It is
     needed where several could be meant."""

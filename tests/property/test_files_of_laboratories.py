@@ -25,7 +25,7 @@ from beamsim.scenario.units import ACCELERATION
 pytestmark = pytest.mark.quick
 
 G = 9.80665
-SIZES = {"m/s^2": 1.0, "g": G, "mm/s^2": 1e-3, "m/s²": 1.0, "cm/s2": 1e-2, "in/s^2": 0.0254}
+SIZES = {"m/s^2": 1.0, "g": G, "mm/s^2": 1e-3, "m/s²": 1.0, "cm/s2": 1e-2, "m s-2": 1.0, "in/s^2": 0.0254}
 """SI values of units of an acceleration, as files spell them."""
 SEED = st.integers(0, 2**16)
 
