@@ -173,6 +173,15 @@ def compare(
     axis_unit: Annotated[
         str | None, typer.Option("--axis-unit", help="Unit of its times or frequencies, e.g. ms, likewise.")
     ] = None,
+    factor: Annotated[
+        str | None, typer.Option("--factor", help="Multiply measured values: -1 of a sensor that is upside down.")
+    ] = None,
+    remove: Annotated[
+        Literal["mean", "trend"] | None, typer.Option("--remove", help="Take this away from measured histories.")
+    ] = None,
+    high_pass: Annotated[
+        str | None, typer.Option("--high-pass", help="-3 dB frequency of a high-pass filter for them, e.g. '5 Hz'.")
+    ] = None,
     level: Annotated[
         str | None, typer.Option("--level", help="Excitation at which a frequency response was measured, e.g. '2 g'.")
     ] = None,
@@ -203,9 +212,10 @@ def compare(
         "channel": channel, "place": probe, "quantity": quantity, "unit": unit, "axis_unit": axis_unit, "level": level,
         "decimal": decimal,
     }  # fmt: skip
+    prepared = {"factor": factor, "remove": remove, "high_pass": high_pass}
     of_runs = {"harmonics": harmonics, "last": last}
     of_sweeps = {"curve": curve, "detector": detector, "reference": reference, "begin": begin, "cycles": cycles}
-    compare_signals(given, measured, pairing, of_runs, of_sweeps)
+    compare_signals(given, measured, pairing, prepared, of_runs, of_sweeps)
 
 
 @command(Case, *COMPUTING)

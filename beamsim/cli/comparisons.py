@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+from pydantic import ValidationError
+
 from beamsim.analyses.compare.analysis import compare, pair_channels
 from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
@@ -18,7 +20,10 @@ from beamsim.files import output_file
 from beamsim.measurements.channels import history_named, read_tests
 from beamsim.outcomes import OnLimit, exit_code
 from beamsim.scenario import load_scenario
+from beamsim.scenario.base import path_text
 from beamsim.scenario.files import DecimalMark
+from beamsim.scenario.loading import describe
+from beamsim.scenario.records import RecordPreparation
 from beamsim.store.results import kind_of, open_result
 
 
@@ -33,7 +38,7 @@ def identify(given: Given) -> None:
 
 
 def compare_signals(
-    given: Given, measured: Path, pairing: Mapping[str, Any],
+    given: Given, measured: Path, pairing: Mapping[str, Any], prepared_by: Mapping[str, str | None],
     of_runs: Mapping[str, Any], of_sweeps: Mapping[str, Any],
 ) -> None:  # fmt: skip
     """Compare the result of a run or of a sweep with measured signals.
@@ -43,6 +48,7 @@ def compare_signals(
     given : to the command, whose case is the file of a result.
     measured : file of the measurement.
     pairing : which channel belongs to which signal of the result, for `pair_channels`.
+    prepared_by : factor, remove and high_pass of measured histories.
     of_runs, of_sweeps : options for results of one and of the other kind.
 
     Raises
@@ -52,9 +58,10 @@ def compare_signals(
     """
     path = given.case
     target = output_file(given.output, f"{path.stem}_compare", ".h5", ".hdf5")
+    preparation = _preparation({name: value for name, value in prepared_by.items() if value is not None})
     if kind_of(path) == "sweep":
         sweep = open_result(path, "sweep")
-        pairs = pair_channels(sweep, measured, **pairing)
+        pairs = pair_channels(sweep, measured, preparation=preparation, **pairing)
         name, chosen = of_sweeps["reference"], {key: of_sweeps[key] for key in ("curve", "detector")}
 
         def compared(*_: object) -> Comparison:
@@ -65,13 +72,32 @@ def compare_signals(
             return compare_sweep(sweep, pairs, tracking=tracking, **chosen)
     else:
         run = open_result(path, "run")
-        pairs = pair_channels(run, measured, **pairing)
+        pairs = pair_channels(run, measured, preparation=preparation, **pairing)
         _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
 
         def compared(*_: object) -> Comparison:
             return compare(run, pairs, **of_runs)
 
     concluded("compare", target, given, compared, f"comparing with {measured.name}")
+
+
+def _preparation(options: Mapping[str, str]) -> RecordPreparation:
+    """How measured histories are prepared, as options say.
+
+    Raises
+    ------
+    ScenarioError
+        For an option that cannot be read, named as the option is.
+    """
+    try:
+        return RecordPreparation.model_validate(options)
+    except ValidationError as error:
+        raise ScenarioError(
+            [
+                Problem(f"--{path_text(path).replace('_', '-')}", message, remedy)
+                for path, message, remedy in (describe(RecordPreparation, each) for each in error.errors())
+            ]
+        ) from None
 
 
 def _refuse_of_sweeps(options: Mapping[str, object]) -> None:

@@ -12,8 +12,9 @@ import numpy as np
 
 from beamsim.errors import Problem, ScenarioError, rooted
 from beamsim.inputs.signal import MOST_PIECES, Signal
-from beamsim.inputs.statements import InputAccount
+from beamsim.inputs.statements import InputAccount, InputStatement
 from beamsim.measurements.columns import column_named, only_column
+from beamsim.measurements.conditioning import conditioned, evenly_timed, offset_warnings, rounding_warnings
 from beamsim.measurements.functions import FunctionType
 from beamsim.measurements.read import TEXT, read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, axis_kind, in_si
@@ -22,7 +23,7 @@ from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import Unfit, path_text
 from beamsim.scenario.excitation import MatchedInput, ProfilePoint, RandomInput, SampledInput, spoken
 from beamsim.scenario.files import CurveFile
-from beamsim.scenario.quantities import DENSITY_DIMENSIONS, LEVEL_DIMENSIONS, LevelValue, meant
+from beamsim.scenario.quantities import DENSITY_DIMENSIONS, LEVEL_DIMENSIONS, LevelValue, meant, power_of
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import (
     ACCELERATION,
@@ -89,19 +90,13 @@ def sampled_signal(
     ScenarioError
         If the file cannot be read, has gaps, or is shorter than the run.
     """
-    time, samples = read_samples(excitation, folder)
-    time = time - time[0]
+    record = read_record(excitation, folder)
+    time, samples = record.x - record.x[0], np.asarray(record.y, dtype=float)
     if duration is not None and time[-1] < duration * (1 - 1e-9) - (time[1] - time[0]):
         _reject(
             f"= {excitation.file} ends after {time[-1]:g} s, before run.duration = {duration:g} s",
             f"run for at most {time[-1]:g} s",
         )
-    if excitation.resample is not None:
-        from scipy.interpolate import CubicSpline
-
-        even = np.arange(int(np.floor(time[-1] * excitation.resample)) + 1) / excitation.resample
-        samples = np.asarray(CubicSpline(time, samples)(even))
-        time = even
     # the whole record is interpolated: the input must not depend on where the run ends
     pieces = time.size if duration is None else int(np.searchsorted(time, duration, side="left")) + 1
     if pieces > MOST_PIECES:
@@ -109,18 +104,33 @@ def sampled_signal(
             f"has {pieces:.3g} samples for this run (at most {MOST_PIECES:.0e})",
             "shorten the run, or set excitation.resample to a lower rate",
         )
-    signal = interpolate(time, samples * excitation.factor, excitation.interpolation)
-    return Signal(signal.start[:pieces], signal.exponent, signal.coefficient[:pieces]), InputAccount()
+    signal = interpolate(time, samples, excitation.interpolation)
+    statement = InputStatement(
+        path="", quantity=excitation.quantity, unit=record.unit, rms=float(np.sqrt(np.mean(samples**2))),
+        sample_rate_hz=(time.size - 1) / float(time[-1]), treatment="; ".join(record.scaling),
+    )  # fmt: skip
+    cut = Signal(signal.start[:pieces], signal.exponent, signal.coefficient[:pieces])
+    return cut, InputAccount(statement, record.warnings)
 
 
-def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[Floats, Floats]:
-    """Times, s, and values in SI units from the file, checked; its path is relative to a folder, else the current one.
+def read_record(excitation: SampledInput, folder: Path | None = None) -> MeasuredSignal:
+    """The record of a sampled input, checked and prepared as the scenario says.
+
+    Parameters
+    ----------
+    excitation : of the scenario.
+    folder : to which the path of the file is relative, else the current one.
+
+    Returns
+    -------
+    MeasuredSignal
+        In SI units, with what was done to it and what is doubtful about it.
 
     Raises
     ------
     ScenarioError
-        For a missing or unreadable file, values that are not finite, a time axis that does not increase, gaps, and
-        where neither the file nor the excitation states a unit.
+        For a missing or unreadable file, values that are not finite, a time axis that does not increase, gaps, a filter
+        that does not suit the record, and where neither the file nor the excitation states a unit.
     """
     path = (folder or Path()) / excitation.file
     if not path.is_file():
@@ -129,10 +139,21 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
         signal = _chosen(read_file(path, excitation.decimal), excitation)
         if signal.y.size < 4:
             _reject(f"= {excitation.file} has only {signal.y.size} samples", "give a longer record")
-        signal = _in_si(signal, excitation).checked()
+        raw = evenly_timed(signal)
+        signal = _in_si(raw, excitation).checked()
+        _demand_no_gaps(signal, excitation)
+        used = conditioned(signal, excitation, excitation.resample)
     except MeasurementError as fault:
         _reject(f"= {excitation.file} {fault.message}", fault.remedy)
-    time, values = signal.x, np.asarray(signal.y, dtype=float)
+    doubts = offset_warnings(used, starts=not excitation.stationary)
+    size = abs(excitation.factor) * float(np.abs(signal.y).max() / max(np.abs(raw.y).max(), 1e-300))
+    doubts += rounding_warnings(raw, used, size, power_of(excitation.quantity))
+    return replace(used, warnings=(*used.warnings, *doubts))
+
+
+def _demand_no_gaps(signal: MeasuredSignal, excitation: SampledInput) -> None:
+    """Refuse a record in which samples are missing."""
+    time = signal.x
     step = np.diff(time)
     median = float(np.median(step))
     gaps = np.flatnonzero(step > 1.5 * median)
@@ -143,7 +164,6 @@ def read_samples(excitation: SampledInput, folder: Path | None = None) -> tuple[
             f"while the sampling interval is {median:g} s",
             "fill the gap, or use the part before or after it",
         )
-    return time, values
 
 
 def _chosen(signals: list[MeasuredSignal], excitation: SampledInput) -> MeasuredSignal:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError
+from beamsim.measurements.conditioning import conditioned, evenly_timed
 from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
@@ -48,7 +49,8 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
             required = test.channel is not None
             signal = channel_named(channels, name, test.quantity, path, required=required, at=f"{at}.channel")
             signal = _usable_in(test, signal, scenario, f"{at}.level")
-            signals.append(in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit"))
+            signal = in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit")
+            signals.append(conditioned(signal, test))
         except MeasurementError as fault:
             problems.append(Problem(f"{at}.file", f"= {test.file} {fault.message}", fault.remedy))
         except ScenarioError as error:
@@ -117,7 +119,9 @@ def read_signals(path: Path, axis_unit: str | None = None, decimal: DecimalMark 
         If the file cannot be read, or has an axis without unit or no channel.
     """
     try:
-        signals = [each.on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path, decimal) if each.axis]
+        signals = [
+            evenly_timed(each).on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path, decimal) if each.axis
+        ]
     except MeasurementError as fault:
         raise unusable(f"{path} {fault.message}", fault.remedy) from None
     if not signals:

@@ -146,6 +146,7 @@ class MeasuredSignal:
     direction: str = ""  # +X to -RZ, as in the file
     reference: Reference | None = None  # what the values are divided by
     scaling: tuple[str, ...] = ()  # what was done to the values of the file, in words
+    warnings: tuple[str, ...] = ()  # what is doubtful about it
     level: ExcitationLevel | None = None  # of the excitation, by which the values of a ratio were multiplied
     fault: tuple[str, str] | None = None  # why the values cannot be used, and a remedy
 

@@ -16,6 +16,7 @@ from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedStop, MovedSupport, NodeDirection
 from beamsim.scenario.distributed import AreaLoad, LineLoad
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile, DecimalMark
+from beamsim.scenario.records import RecordPreparation
 from beamsim.scenario.units import LEVEL_PSD, STANDARD_GRAVITY, UnitError, read_level
 
 AtLeastTwo = Field(min_length=2)
@@ -558,7 +559,7 @@ class SweptSineInput(Driven, FrequencyRange):
         return max(self.from_, self.to)
 
 
-class SampledInput(Driven):
+class SampledInput(Driven, RecordPreparation):
     """A measured motion of the base, or force."""
 
     kind: Literal["sampled"] = "sampled"
@@ -580,12 +581,10 @@ class SampledInput(Driven):
     """Unit of the values in the file (g, mm, N, ...), by default the one that the file states."""
     time_unit: q.Text | None = None
     """Unit of the time axis in the file (s, ms, ...), by default the one that the file states."""
-    factor: q.PositiveNumber = 1.0
-    """Factor by which the values are multiplied."""
     interpolation: Literal["linear", "cubic"] = "cubic"
     """Interpolation between the samples: linear, or a cubic spline."""
     resample: q.Frequency | None = None
-    """Rate to which the samples are first resampled, if they are too fine for the run."""
+    """Sampling rate to which the record is brought, if it is too fine for the run; it is low-pass filtered before."""
     stationary_: bool = Field(default=False, alias="stationary")
     """Whether the record is noise whose statistics do not change in time: root mean squares, kurtosis and densities of
     the response are then stated. An earthquake or a shock is not; the default."""

@@ -14,6 +14,7 @@ from beamsim.scenario.base import BY_FORM, PAIR, Schema, ShortFor, Unfit, Varian
 from beamsim.scenario.body import Ratios
 from beamsim.scenario.excitation import Excitation, FrequencyRange
 from beamsim.scenario.files import DecimalMark
+from beamsim.scenario.records import RecordPreparation
 from beamsim.scenario.run import Start
 
 Aim = Annotated[q.Text | tuple[q.Text, ...] | dict[q.Text, q.AnyValue], BY_FORM]
@@ -481,7 +482,7 @@ class _AnyTest(Schema):
     """Recorded over true value, of a channel whose calibration is not exact; estimate may name it."""
 
 
-class _RecordedTest(_AnyTest):
+class _RecordedTest(_AnyTest, RecordPreparation):
     """What tests share whose measurement is a file."""
 
     file: q.FileName

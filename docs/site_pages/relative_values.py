@@ -86,7 +86,7 @@ FACTORS = {
     "LinearShape.values": "level of the load",
     "PolynomialShape.coefficients": "level of the load; its x and y are shares of the loaded part, from 0 to 1",
     "TableShape.values": "level of the load",
-    "SampledInput.factor": "values of the file",
+    "RecordPreparation.factor": "values of the file",
     "Run.rtol": "size of the state",
     "OrbitStart.factor": "state at the point of the file",
     "ShockSpectrumSettings.quality": "critical damping of the oscillators: 1 / (2 ratio)",

@@ -6,7 +6,7 @@ import pytest
 
 from beamsim.analyses.compare.analysis import harmonics_of
 from beamsim.errors import ScenarioError
-from beamsim.inputs.measured import read_samples
+from beamsim.inputs.measured import read_record
 from beamsim.measurements.channels import history_named, read_tests
 from beamsim.measurements.functions import BY_NUMBER, FunctionType, function_over_frequency, ratio_of
 from beamsim.measurements.read import read_file
@@ -86,10 +86,10 @@ def test_a_sampled_input_takes_time_histories_alone(tmp_path, number, over_frequ
     (tmp_path / "a.uff").write_text(function(Y, kind=number, **(OVER_FREQUENCY if over_frequency else {})))
     sampled = SampledInput(kind="sampled", applied_to="base", file="a.uff")
     if number == 1 and not over_frequency:
-        np.testing.assert_allclose(read_samples(sampled, tmp_path)[1], Y, rtol=1e-5)
+        np.testing.assert_allclose(read_record(sampled, tmp_path).y, Y, rtol=1e-5)
         return
     with pytest.raises(ScenarioError) as caught:
-        read_samples(sampled, tmp_path)
+        read_record(sampled, tmp_path)
     assert "excitation.file = a.uff" in str(caught.value)
     assert str(BY_NUMBER.get(number, FunctionType.OTHER)) in str(caught.value)
 
@@ -99,7 +99,7 @@ def test_a_sample_rate_makes_no_history_of_a_density(tmp_path, rate):
     (tmp_path / "a.uff").write_text(function(Y, kind=9, **OVER_FREQUENCY))
     sampled = SampledInput(kind="sampled", applied_to="base", file="a.uff", sample_rate=rate)
     with pytest.raises(ScenarioError, match="has a power spectral density in acc"):
-        read_samples(sampled, tmp_path)
+        read_record(sampled, tmp_path)
 
 
 @pytest.mark.parametrize(

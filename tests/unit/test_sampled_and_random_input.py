@@ -10,7 +10,7 @@ import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.inputs.density import SpectralDensity
 from beamsim.inputs.excitation import base_motion, random_signals
-from beamsim.inputs.measured import read_samples
+from beamsim.inputs.measured import read_record
 from beamsim.measurements.channels import channel_named, read_signals
 from beamsim.measurements.read import read_file
 from beamsim.scenario import load_scenario
@@ -36,6 +36,11 @@ def base_signals(excitation, duration):
     """Acceleration, velocity and displacement."""
     motion = base_motion(excitation, duration)
     return motion.acceleration, motion.velocity, motion.displacement
+
+
+def read_samples(excitation):
+    record = read_record(excitation)
+    return record.x, record.y
 
 
 def sampled(file, **more):

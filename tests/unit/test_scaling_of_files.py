@@ -9,7 +9,7 @@ import pytest
 import pyuff
 
 from beamsim.errors import ScenarioError
-from beamsim.inputs.measured import read_samples
+from beamsim.inputs.measured import read_record
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario.excitation import SampledInput
@@ -200,7 +200,7 @@ def test_magnitudes_have_no_sign(tmp_path, kind):
 def test_another_number_of_samples_than_stated_is_refused(tmp_path, count, stored, message):
     (tmp_path / "a.uff").write_text(function(stored, count=count))
     with pytest.raises(ScenarioError, match=message):
-        read_samples(SampledInput(kind="sampled", applied_to="base", file="a.uff"), tmp_path)
+        read_record(SampledInput(kind="sampled", applied_to="base", file="a.uff"), tmp_path)
 
 
 @pytest.mark.parametrize("zeros", [0, 4, 30])

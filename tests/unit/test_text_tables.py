@@ -10,7 +10,7 @@ import pyuff
 from beamsim.analyses.identify.records import sweeps_of
 from beamsim.analyses.pad import pad
 from beamsim.errors import MethodError, ScenarioError
-from beamsim.inputs.measured import read_samples, target_curve
+from beamsim.inputs.measured import read_record, target_curve
 from beamsim.measurements.signal import MeasurementError
 from beamsim.measurements.tables import read_csv
 from beamsim.scenario import load_scenario
@@ -136,7 +136,8 @@ def sampled(tmp_path, text, **more):
     (tmp_path / "r.csv").write_text(text)
     excitation = {"kind": "sampled", "applied_to": "base", "file": str(tmp_path / "r.csv"), **more}
     chain = {"masses": [1], "springs": [100]}
-    return read_samples(load_scenario({"chain": chain, "excitation": excitation}).excitation)
+    record = read_record(load_scenario({"chain": chain, "excitation": excitation}).excitation)
+    return record.x, record.y
 
 
 RECORD = [0.5, -1.5, 2.0, 0.25]
@@ -201,8 +202,8 @@ def test_a_file_of_several_channels_needs_a_column_in_every_format(tmp_path):
         excitation = {"kind": "sampled", "applied_to": "base", "file": str(tmp_path / name)}
         case = {"chain": {"masses": [1], "springs": [100]}, "excitation": excitation}
         with pytest.raises(ScenarioError, match="has 2 columns that can be the acceleration: a, b; name one in"):
-            read_samples(load_scenario(case).excitation)
-        _, samples = read_samples(load_scenario(case, ["excitation.column=b"]).excitation)
+            read_record(load_scenario(case).excitation)
+        samples = read_record(load_scenario(case, ["excitation.column=b"]).excitation).y
         np.testing.assert_allclose(samples, 2 * G * time, rtol=1e-6)
 
 

@@ -24,14 +24,16 @@ from beamsim.analyses.run.spectra import amplitude_db, spectrum
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import channel_named, holds_name, read_signals, unusable
+from beamsim.measurements.conditioning import conditioned, offset_warnings
 from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.quantities import motion_dimension
+from beamsim.scenario.records import RecordPreparation
 from beamsim.scenario.run import ShockSpectrumSettings, SpectrumSettings
-from beamsim.scenario.units import FORCE, MOMENT, Dimension
+from beamsim.scenario.units import ACCELERATION, FORCE, MOMENT, Dimension
 from beamsim.typing import Complexes, Floats, Ints
 
 OF_PROBES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
@@ -70,6 +72,7 @@ def compare(
     warnings: list[str] = []
     begin = perf_counter()
     channels = tuple(_channel(result, *pair, harmonics, last, warnings) for pair in pairs)
+    warnings += [f"{signal.name}: {text}" for _, _, signal in pairs for text in record_warnings(signal)]
     return Comparison(
         scenario=result.scenario,
         outcome=COMPLETE,
@@ -77,6 +80,13 @@ def compare(
         warnings=tuple(warnings),
         wall_time_s=perf_counter() - begin,
     ).with_summary(comparisons=[_compared(channel) for channel in channels])
+
+
+def record_warnings(signal: MeasuredSignal) -> list[str]:
+    """What is doubtful about a measured signal; of an acceleration also an offset, which a run does not have."""
+    if signal.of_frequency or signal.unit != ACCELERATION.unit:
+        return list(signal.warnings)
+    return [*signal.warnings, *offset_warnings(signal, starts=False)]
 
 
 def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
@@ -132,6 +142,13 @@ def _channel(
     if not (np.isfinite(excitation) or signal.of_frequency):
         settings = None if result.scenario.run is None else result.scenario.run.srs
         likeness = compare_records(unit, (time_p, history_p), (time_m, history_m), settings)
+        if likeness is not None and settings is not None and likeness.frequency_hz[-1] < settings.to * (1 - 1e-9):
+            rate = min((t.size - 1) / float(t[-1] - t[0]) for t in (time_p, time_m))
+            warnings.append(
+                f"{signal.name}: response spectra end at {likeness.frequency_hz[-1]:.4g} Hz, below run.srs.to = "
+                f"{settings.to:g} Hz: the records have {rate:.4g} samples a second, and oscillators above a tenth of "
+                "that follow the interpolation between samples"
+            )
     return ChannelComparison(
         place=place,
         quantity=quantity,
@@ -318,6 +335,7 @@ def pair_channels(
     axis_unit: str | None = None,
     level: str | None = None,
     decimal: DecimalMark | None = None,
+    preparation: RecordPreparation | None = None,
 ) -> list[tuple[str, str, MeasuredSignal]]:
     """The measured channels of a file that belong to places of a result by name, in SI units.
 
@@ -337,6 +355,7 @@ def pair_channels(
     unit, axis_unit : of its values, and of its time or frequency, where the file does not say.
     level : amplitude of the excitation at which frequency responses were measured, with its unit.
     decimal : decimal mark of a text file, where its numbers leave it open.
+    preparation : of time histories: factor, mean or trend, high-pass filter; by default as they are.
 
     Returns
     -------
@@ -358,12 +377,13 @@ def pair_channels(
         )
         signal = _amplitudes(signal, isinstance(result, SweepResult), path, level)
         at, compared = _owner(signal, found, path, place, quantity, unit)
-        return [(at, compared, in_si(signal, unit, found[at][compared], "--unit"))]
+        return [(at, compared, _prepared(in_si(signal, unit, found[at][compared], "--unit"), path, preparation))]
     usable = [each for each in signals if each.function in _functions(isinstance(result, SweepResult))]
     pairs = _by_name(usable or signals, found, path, place, quantity, unit)
     pairs = [(name, q, _amplitudes(each, isinstance(result, SweepResult), path, level)) for name, q, each in pairs]
     try:
-        return [(name, q, in_si(signal, unit, found[name][q], "--unit")) for name, q, signal in pairs]
+        in_units = [(name, q, in_si(signal, unit, found[name][q], "--unit")) for name, q, signal in pairs]
+        return [(name, q, _prepared(signal, path, preparation)) for name, q, signal in in_units]
     except ScenarioError as error:
         several = list(dict.fromkeys(q for _, q, _ in pairs))
         if unit is None or len(several) == 1:
@@ -391,6 +411,16 @@ def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str |
         return signal.required(_functions(of_sweep), purpose).at_level(level, "--level")
     except MeasurementError as fault:
         raise unusable(f"{path} {fault.message}", fault.remedy) from None
+
+
+def _prepared(signal: MeasuredSignal, path: Path, preparation: RecordPreparation | None) -> MeasuredSignal:
+    """A measured signal as it is compared."""
+    if preparation is None:
+        return signal
+    try:
+        return conditioned(signal, preparation)
+    except MeasurementError as fault:
+        raise unusable(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
 
 
 _Quantities = Mapping[str, Mapping[str, Dimension]]  # by place and name

@@ -76,7 +76,7 @@ def compare_sweep(
     begin = perf_counter()
     chosen = _curve(result, curve)
     tracking = _settled(result, chosen, pairs, tracking or Tracking())
-    warnings = [text for _, _, signal in pairs for text in _level_warnings(chosen, signal)]
+    warnings = [text for _, _, signal in pairs for text in (*_level_warnings(chosen, signal), *signal.warnings)]
     channels = tuple(_channel(chosen, *pair, detector, tracking) for pair in pairs)
     return Comparison(
         scenario=result.scenario,

@@ -109,6 +109,7 @@ class Test:
     quantity: str
     noise_known: bool
     free_phase: bool  # whether the delay is fitted
+    treatment: str  # of the record, in words
 
     @property
     def lost(self) -> int:
@@ -129,7 +130,8 @@ class Test:
         unit = level_unit(self.quantity.removeprefix("absolute_"))
         return {
             "name": self.name, "probe": self.probe, "quantity": self.quantity, "unit": unit, "delay_s": found.delay,
-            "delay_interval": part.delay, "misfit": part.misfit, "misfit_without": part.without,
+            "treatment": self.treatment, "delay_interval": part.delay, "misfit": part.misfit,
+            "misfit_without": part.without,
         }  # fmt: skip
 
 
@@ -183,8 +185,8 @@ class Transient(Test):
         if largest == 0.0:
             raise MeasurementError("does not change", "check channel, begin and duration")
         return cls(
-            number, test.label, probe, test.quantity, True, free, time[part], measured[part], sigma,
-            test.noise is not None, duration, reach,
+            number, test.label, probe, test.quantity, True, free, "; ".join(signal.scaling), time[part], measured[part],
+            sigma, test.noise is not None, duration, reach,
         )  # fmt: skip
 
     def first(self, share: float) -> Self:
@@ -540,7 +542,17 @@ class SweptPeaks(Test):
         what, measured, sigma = zip(*rows, strict=True)
         places = places or [(probe, "displacement")]  # for the picture
         return cls(
-            number, test.label, *places[0], True, False, what, np.array(measured), np.array(sigma), test, tuple(places)
+            number,
+            test.label,
+            *places[0],
+            True,
+            False,
+            "",
+            what,
+            np.array(measured),
+            np.array(sigma),
+            test,
+            tuple(places),
         )
 
     @property

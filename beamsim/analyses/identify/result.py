@@ -240,6 +240,7 @@ class RecordFit:
     quantity: str = attribute("", "quantity that was measured")
     unit: str = attribute("", "its unit")
     delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
+    treatment: str = attribute("", "what was done to the record, in order")
     delay_interval: tuple[float, float] = attribute(
         "s", "confidence interval of the delay; NaN where it is known", default=(math.nan, math.nan)
     )

@@ -65,6 +65,8 @@ from beamsim.system.force_tables import curves_of
 from beamsim.system.parts import SharedBuilds
 from beamsim.typing import Complexes, Floats, not_none, of_kind
 
+HIGHEST_PASS = 0.2  # of a steady test's frequency: a high-pass filter takes up to 0.07 % of the first harmonic
+
 
 def fit_nonlinear(
     scenario: Scenario,
@@ -102,7 +104,9 @@ def fit_nonlinear(
     _check_count(vibrations.numbers, tests)
     search = _searched(vibrations, nonlinear, progress, stop)
     found = _judged(vibrations, search, section, stop)
-    return replace(found, processor_time_s=processor_time() - begin)
+    records = zip(nonlinear.recorded.values(), signals, strict=True)
+    of_records = tuple(f"{test.label}: {text}" for test, signal in records for text in signal.warnings)
+    return replace(found, warnings=(*of_records, *found.warnings), processor_time_s=processor_time() - begin)
 
 
 @dataclass(frozen=True)
@@ -371,6 +375,9 @@ def _tests(scenario: Scenario, settings: NonlinearFit, signals: Sequence[Measure
 def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredSignal) -> _Steady:
     excitation: Any = scenario.excitation
     frequency = excitation.frequency if test.frequency is None else test.frequency
+    if test.high_pass is not None and test.high_pass > HIGHEST_PASS * frequency:
+        message = f"is high-pass filtered at {test.high_pass:g} Hz, which changes harmonics of {frequency:g} Hz"
+        raise MeasurementError(message, f"use high_pass up to {HIGHEST_PASS * frequency:.3g} Hz, or remove: trend")
     multiple = period_multiple(signal.last(test.last), frequency)
     harmonics = harmonics_of(signal, frequency / multiple, test.harmonics * multiple, test.last)
     largest = float(np.max(np.abs(harmonics.value)))
@@ -395,6 +402,7 @@ def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredS
         sigma=np.maximum(sigma, 1e-12 * largest),
         noise_known=known,
         free_phase=harmonics.has_phase and test.phase == "free",
+        treatment="; ".join(signal.scaling),
     )
 
 

@@ -5,8 +5,9 @@ It may start from a periodic motion that a continuation has stored: from its sta
 
 from __future__ import annotations
 
+import math
 import time as clock
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
@@ -41,6 +42,7 @@ from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
 from beamsim.analyses.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.errors import Problem, ScenarioError
+from beamsim.inputs.statements import InputStatement
 from beamsim.outcomes import Stop, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
@@ -230,6 +232,8 @@ def _asked_for(
         fields["srs"] = shock_response(system, motion.trajectory or motion.sampled())
     if settings.srs is not None and not closed_form:
         notes += _coarse_samples(motion.sampled().time, settings.srs)
+    if settings.srs is not None:
+        notes += _coarse_records(system.inputs, settings.srs)
     if settings.sensitivities and goes_on("sensitivities"):
         from beamsim.analyses.run.sensitivities import sensitivities_of
 
@@ -252,6 +256,17 @@ def _coarse_samples(time: Floats, settings: ShockSpectrumSettings) -> list[str]:
     return [
         f"shock response spectra of a time-stepped motion are those of its samples: raise run.sample_rate to "
         f"{least:g} Hz or more for run.srs up to {settings.to:g} Hz"
+    ]
+
+
+def _coarse_records(inputs: Sequence[InputStatement], settings: ShockSpectrumSettings) -> list[str]:
+    """A note for each measured input whose sampling rate does not resolve the oscillators of shock response spectra."""
+    return [
+        f"{each.path}: oscillators of run.srs from {each.sample_rate_hz / SAMPLES_OF_OSCILLATOR:.4g} to "
+        f"{settings.to:g} Hz lie above a tenth of the record's sampling rate, {each.sample_rate_hz:.5g} Hz, and follow "
+        "the interpolation between the samples: lower run.srs.to, or measure faster"
+        for each in inputs
+        if math.isnan(each.from_hz) and each.sample_rate_hz < SAMPLES_OF_OSCILLATOR * settings.to * (1 - 1e-9)
     ]
 
 

@@ -1,0 +1,431 @@
+r"""Preparation of a time history: rounded time stamps, offsets, filters, another sampling rate.
+
+Nothing is done in silence: what was done is added to `MeasuredSignal.scaling`, what is doubtful to its warnings.
+
+*Time stamps.* Stamps :math:`t_k` that are written to a last digit q belong to samples at :math:`t_0 + k h` for every
+step h with :math:`\max_k (t_k - k h) - \min_k (t_k - k h) \le q`. That is a convex function of h, so that the steps
+that fit all stamps are an interval. The sampling rate is the number in it that has only the factors 2, 3 and 5, as
+those of data acquisition systems have, and that is nearest to the best fit; else the best fit.
+
+*Filters.* A record is low-pass filtered by a symmetric FIR filter (Kaiser window) before its sampling rate is lowered,
+so that nothing above half of the new rate is aliased: -6 dB at 0.45 of the new rate, -100 dB from 0.5 on, without
+delay. At each end the record is continued by its mirror image or by its point reflection, whichever makes the smoother
+end. A pulse of eight samples at the start makes the first and second integral of the record, the velocity and
+displacement of a base that starts from rest, those of the filtered record that is zero before. The high-pass filter is
+a Butterworth filter of second order, forward and backward.
+
+*Derivatives.* Rounding of a displacement to steps q is like white noise of variance :math:`q^2 / 12`. The second
+derivative of the cubic spline through the samples multiplies it by
+:math:`(3 (2 - 2 \cos \omega) / (2 + \cos \omega))^2` over :math:`h^4` at each frequency :math:`\omega / h`, the first
+by :math:`(3 \sin \omega / (2 + \cos \omega))^2` over :math:`h^2`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError
+from beamsim.scenario import units
+from beamsim.scenario.records import RecordPreparation
+from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.typing import Floats
+
+EVEN = 1e-6  # of the step, by which steps of an even record differ at most
+WARNED_STEPS = 1e-3  # of the step: a larger difference of steps by rounding is warned of
+FEWEST_ODD_STEPS = 0.01  # share of steps that are shorter or longer by half, above which they are no gaps
+PASS, STOP, ATTENUATION_DB = 0.4, 0.5, 100.0  # of the low-pass filter; frequencies over the new sampling rate
+MOST_FINER = 20  # times as many samples of an uneven record that is made even
+PULSE, MATCHED = 8, 40  # new samples: length of the pulse at the start, and where integrals are those of the record
+WARNED_REMOVAL = 0.01  # of the mean square, that a low-pass filter takes away
+WARNED_START, WARNED_OFFSET = 0.02, 0.01  # of the largest value
+LIKE_GRAVITY = 0.03  # of standard gravity, by which an offset differs from it at most
+WARNED_ROUNDING = 0.05  # of the derived acceleration
+PERIODS_OF_FILTER = 2  # of a high-pass filter, that a record lasts at least
+
+
+def evenly_timed(signal: MeasuredSignal) -> MeasuredSignal:
+    """A time history at its sampling rate where its time stamps are those of even samples but for their last digit.
+
+    Parameters
+    ----------
+    signal : as read from a file, over times in the unit of the file.
+
+    Returns
+    -------
+    MeasuredSignal
+        The signal itself where its stamps are even, or are not explained by one sampling rate.
+    """
+    x = np.asarray(signal.x, dtype=float)
+    if signal.of_frequency or not signal.axis or x.size < 8 or not np.all(np.isfinite(x)):
+        return signal
+    steps = np.diff(x)
+    mean = float(x[-1] - x[0]) / steps.size
+    digit = _last_digit(x) if mean > 0.0 and np.ptp(steps) > EVEN * mean else None
+    if digit is None:
+        return signal
+    typical = float(np.median(steps))
+    odd = np.abs(steps - typical) >= 0.5 * abs(typical)
+    few = 0 < odd.sum() <= max(FEWEST_ODD_STEPS * odd.size, 2.0)  # gaps, or lines that stand twice
+    if few or np.ptp(steps) > 1.001 * digit:
+        return signal
+    bounds = _fitting_steps(x, mean, digit)
+    if bounds is None:
+        return signal
+    try:
+        second = units.read_quantity(f"1 {signal.axis_unit}", units.TIME)
+    except units.UnitError:
+        second = 1.0
+    rate = _sampling_rate(*(1.0 / (step * second) for step in bounds)) * second
+    offsets = x - np.arange(x.size) / rate
+    first = x[0] if np.abs(offsets - x[0]).max() <= 0.5 * digit * (1 + 1e-6) else 0.5 * (offsets.max() + offsets.min())
+    unit, hertz = signal.axis_unit or "s", f"{rate / second:.7g} Hz"
+    warning = (
+        f"time stamps are rounded to {digit:g} {unit}, so that their steps are {steps.min():.4g} to {steps.max():.4g} "
+        f"{unit}; the sampling rate is taken as {hertz}, which fits all of them within half their last digit"
+    )
+    return replace(
+        signal, x=first + np.arange(x.size) / rate,
+        scaling=(*signal.scaling, f"time stamps rounded to {digit:g} {unit}: sampled at {hertz}"),
+        warnings=(*signal.warnings, *([warning] if np.ptp(steps) > WARNED_STEPS * mean else [])),
+    )  # fmt: skip
+
+
+def _last_digit(x: Floats) -> float | None:
+    """The largest of 5, 2 and 1 times a power of ten of which all values are multiples; None where there is none."""
+    largest = float(np.abs(x).max())
+    for power in range(int(np.floor(np.log10(largest))), -13, -1):
+        for times in (5.0, 2.0, 1.0):
+            digit = times * 10.0**power
+            ratio = x / digit
+            if np.abs(ratio - np.round(ratio)).max() < 1e-3 and largest / digit < 1e12:
+                return digit
+    if np.array_equal(x, x.astype(np.float32)):
+        return float(np.spacing(np.float32(largest)))
+    return None
+
+
+def _fitting_steps(x: Floats, mean: float, digit: float) -> tuple[float, float, float] | None:
+    """The shortest, the best and the longest step that fits all time stamps within half a digit; None without any."""
+    from scipy.optimize import brentq, minimize_scalar
+
+    number = np.arange(x.size)
+    reach = digit / (x.size - 1)  # no other step has both ends within half a digit
+
+    def excess(change: float) -> float:  # over what rounding allows, in digits
+        return float(np.ptp(x - number * (mean + change * reach))) / digit - 1.0 - 1e-6
+
+    best = float(minimize_scalar(excess, bounds=(-1.0, 1.0), method="bounded", options={"xatol": 1e-6}).x)
+    if excess(best) > 0.0:
+        return None
+    ends = [end if excess(end) <= 0.0 else brentq(excess, best, end, xtol=1e-9) for end in (-1.001, 1.001)]
+    return mean + ends[0] * reach, mean + best * reach, mean + ends[1] * reach
+
+
+def _sampling_rate(highest: float, best: float, lowest: float) -> float:
+    """The sampling rate between two bounds, Hz, that a data acquisition system would have; else the best one."""
+    regular = [
+        float(2**a * 3**b * 5**c)
+        for c in range(10)
+        for b in range(4)
+        for a in range(25)
+        if lowest <= 2**a * 3**b * 5**c <= highest
+    ]
+    whole = [float(np.round(best))] if lowest <= np.round(best) <= highest else []
+    return min(regular or whole or [best], key=lambda rate: abs(rate - best))
+
+
+def is_even(time: Floats) -> bool:
+    """Whether times (n,) are at equal steps."""
+    steps = np.diff(time)
+    return bool(np.ptp(steps) <= EVEN * float(np.mean(steps)) + 8 * np.spacing(np.abs(time).max()))
+
+
+def conditioned(signal: MeasuredSignal, how: RecordPreparation, resample: float | None = None) -> MeasuredSignal:
+    """A record with its factor, without mean or trend, at another sampling rate and high-pass filtered, in this order.
+
+    Parameters
+    ----------
+    signal : in SI units.
+    how : from the scenario.
+    resample : sampling rate, Hz, to which it is filtered and resampled; by default it keeps its own.
+
+    Returns
+    -------
+    MeasuredSignal
+
+    Raises
+    ------
+    MeasurementError
+        If it is no time history, not even, or too short for a filter.
+    """
+    if how.factor != 1.0:
+        signal = replace(signal, y=how.factor * signal.y, scaling=(*signal.scaling, f"times {how.factor:g}"))
+    if (how.remove or how.high_pass or resample) and (signal.of_frequency or np.iscomplexobj(signal.y)):
+        raise MeasurementError("is no time history, which could be filtered", "leave out remove and high_pass")
+    if how.remove is not None:
+        signal = _without(signal, how.remove)
+    if resample is not None:
+        signal = resampled(signal, resample)
+    return signal if how.high_pass is None else high_passed(signal, how.high_pass)
+
+
+def _without(signal: MeasuredSignal, what: str) -> MeasuredSignal:
+    """A time history without its mean or trend."""
+    degree = 1 if what == "trend" else 0
+    line = np.polynomial.Polynomial.fit(signal.x, signal.y, degree)
+    removed = line(signal.x)
+    size = f"{removed[0]:.4g}" if degree == 0 else f"{removed[0]:.4g} to {removed[-1]:.4g}"
+    text = f"{what} of {size} {signal.unit} removed"
+    return replace(signal, y=signal.y - removed, scaling=(*signal.scaling, text))
+
+
+def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
+    """A time history at another sampling rate, low-pass filtered before where that is lower.
+
+    Parameters
+    ----------
+    signal : over times in s.
+    rate : Hz; the nearest ratio of whole numbers up to 1000 to that of the record is taken.
+
+    Returns
+    -------
+    MeasuredSignal
+
+    Raises
+    ------
+    MeasurementError
+        If the steps of an uneven record are too different.
+    """
+    from scipy.interpolate import CubicSpline
+
+    time, values = signal.x, np.asarray(signal.y, dtype=float)
+    old = (time.size - 1) / float(time[-1] - time[0])
+    if not is_even(time):
+        finest = 1.0 / float(np.diff(time).min())
+        if finest > MOST_FINER * old:
+            raise MeasurementError(
+                f"is unevenly sampled: steps are {np.diff(time).min():.3g} to {np.diff(time).max():.3g} s",
+                "export it at one sampling rate",
+            )
+        spline, old = CubicSpline(time, values), finest
+        time = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * old * (1 + 1e-12))) + 1) / old
+        values = np.asarray(spline(time))
+    if rate >= old * (1 - 1e-9):
+        even = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * rate * (1 + 1e-12))) + 1) / rate
+        text = f"interpolated from {old:.6g} to {rate:.6g} Hz"
+        return replace(signal, x=even, y=np.asarray(CubicSpline(time, values)(even)), scaling=(*signal.scaling, text))
+    ratio = Fraction(rate / old).limit_denominator(1000) or Fraction(1, round(old / rate))
+    if ratio == 1:
+        return signal
+    new = old * float(ratio)
+    cutoff = 0.5 * (PASS + STOP) * new
+    filtered = _low_passed(values, ratio)
+    filtered[: PULSE + 1] += _start_pulse(values, filtered, float(ratio))
+    even = time[0] + np.arange(filtered.size) / new
+    kept = even <= time[-1] + 1e-9 / new
+    left, size = float(np.std(filtered[kept])), float(np.std(values))
+    share = max(1.0 - (left / size) ** 2, 0.0) if size > 0.0 else 0.0
+    text = (
+        f"low-pass filtered without phase (-6 dB at {cutoff:.4g} Hz, -{ATTENUATION_DB:g} dB from {STOP * new:.4g} Hz) "
+        f"and resampled from {old:.6g} to {new:.6g} Hz, {100.0 * share:.3g} % of the mean square removed"
+    )
+    warning = (
+        f"the low-pass filter of resample takes away {100.0 * share:.3g} % of the mean square of {signal.source}, "
+        f"which lies above {PASS * new:.4g} Hz: give a higher resample if the structure responds there"
+    )
+    return replace(
+        signal, x=even[kept], y=filtered[kept], scaling=(*signal.scaling, text),
+        warnings=(*signal.warnings, *([warning] if share > WARNED_REMOVAL else [])),
+    )  # fmt: skip
+
+
+def _filter(rate: float) -> Floats:
+    """Taps, odd in number, of the low-pass filter for a record with a sampling rate, in terms of the new one."""
+    from scipy.signal import firwin, kaiserord
+
+    taps, beta = kaiserord(ATTENUATION_DB, 2.0 * (STOP - PASS) / rate)
+    return np.asarray(firwin(taps | 1, 0.5 * (PASS + STOP), window=("kaiser", beta), fs=rate), dtype=float)
+
+
+def _low_passed(values: Floats, ratio: Fraction) -> Floats:
+    """A record (n,) at a lower rate, low-pass filtered; a ratio is that of the new rate to its own."""
+    from scipy.signal import resample_poly
+
+    taps, size = _filter(float(ratio.denominator)), values.size
+    reach = min(taps.size // (2 * ratio.numerator) + 1, size - 1)
+    start = 2.0 * values[0] - values[reach:0:-1], values[reach:0:-1]
+    end = 2.0 * values[-1] - values[-2 : -reach - 2 : -1], values[-2 : -reach - 2 : -1]
+    results = []
+    for before, behind in zip(start, end, strict=True):
+        # as long as whole steps of the new rate, so that the first sample of the record is one of the result
+        before = np.pad(before, (-before.size % ratio.denominator, 0), mode="edge")
+        continued: Floats = np.concatenate([before, values, behind])
+        whole = resample_poly(continued, *ratio.as_integer_ratio(), window=taps)  # type: ignore[call-overload]  # stubs lack an array
+        first = before.size * ratio.numerator // ratio.denominator
+        results.append(whole[first : first + (size - 1) * ratio.numerator // ratio.denominator + 1])
+    rough = np.array([[abs(x[0] - 2.0 * x[1] + x[2]), abs(x[-1] - 2.0 * x[-2] + x[-3])] for x in results])
+    half = results[0].size // 2
+    first, last = (results[k] for k in np.argmin(rough, axis=0))
+    return np.concatenate([first[:half], last[half:]])
+
+
+def _start_pulse(values: Floats, filtered: Floats, ratio: float) -> Floats:
+    """What is added to the first samples (PULSE + 1,) of a filtered record to keep the integrals of the record.
+
+    Parameters
+    ----------
+    values : (n,) the record.
+    filtered : (m,) at the new rate, in whose steps times are here.
+    ratio : of the new rate to that of the record.
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.signal import oaconvolve
+
+    number = np.arange(PULSE + 1)
+    if filtered.size < 2 * MATCHED:
+        return np.zeros(number.size)
+    taps = _filter(1.0 / ratio)
+    end = int(MATCHED / ratio)  # in steps of the record
+    first = values[: end + taps.size].copy()
+    first[0] *= 0.5  # of the trapezoidal rule: the record is zero before
+    weight = ratio * oaconvolve(first, taps)[: end + taps.size // 2 + 1]
+    weight[-1] *= 0.5
+    left = ratio * np.arange(weight.size - 1, -1, -1)  # time until the end
+    target = np.array([weight.sum(), weight @ left])
+
+    def integrals(samples: Floats) -> Floats:
+        velocity = CubicSpline(np.arange(samples.size), samples).antiderivative()
+        return np.array([velocity(ratio * end), velocity.antiderivative()(ratio * end)])
+
+    pulses = np.zeros((2, 2 * MATCHED))
+    pulses[:, : number.size] = 1.0 - np.cos(2 * np.pi * number / PULSE), np.sin(2 * np.pi * number / PULSE)
+    effect = np.transpose([integrals(pulse) for pulse in pulses])
+    missing = target - integrals(filtered[: 2 * MATCHED])
+    return np.asarray(np.linalg.solve(effect, missing) @ pulses[:, : number.size], dtype=float)
+
+
+def high_passed(signal: MeasuredSignal, frequency: float) -> MeasuredSignal:
+    """A time history through a high-pass filter without phase.
+
+    Parameters
+    ----------
+    signal : over times in s.
+    frequency : Hz, at which it has -3 dB.
+
+    Returns
+    -------
+    MeasuredSignal
+
+    Raises
+    ------
+    MeasurementError
+        If it is uneven, or shorter than two periods of the filter, or sampled too slowly for it.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    time, values = signal.x, np.asarray(signal.y, dtype=float)
+    rate, duration = (time.size - 1) / float(time[-1] - time[0]), float(time[-1] - time[0])
+    if not is_even(time):
+        raise MeasurementError("is unevenly sampled, and a filter needs even samples", "export it at one sampling rate")
+    if duration * frequency < PERIODS_OF_FILTER or frequency > 0.2 * rate:
+        low, high = PERIODS_OF_FILTER / duration, 0.2 * rate
+        raise MeasurementError(
+            f"lasts {duration:.4g} s at {rate:.4g} Hz, which high_pass = {frequency:g} Hz does not suit",
+            f"filter from {low:.3g} to {high:.3g} Hz, or use remove: trend",
+        )
+    # two passes of second order have -3 dB where each has -1.5 dB
+    sections = butter(2, frequency * (np.sqrt(2.0) - 1.0) ** 0.25, "highpass", fs=rate, output="sos")
+    filtered = sosfiltfilt(sections, values, padlen=min(values.size - 1, int(np.ceil(3.0 * rate / frequency))))
+    size, removed = float(np.sqrt(np.mean(values**2))), float(np.sqrt(np.mean((values - filtered) ** 2)))
+    text = (
+        f"high-pass filtered without phase (-3 dB at {frequency:g} Hz), {removed:.3g} of {size:.3g} {signal.unit} rms "
+        "removed"
+    )
+    return replace(signal, y=np.asarray(filtered), scaling=(*signal.scaling, text))
+
+
+def offset_warnings(signal: MeasuredSignal, *, starts: bool) -> list[str]:
+    """Warnings of a time history that stays at a value that is not zero, or begins with one.
+
+    Parameters
+    ----------
+    signal : in SI units.
+    starts : whether what it prescribes is at rest before it, so that a first value is a jump.
+    """
+    y = np.asarray(signal.y, dtype=float)
+    largest, level, first = float(np.abs(y).max(initial=0.0)), float(np.median(y)), float(y[0])
+    if largest == 0.0:
+        return []
+    unit = signal.unit
+    blocks = np.array([np.median(part) for part in np.array_split(y, min(10, y.size))])
+    acceleration = unit == units.ACCELERATION.unit
+    gravity = acceleration and abs(abs(level) / STANDARD_GRAVITY - 1.0) < LIKE_GRAVITY
+    stays = bool(np.all(blocks * level > 0.0)) and float(np.abs(blocks).min()) > 0.5 * abs(level)
+    in_g = f" ({level / STANDARD_GRAVITY:.4g} g)" if acceleration else ""
+    if stays and (gravity or abs(level) > WARNED_OFFSET * largest):
+        contains = "gravity" if gravity else "an offset"
+        jump = f", and begins with a jump of {first:.4g} {unit}" if starts else ""
+        return [
+            f"{signal.source} stays about {level:.4g} {unit}{in_g}, {100.0 * abs(level) / largest:.3g} % of its "
+            f"largest value: it contains {contains}{jump}; take it away by remove: mean"
+        ]
+    if starts and abs(first) > WARNED_START * largest:
+        return [
+            f"{signal.source} begins with {first:.4g} {unit}, {100.0 * abs(first) / largest:.3g} % of its largest "
+            "value, as a jump at t = 0: begin the record at rest, or take an offset away by remove: mean"
+        ]
+    return []
+
+
+def resolution(values: Floats) -> float:
+    """Root mean square of the steps in which values (n,) are given: their last digit; 0 of full precision."""
+    levels = np.unique(values)
+    if levels.size < 3:
+        return 0.0
+    step = float(np.diff(levels).min())
+    multiples = (levels - levels[0]) / step
+    if np.abs(multiples - np.round(multiples)).max() < 1e-2:
+        return step
+    given = values[values != 0.0]
+    some = given[:: max(given.size // 2000, 1)]
+    digits = max(len(f"{value!r}".lower().partition("e")[0].replace(".", "").strip("-0")) for value in some.tolist())
+    if np.array_equal(given, given.astype(np.float32)):
+        return float(np.sqrt(np.mean(np.spacing(np.abs(given).astype(np.float32)).astype(float) ** 2)))
+    if digits >= 15:
+        return 0.0
+    return float(np.sqrt(np.mean(10.0 ** (2 * (np.floor(np.log10(np.abs(given))) + 1 - digits)))))
+
+
+def rounding_warnings(raw: MeasuredSignal, used: MeasuredSignal, size: float, integrals: int) -> list[str]:
+    """A warning where an acceleration that is derived from a record consists of the rounding of its values.
+
+    Parameters
+    ----------
+    raw : as read, in the unit of the file, over times in that of the file.
+    used : as it is used, in SI units: filters take away part of the rounding.
+    size : of a unit of the file, in those of ``used``.
+    integrals : how often the acceleration is integrated to the record: 1 of a velocity, 2 of a displacement.
+    """
+    from scipy.interpolate import CubicSpline
+
+    step = size * resolution(np.asarray(raw.y, dtype=float)) if integrals else 0.0
+    if step == 0.0 or used.x.size < 4:
+        return []
+    length = float(used.x[-1] - used.x[0])
+    steps = length / (used.x.size - 1), length / (raw.x.size - 1)
+    omega = np.linspace(0.0, np.pi, 1001)
+    gain = (6.0 * (1.0 - np.cos(omega)) if integrals == 2 else 3.0 * np.sin(omega)) / (2.0 + np.cos(omega))
+    noise = step / np.sqrt(12.0) * np.sqrt(np.mean(gain**2)) / steps[0] ** integrals
+    noise *= np.sqrt(min(steps[1] / steps[0], 1.0))
+    derived = float(np.sqrt(np.mean(CubicSpline(used.x, used.y)(used.x, integrals) ** 2)))
+    if noise <= WARNED_ROUNDING * derived:
+        return []
+    kind = "displacement" if integrals == 2 else "velocity"
+    return [
+        f"the acceleration is derived from the {kind} in {raw.source}, whose last digit is {step:.3g} {used.unit}: its "
+        f"rounding alone makes {noise:.3g} m/s^2 rms of the {derived:.3g} m/s^2 rms derived; give the acceleration or "
+        "more digits, or filter it by resample"
+    ]
