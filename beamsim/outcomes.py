@@ -265,19 +265,19 @@ class Outcome:
 
     @property
     def text(self) -> str:
-        """Message and remedy, followed by those of the parts."""
+        """Message and remedy, then those of the parts; ``complete`` where nothing is incomplete or doubtful."""
         own = self._own_text
-        if self.kind is OutcomeKind.COMPLETE:
+        if self.kind is OutcomeKind.COMPLETE and self.complete:
             own = f"complete: {own}" if own else "complete"
-        return "; ".join(text for text in (self._prefix + own, *(part.text for part in self.parts)) if text)
+        return "; ".join(text for text in (own and self._prefix + own, *(part.text for part in self.parts)) if text)
 
     @property
     def statements(self) -> tuple[str, ...]:
-        """What `text` says, one text for each outcome, the first one ``complete`` where everything was computed."""
-        complete = self.kind is OutcomeKind.COMPLETE
-        own = self._own_text
-        own = self._prefix + (own or "complete") if self._prefix else own
-        of_parts = [text for part in self.parts for text in part.statements[part.kind is OutcomeKind.COMPLETE :]]
+        """What `text` says, one text for each outcome, the first one ``complete`` where `text` says so."""
+        complete = self.kind is OutcomeKind.COMPLETE and self.complete
+        own = self._own_text or "complete" * (complete and bool(self._prefix))
+        own = own and self._prefix + own
+        of_parts = [text for part in self.parts for text in part.statements if text != "complete"]
         return tuple(text for text in ("complete" * complete, own, *of_parts) if text)
 
     @property

@@ -15,7 +15,7 @@ from beamsim.analyses.compare_modes import ModeComparison
 from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
 from beamsim.cli.printing import MOST_ROWS, lines, percent, told
-from beamsim.cli.screens import SHOWN, Screen, rounded
+from beamsim.cli.screens import SHOWN, Screen, limit_lines, rounded
 from beamsim.cli.tables import Labelled, Views
 from beamsim.plots.style import amount, extent, scale_for
 from beamsim.scenario.base import counted
@@ -254,7 +254,8 @@ def comparison_screen(result: Comparison) -> Screen:
                 rows[-1]["computed"] = f"{amount(p.predicted_level, each.unit, 3)} at {p.predicted_hz:.4g} Hz"
                 rows[-1]["difference"] = f"{p.difference_db:+.2f} dB, {100 * p.frequency_difference:+.2f} %"
     more = len(result.channels) + len(result.sweeps) - len(rows)
-    return Screen("", rows, [f"{counted(more, 'more channel')} in the file"] if more else [])
+    lines = [f"{counted(more, 'more channel')} in the file"] if more else []
+    return Screen("", rows, [*lines, *limit_lines(result)])
 
 
 def modes_screen(result: ModeComparison) -> Screen:

@@ -11,6 +11,7 @@ from beamsim.analyses.compare.analysis import compare, compare_records, pair_cha
 from beamsim.analyses.compare.sweeps import compare_sweep
 from beamsim.errors import ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, exit_code, interruption
 from beamsim.plots.comparison import comparison_figures
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import ShockSpectrumSettings
@@ -195,3 +196,25 @@ def test_moments_and_outputs_of_a_sweep(tmp_path):
     for c in compare_sweep(result, pairs, detector="peak").sweeps:
         assert np.abs(c.predicted) == pytest.approx(1.1 * np.abs(c.measured))
         assert c.unit == {"root.end": "N m", "angle": "rad"}[c.place]
+
+
+UNTRUSTED = Outcome.of(OutcomeKind.UNTRUSTED, "reduction_not_accurate", "its reduced model is not accurate")
+DOUBTFUL = Outcome.of(OutcomeKind.DOUBTFUL, "figures_doubtful", "values change by 3 %")
+INTERRUPTED = interruption("after 0.1 s")
+
+
+@pytest.mark.parametrize(
+    ("ended", "kind", "code"),
+    [(COMPLETE, "complete", 0), (DOUBTFUL, "doubtful", 0), (UNTRUSTED, "untrusted", 3), (INTERRUPTED, "incomplete", 3)],
+    ids=lambda each: str(each)[:12],
+)
+def test_a_comparison_is_as_reliable_as_the_result_that_is_compared(shaken, ended, kind, code):
+    """It was complete, with exit code 0, whatever the run was."""
+    history = shaken.probes["mass"].displacement
+    run = replace(shaken, warnings=("a warning of the run",)).ended(ended)
+    result = compare(run, [("mass", "displacement", MeasuredSignal("mass", shaken.time, 1.1 * history))])
+    assert result.outcome.gravest == kind
+    assert exit_code(result.outcome) == code
+    assert result.complete == (kind == "complete")
+    assert result.warnings[0] == "a warning of the run"
+    assert ended is COMPLETE or ended.sentence in result.status

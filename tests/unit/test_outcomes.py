@@ -88,7 +88,17 @@ def test_both_directions():
     assert not two.complete
     assert not both_directions(STOPPED, REACHED).complete
     assert COMPLETE.statements == ("complete",)
-    assert REACHED.but(STOPPED).statements == ("complete", "reached the end at 3 Hz", STOPPED.text)
+    assert REACHED.but(STOPPED).statements == ("reached the end at 3 Hz", STOPPED.text)
+
+
+@pytest.mark.parametrize("kind", [OutcomeKind.DOUBTFUL, OutcomeKind.UNTRUSTED, OutcomeKind.STOPPED])
+def test_what_has_a_part_that_is_not_complete_is_not_called_complete(kind):
+    part = Outcome.of(kind, "code", "values change", within="the best design")
+    for whole in (COMPLETE.but(part), REACHED.but(part), COMPLETE.but(COMPLETE.but(part))):
+        assert not whole.complete
+        assert "complete" not in whole.text
+        assert not any("complete" in text for text in whole.statements)
+        assert part.message in whole.text
 
 
 def test_what_a_part_means_for_the_whole():

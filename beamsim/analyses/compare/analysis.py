@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from beamsim.analyses.compare.result import ChannelComparison, Comparison, RecordComparison
+from beamsim.analyses.compare.result import ChannelComparison, Comparison, RecordComparison, outcome_of_comparison
 from beamsim.analyses.run.filters import PANELS_OF_OSCILLATOR, SAMPLES_OF_OSCILLATOR, geomspaced, shock_spectra
 from beamsim.analyses.run.records import project
 from beamsim.analyses.run.result import RunResult, Spectrum
@@ -27,7 +27,6 @@ from beamsim.measurements.channels import channel_named, holds_name, read_signal
 from beamsim.measurements.conditioning import conditioned, offset_warnings
 from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
-from beamsim.outcomes import COMPLETE
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.quantities import motion_dimension
@@ -75,11 +74,14 @@ def compare(
     warnings += [f"{signal.name}: {text}" for _, _, signal in pairs for text in record_warnings(signal)]
     return Comparison(
         scenario=result.scenario,
-        outcome=COMPLETE,
+        outcome=outcome_of_comparison(result),
         channels=channels,
-        warnings=tuple(warnings),
+        warnings=(*result.warnings, *warnings),
         wall_time_s=perf_counter() - begin,
-    ).with_summary(comparisons=[_compared(channel) for channel in channels])
+    ).with_summary(
+        comparisons=[_compared(channel) for channel in channels],
+        margins=result.summary.get("margins"), doubtful=result.summary.get("doubtful"),
+    )  # fmt: skip
 
 
 def record_warnings(signal: MeasuredSignal) -> list[str]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from beamsim.analyses.result import Result
+from beamsim.analyses.result import CONVERGENCE, MARGINS, Result
 from beamsim.analyses.run.result import Spectrum
 from beamsim.fields import Counter, Entry, attribute, axis, dataset, declared, group, members, stored, table
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.typing import Bools, Complexes, Floats
 
 _ORDER = ("order",)
@@ -178,8 +181,31 @@ class Comparison(Result):
                  "a record that does not repeat peaks, scale, correlation, largest difference of response spectra",
                  "channels"),
         Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks", "channels"),
+        MARGINS,
+        *(entry for entry in CONVERGENCE if entry.name == "doubtful"),
     )  # fmt: skip
 
     channels: tuple[ChannelComparison, ...] = members("channels", ChannelComparison, start=1, default=())
     sweeps: tuple[SweptComparison, ...] = members("sweeps", SweptComparison, start=1, default=())
     assurance: Assurance | None = group("assurance", Assurance, default=None)  # of two channels of a sweep or more
+
+
+def outcome_of_comparison(result: Result) -> Outcome:
+    """The outcome of a comparison with a result: that of the result, which no comparison makes reliable.
+
+    Parameters
+    ----------
+    result : of a run or a sweep, which is compared with a measurement.
+
+    Returns
+    -------
+    Outcome
+        Incomplete where the result was interrupted: the comparison was not.
+    """
+    outcome = result.outcome
+    if outcome.interrupted:
+        sentence = f"what is compared was {outcome.text}"
+        return Outcome.of(OutcomeKind.INCOMPLETE, "result_interrupted", sentence, remedy="compute the whole of it")
+    return (
+        COMPLETE if outcome.kind is OutcomeKind.COMPLETE and outcome.complete else replace(outcome, within="the result")
+    )

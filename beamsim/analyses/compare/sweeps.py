@@ -17,12 +17,11 @@ from typing import Any, Literal
 import numpy as np
 
 from beamsim.analyses.assurance import assurance
-from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison
+from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison, outcome_of_comparison
 from beamsim.analyses.quality import peaks_of
 from beamsim.analyses.sweep.result import Envelope, OutputEnvelope, SweepCurve, SweepResult
 from beamsim.measurements.channels import unusable
 from beamsim.measurements.signal import MeasuredSignal
-from beamsim.outcomes import COMPLETE
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import FORCE, MOMENT, PRESSURE
 from beamsim.typing import Complexes, Floats, Ints, not_none
@@ -80,13 +79,16 @@ def compare_sweep(
     channels = tuple(_channel(chosen, *pair, detector, tracking) for pair in pairs)
     return Comparison(
         scenario=result.scenario,
-        outcome=COMPLETE,
+        outcome=outcome_of_comparison(result),
         channels=(),
         sweeps=channels,
         assurance=_assurance(channels),
-        warnings=tuple(warnings),
+        warnings=(*result.warnings, *warnings),
         wall_time_s=perf_counter() - begin,
-    ).with_summary(sweeps=[_compared(channel) for channel in channels])
+    ).with_summary(
+        sweeps=[_compared(channel) for channel in channels],
+        margins=result.summary.get("margins"), doubtful=result.summary.get("doubtful"),
+    )  # fmt: skip
 
 
 def _curve(result: SweepResult, name: str | None) -> SweepCurve:
