@@ -60,7 +60,7 @@ def only_column(
     apart_from: MeasuredSignal | None = None,
     by_unit: bool = True,
 ) -> MeasuredSignal:
-    """The only column that can be meant where the user names none: never a time, a frequency, or a count of samples.
+    """The only column that can be meant where the user names none: no time, frequency or count of samples, none empty.
 
     Parameters
     ----------
@@ -87,6 +87,7 @@ def only_column(
         and label_of(signal.name) not in axes
         and not axis_kind(signal.name)
         and not counts_samples(signal.name, signal.y)
+        and not np.isnan(signal.y).all()
     ]
     if by_unit and dimensions and len(possible) > 1:
         fitting = [each for each in possible if not each.unit or is_unit_of(each.unit, *dimensions)]

@@ -65,7 +65,7 @@ def read_rows(path: Path) -> TextRows:
     """The cells of a file, and what separates them.
 
     Empty lines are left out, and comments, which begin with # or %. Semicolon or tab separate where most lines of
-    numbers have one; else commas or blanks, whichever makes a table.
+    numbers have one; else commas or blanks, whichever makes a table. A first line ``sep=;`` states it.
 
     Raises
     ------
@@ -81,7 +81,9 @@ def read_rows(path: Path) -> TextRows:
     lines = [each for each in lines if each not in set(comments)] if comments else lines
     if not lines:
         raise MeasurementError("contains no data", "export it again")
-    separator = _separator(lines)
+    if stated := re.fullmatch(r"sep=([;,\t|])", lines[0][1].strip(" \r\n")):  # by spreadsheets, for spreadsheets
+        lines = lines[1:] or lines
+    separator = stated[1] if stated else _separator(lines)
     remarks = [(number, line.lstrip().lstrip("#%")) for number, line in comments]
     return TextRows(
         list(_split(lines, separator)), separator, {row.line: row.cells for row in _split(remarks, separator)}
@@ -245,12 +247,14 @@ def read_csv(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSig
 
 
 def _first_sample(rows: Sequence[TextRow]) -> int:
-    """Number of the first row of the table: it begins with a number, and is as long as most of such rows."""
-    begin = [k for k, row in enumerate(rows) if could_be_number(row.cells[0])]
-    if not begin:
+    """Number of the first row of the table: it begins with a number, and is as long as most rows, if any such is."""
+    width = Counter(len(row.cells) for row in rows).most_common(1)[0][0]
+    begin = (k for k, row in enumerate(rows) if could_be_number(row.cells[0]))
+    first = next(begin, None)
+    if first is None:
         raise MeasurementError("has no samples: no line starts with a number", "export the measurement again")
-    width = Counter(len(rows[k].cells) for k in begin).most_common(1)[0][0]
-    first = next(k for k in begin if len(rows[k].cells) == width)
+    if len(rows[first].cells) != width:
+        first = next((k for k in begin if len(rows[k].cells) == width), first)
     # a row with numbers beside its first cell, right above the samples, is a sample with a fault
     while first > 1 and len(rows[first - 1].cells) == width and any(map(could_be_number, rows[first - 1].cells)):
         first -= 1

@@ -123,8 +123,8 @@ class Measured(_Parameter):
     data: Annotated[Annotated[tuple[q.AnyValue, ...], Field(min_length=LEAST_DATA)] | q.FileName, BY_FORM]
     """The values, with or without unit; or a file with columns, relative to the scenario's folder, whose headings may
     have units."""
-    column: q.Text = "1"
-    """Heading of the column of the file, or its number."""
+    column: q.Text | None = None
+    """Heading of the column of the file, or its number; needed where it has several."""
     decimal: DecimalMark | None = None
     """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
 

@@ -96,6 +96,7 @@ def test_a_stated_decimal_mark_that_a_number_contradicts_is_refused(tmp_path):
         "  Zeit (s)   Weg (µm)\n  5.0D-01   1.104D+03\n  1.0D+00  -2.2085D+03\n",
         "# Zeit (s), Weg (µm)\n0.5, 1104\n1.0, -2208.5\n",
         ";Zeit (s);Weg (µm)\n0;0,5;1104\n1;1,0;-2208,5\n",
+        'sep=;\n"Zeit (s)";"Weg (µm)"\n"0,5";"1.104"\n"1";"-2.208,5"\n',
     ],
 )
 def test_tables_read_back_however_they_are_written(tmp_path, text, encoding):
@@ -155,6 +156,7 @@ def rows_of(*columns, heading):
         ("Zeit (s);acc (g)", [[0, 0.1, 0.2, 0.3]], {"sample_rate": "10 Hz"}),
         ("n;time;acc", [[0, 1, 2, 3], [0, 0.1, 0.2, 0.3]], {"time_column": "time", "unit": "g", "time_unit": "s"}),
         (";time (s);acc (g)", [[0, 1, 2, 3], [0, 0.1, 0.2, 0.3]], {}),
+        ("X_Value;Comment;acc (g)", [[0, 0.1, 0.2, 0.3], ["", "", "", ""]], {"time_unit": "s"}),
         ("n;acc (g)", [[1, 2, 3, 4]], {"sample_rate": "10 Hz"}),
         ("t (s);F (N);x (mm);a_g (g)", [[0, 0.1, 0.2, 0.3], [9, 8, 7, 6], [1, 2, 3, 5]], {}),
         ("a;b;c", [[0, 0.1, 0.2, 0.3], [7, 7, 7, 7]], {"column": "c", "unit": "g", "time_unit": "s"}),

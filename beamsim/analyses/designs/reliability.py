@@ -16,7 +16,7 @@ from beamsim.analyses.designs.plan import DesignPlan, mixing
 from beamsim.analyses.designs.result import DesignsResult, RandomNumber, Round
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.columns import column_named
+from beamsim.measurements.columns import column_named, only_column
 from beamsim.measurements.signal import MeasurementError
 from beamsim.measurements.tables import read_csv
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
@@ -86,7 +86,12 @@ def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: Varied
         return [float(x) for x in varied.values]
     at = ("vary", "parameters", index, "data")
     try:
-        column = column_named(read_csv(scenario.folder_of(*at) / asked.data, asked.decimal), asked.column)
+        columns = read_csv(scenario.folder_of(*at) / asked.data, asked.decimal)
+        columns = [replace(each, axis="") for each in columns]  # a first column is no axis of values
+        if asked.column is None:
+            column = only_column(columns, key=path_text((*at[:-1], "column")))
+        else:
+            column = column_named(columns, asked.column)
         if column.y.size < LEAST_DATA:
             raise MeasurementError(f"has {column.y.size} values", f"measure {LEAST_DATA} or more")
         texts = [f"{x!r} {column.unit}".rstrip() for x in column.y.tolist()]
