@@ -524,15 +524,18 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, 
     d = psi.T @ system.damping @ psi + (stretch.T * acting.dashpot) @ stretch
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
-    if system.contacts.coupled(phases) or acting.crossed:
+    general = system.contacts.coupled(phases) or acting.crossed
+    if general:
         coupled[:] = True
     free, together = np.flatnonzero(~coupled), np.flatnonzero(coupled)
     modes = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
     if 2 * n < N:
         modes = modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
-    if together.size:
-        modes = modes.joined(_coupled_modes(system, phases, acting, undamped, d, together, window))
-    if across is not None:  # at rest, whatever their values; a unit of them leaves the others in equilibrium
+    if together.size or general:
+        resting = across if general else None
+        modes = modes.joined(_coupled_modes(system, phases, acting, undamped, d, together, window, resting))
+    if across is not None and not general:  # at rest, whatever their values
+        # a unit of them leaves the others in equilibrium
         pushed = system.stiffness[:, None] * across + (acting.shape.T * acting.stiffness) @ (acting.shape @ across)
         compliance = np.divide(1.0, omega2, out=np.zeros_like(omega2), where=omega2 > 0.0)
         moved = (psi * compliance) @ (psi.T @ pushed)
@@ -546,7 +549,7 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, 
 
 def _coupled_modes(
     system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, undamped: tuple[Floats, Floats, Floats], d: Floats,
-    g: Ints, window: float,
+    g: Ints, window: float, across: Floats | None,
 ) -> BlockForm:  # fmt: skip
     """Those of the general form.
 
@@ -556,15 +559,19 @@ def _coupled_modes(
     undamped, d : see `_undamped_modes`, and the damping (e, e) between these modes.
     g : the modes that are coupled.
     window : s, longest time for which the blocks will be used.
+    across : (n, c) motions that are held, whose values load modes and drive internal states; None where they do not.
     """
     n, contacts = system.size, system.contacts
     together = contacts.coupled(phases)
     N, inside = 2 * n + contacts.internal_states, contacts.internal_states if together else 0
     omega2, psi, stretch = (part[..., g] for part in undamped)
     d, r = d[np.ix_(g, g)], g.size
-    fastest = omega2.max() or (d**2).max() or 1.0  # masses that nothing but dashpots joins have no frequency
+    # masses that nothing but dashpots joins have no frequency
+    fastest = omega2.max(initial=0.0) or (d**2).max(initial=0.0) or 1.0
     scale = np.sqrt(np.maximum(omega2, 1e-6 * fastest))
-    A = np.zeros((2 * r + inside, 2 * r + inside))
+    usual = float(np.median(scale)) if r else 1.0  # 1/s, from metres to velocities
+    resting, first = (0 if across is None else across.shape[1]), 2 * r + inside
+    A = np.zeros((first + resting, first + resting))
     A[:r, r : 2 * r] = np.diag(scale)
     A[r : 2 * r, :r] = -np.diag(omega2 / scale)
     A[r : 2 * r, r : 2 * r] = -d
@@ -572,11 +579,15 @@ def _coupled_modes(
         aside = psi.T @ (acting.along - acting.shape).T
         A[r : 2 * r, :r] -= (aside * acting.stiffness) @ stretch / scale
         A[r : 2 * r, r : 2 * r] -= (aside * acting.dashpot) @ stretch
-    out, back = np.zeros((N, 2 * r + inside)), np.zeros((2 * r + inside, N))
+    out, back = np.zeros((N, first + resting)), np.zeros((first + resting, N))
     out[:n, :r], out[n : 2 * n, r : 2 * r] = psi / scale, psi
     back[:r, :n], back[r : 2 * r, n : 2 * n] = psi.T * scale[:, None], psi.T
+    if across is not None:
+        strained = (acting.along.T * acting.stiffness) @ (acting.shape @ across)
+        A[r : 2 * r, first:] = -psi.T @ (system.stiffness[:, None] * across + strained) / usual
+        out[:n, first:], back[first:, :n] = across / usual, across.T * usual
     if together:
-        unit = float(np.median(scale)) / max(float(np.abs(contacts.shape).max()), 1e-300)  # metres to velocities
+        unit = usual / max(float(np.abs(contacts.shape).max()), 1e-300)
         _, h = contacts.force_rows(phases)
         internal, drive = contacts.internal_rates(phases)
         moved = contacts.shape @ psi
@@ -585,12 +596,15 @@ def _coupled_modes(
         )
         penetration = -contacts.sign[:, None] * moved
         pushed = contacts.pushes(phases) @ psi if acting.crossed else -penetration
-        A[r : 2 * r, 2 * r :] = pushed.T @ h / unit
-        A[2 * r :, :r] = unit * (drive[:, :, 0] @ penetration) / scale
-        A[2 * r :, r : 2 * r] = unit * (drive[:, :, 1] @ penetration)
-        A[2 * r :, 2 * r :] = internal
-        out[2 * n :, 2 * r :] = np.eye(inside) / unit
-        back[2 * r :, 2 * n :] = np.eye(inside) * unit
+        states = slice(2 * r, first)
+        A[r : 2 * r, states] = pushed.T @ h / unit
+        A[states, :r] = unit * (drive[:, :, 0] @ penetration) / scale
+        A[states, r : 2 * r] = unit * (drive[:, :, 1] @ penetration)
+        A[states, states] = internal
+        if across is not None:
+            A[states, first:] = -unit / usual * (drive[:, :, 0] @ (contacts.sign[:, None] * contacts.shape @ across))
+        out[2 * n :, states] = np.eye(inside) / unit
+        back[states, 2 * n :] = np.eye(inside) * unit
 
     def inverse() -> Floats:
         compliance = scale / omega2

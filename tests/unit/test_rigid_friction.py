@@ -7,8 +7,11 @@ import pytest
 from balance import energy_of_segments
 
 import beamsim
+from beamsim.contacts.branches import MaxwellBranch
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.sliders import rigid_friction_law
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.pads import relaxing_law
+from beamsim.contacts.sliders import pressed_friction_law, rigid_friction_law
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
@@ -172,3 +175,36 @@ def test_a_motion_begins_sliding():
     assert not pad.stuck[0]
     assert pad.force[0] == pytest.approx(-60.0)
     assert pad.slides >= 1
+
+
+@pytest.mark.parametrize("beside", ["Maxwell branch", "pressed friction"])
+def test_what_is_held_at_a_displacement_loads_what_moves_beside_it(beside):
+    """The motion satisfies the equations: a face that had stuck away from zero did not push what is not symmetric."""
+    rng, n = np.random.default_rng(3), 3
+    if beside == "Maxwell branch":
+        laws, pressed = (
+            (rigid_friction_law(2.0, 1.5), relaxing_law(kelvin_voigt(20.0), [MaxwellBranch(30.0, 0.3)])),
+            None,
+        )
+    else:
+        laws = rigid_friction_law(2.0, 1.5), kelvin_voigt(30.0), pressed_friction_law(None, 0.4, 0.3)
+        pressed = np.array([-1, -1, 1])
+    m = len(laws)
+    contacts = Contacts(
+        rng.normal(size=(m, n)), np.append(-1.0, np.ones(m - 1)), np.append(0.0, np.full(m - 1, -0.02)),
+        np.zeros(m, dtype=bool), laws, pressed_by=pressed,
+    )  # fmt: skip
+    system = PiecewiseLinearSystem(np.array([1.0, 5.0, 14.0]), np.diag([0.02, 0.05, 0.1]), contacts, np.zeros(n))
+    flow = ExactFlow(system, Forcing(rng.normal(size=(1, n)), (Signal.harmonic(4.0, 1.3),)), 12.0)
+    q = np.array([0.5, -0.2, 0.1])
+    penetration = -contacts.gap - contacts.sign * (contacts.shape @ q)
+    start = np.concatenate([q, np.zeros(n), contacts.settled_states(penetration)])
+    motion, checked = simulate(flow, start), 0
+    for k in np.flatnonzero(motion.length > 0.01):
+        t, phases = motion.time[k] + 0.5 * motion.length[k], motion.phases_of(motion.state[k : k + 1])[0]
+        before, y, after = motion.states_at(t + np.array([-1e-5, 0.0, 1e-5]))
+        inputs, F = flow.inputs_at(np.array([t]))[:, 0], flow.sources.count
+        rates = flow.rates(phases).values(y[None], inputs[:, :F], inputs[:, F:])[0]
+        np.testing.assert_allclose((after - before) / 2e-5, rates, atol=1e-6 * np.abs(rates).max())
+        checked += bool(phases[0] == 0 and np.abs(contacts.shape[0] @ y[:n]) > 0.1)
+    assert checked >= 2
