@@ -1,7 +1,23 @@
-"""Time stepping with SciPy, restarted at contact events and breakpoints: the independent check of the exact flow.
+r"""Time stepping with SciPy, restarted at contact events and breakpoints: the independent check of the exact flow.
 
-It takes every contact law, and smooth nonlinearities (cubic springs), which have no closed form. Unlike the exact flow
-it looks for events on the integrator's dense output, `LOOKS` times a step: a contact between two looks can be missed.
+It takes every contact law, and smooth nonlinearities (cubic springs), which have no closed form.
+
+**Events.** Between two steps the state is the integrator's dense output, a polynomial in time, and so is each guard, as
+no step is longer than `RADIANS` of the fastest input that moves one: there a polynomial of degree `DEGREE` is the input
+to round-off. Its coefficients in Chebyshev polynomials bound it from below,
+
+.. math:: g \ge c_0 - \sum_{k \ge 1} |c_k| ,
+
+which shows most guards to be positive on the whole step; of the others all roots are computed. So nothing that the
+integrator's solution does between two steps is missed. What remains is the error of that solution, which ``rtol`` and
+``atol`` limit. None of this is used by the exact flow, whose search it checks.
+
+**After an event** the guards are those of the state after it, not of the dense output before: one that is below zero
+there acts at once. At one instant a contact does not return to a phase that it has left: if a guard asks for that it
+must rise at once. The integration ends with an outcome, and not in silence, where a guard is below zero at the end of a
+step.
+
+**Faces that hold.** What an integrator adds to the velocity of a face that sticks is removed at each of its events.
 """
 
 from __future__ import annotations
@@ -11,6 +27,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.compiled import processor_time
@@ -23,7 +40,13 @@ from beamsim.typing import Bools, Floats, Ints
 if TYPE_CHECKING:
     from scipy.integrate import DenseOutput, OdeSolution
 
-LOOKS = 8  # for events, in a step
+DEGREE = 16  # of the polynomials that guards are, above that of any integrator's dense output (12)
+RADIANS = 1.0  # of the fastest input that moves a guard, in a step
+ROUND_OFF = 1e-14  # of the parts of a guard on a step: within it a guard is zero
+AT_EVENT = 1e-9  # of its parts: how far after an event a guard may be below zero if it rises
+SAME_INSTANT = 16.0 * float(np.finfo(float).eps)  # of a time: shorter pieces have no length
+_POINTS = chebyshev.chebpts2(DEGREE + 1)  # from -1 to 1
+_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_POINTS, DEGREE))
 
 Powers = tuple[OutputOf, OutputOf, Floats]  # two factors (k,) and weights (k, 2): dissipated power and power in
 
@@ -73,7 +96,6 @@ class TimeStepping:
     integrator: str = "BDF"  # a method of ``solve_ivp``; the thesis used a stiff BDF
     rtol: float = 1e-8
     atol: float = 1e-12  # of mass-normalised displacements and velocities alike
-    max_step: float = np.inf  # s
     cubic: CubicSprings | None = None  # smooth springs
     powers: Powers | None = None  # integrated along
     max_events: int = 1_000_000
@@ -88,8 +110,7 @@ class Piece:
     sol: OdeSolution | None  # (N + 2,) at times of a motion that has a length
     y: Floats  # (N + 2,) at its end
     guard: int | None  # that ends it
-    failure: str  # of the integrator
-    interrupted: bool
+    outcome: Outcome  # of the integration
 
 
 def integrate(
@@ -127,23 +148,21 @@ def integrate(
 
     while record.t < duration and outcome.complete:
         until = float(breaks[np.searchsorted(breaks, record.t, side="right")])
-        equations.begin(record.t, record.phases)
-        piece = _solved(stepping, equations, (record.t, until), record.y, stopped)
-        if piece.sol is not None:
-            if observe is not None:
-                observe(piece, record.phases)
-            record.advance(piece)
-        if piece.failure:
-            outcome = Outcome.of(
-                OutcomeKind.STOPPED, "integrator_failed", f"the {stepping.integrator} integrator: {piece.failure}",
-                at=Where(record.t, "s"),
-            )  # fmt: skip
-        elif piece.interrupted:
-            outcome = interruption(at=Where(record.t, "s"))
-        elif piece.guard is not None:
-            record.meet(equations, piece.guard)
-            if len(record.events) > stepping.max_events:
-                outcome = too_many_events(record.t, stepping.max_events)
+        equations.begin(record.t, record.phases, record.left)
+        guard = equations.guard_below_zero(record.t, record.y)
+        if guard is not None:
+            record.meet(equations, guard)
+        else:
+            piece = _solved(stepping, equations, (record.t, until), record.y, stopped)
+            if piece.sol is not None:
+                if observe is not None:
+                    observe(piece, record.phases)
+                record.advance(piece)
+            if piece.outcome.complete and piece.guard is not None:
+                record.meet(equations, piece.guard)
+            outcome = piece.outcome
+        if outcome.complete and len(record.events) > stepping.max_events:
+            outcome = too_many_events(record.t, stepping.max_events)
     return record.trajectory(equations.count, outcome)
 
 
@@ -158,22 +177,29 @@ def _solved(
     import scipy.integrate
 
     solver = getattr(scipy.integrate, stepping.integrator)(
-        equations, span[0], y, span[1], rtol=stepping.rtol, atol=stepping.atol, max_step=stepping.max_step
+        equations, span[0], y, span[1], rtol=stepping.rtol, atol=stepping.atol, max_step=equations.longest_step
     )
-    times, dense, guard, failure, interrupted = [span[0]], [], None, "", False
-    while solver.status == "running" and guard is None and not interrupted:
-        failure = solver.step() or ""
+    times, dense, guard, outcome = [span[0]], [], None, COMPLETE
+    while solver.status == "running" and guard is None and outcome.complete:
+        failure = solver.step()
         if failure:
+            outcome = Outcome.of(
+                OutcomeKind.STOPPED, "integrator_failed", f"the {stepping.integrator} integrator: {failure}",
+                at=Where(times[-1], "s"),
+            )  # fmt: skip
             break
         step = solver.dense_output()
-        end, guard = equations.first_event(step)
-        y = solver.y if guard is None else step(end)
+        end, guard = equations.first_event(step, y)
+        y = np.array(solver.y if guard is None else step(end))
         if end > times[-1]:
             times.append(end)
             dense.append(step)
-        interrupted = stopped(end)
+        if stopped(end):
+            outcome = interruption(at=Where(end, "s"))
+        elif guard is None:
+            outcome = equations.checked(end, y)
     sol = scipy.integrate.OdeSolution(times, dense) if dense else None
-    return Piece(np.array(times), sol, np.array(y), guard, failure, interrupted)
+    return Piece(np.array(times), sol, y, guard, outcome)
 
 
 class _Record:
@@ -192,6 +218,7 @@ class _Record:
         self.touched = np.zeros(m)  # s that each contact has touched
         made = np.flatnonzero(begin.made).tolist()
         self.events = [(0.0, j, int(begin.before[j]), int(self.phases[j])) for j in made]
+        self.left: set[tuple[int, int]] = set()  # contacts and the phases that they have left at this instant
 
     def advance(self, piece: Piece) -> None:
         """Go to the end of a piece of the motion, with the outputs on the way."""
@@ -203,6 +230,8 @@ class _Record:
             self.states[self.done : last] = piece.sol(self.times[self.done : last]).T
             self.all_phases[self.done : last] = self.phases
             self.done = last
+        if end - self.t > SAME_INSTANT * end:
+            self.left.clear()
         self.y, self.t = piece.y, end
 
     def meet(self, equations: _Equations, guard: int) -> None:
@@ -210,8 +239,10 @@ class _Record:
         contact, following = (int(of[guard]) for of in (equations.watched.contact, equations.watched.following))
         equations.reset(guard, self.t, self.y)
         before, self.phases = self.phases, self.contacts.after(self.phases, contact, following)
+        equations.stop(self.contacts.holds(before) | self.contacts.holds(self.phases), self.t, self.y)
         self.y[-2] += equations.lost(before, self.phases, self.t, self.y)
         self.events.append((self.t, contact, int(before[contact]), following))
+        self.left.update((j, int(before[j])) for j in np.flatnonzero(before != self.phases).tolist())
 
     def trajectory(self, evaluations: int, outcome: Outcome) -> ReferenceTrajectory:
         """What there is of the motion."""
@@ -249,8 +280,15 @@ class _Equations:
         base = self.flow.forcing.base_displacement
         self.base = None if base is None else (base, base.derivative())
 
-    def begin(self, t: float, phases: Ints) -> None:
-        """Go to the piece of the inputs that begins at a time or lasts then, and to the phases (m,) of the contacts."""
+    def begin(self, t: float, phases: Ints, left: set[tuple[int, int]]) -> None:
+        """Go to the piece of the inputs that begins at a time or lasts then, and to phases of the contacts.
+
+        Parameters
+        ----------
+        t : s.
+        phases : (m,) of the contacts.
+        left : contacts and the phases that they have left at this instant, to which they do not return at once.
+        """
         flow, sources = self.flow, self.flow.sources
         piece = max(int(np.searchsorted(sources.start, t, side="right")) - 1, 0)
         self.since, self.amplitude = sources.start[piece], sources.amplitude[piece]
@@ -259,6 +297,21 @@ class _Equations:
         factors = [] if self.powers is None else [of(phases) for of in self.powers[:2]]
         self.rates = np.vstack([_matrix(of) for of in (flow.rates(phases), *factors)])
         self.weight = np.zeros((0, 2)) if self.powers is None else self.powers[2]
+        following = zip(self.watched.contact.tolist(), self.watched.following.tolist(), strict=False)
+        self.waiting = np.array([each in left for each in following], dtype=bool)
+        self.floor = np.zeros(self.watched.guards)  # of guards that wait until they have risen above zero
+        self.longest_step = self._longest_step(t)
+
+    def _longest_step(self, t: float) -> float:
+        """s, in which the inputs that move a guard, themselves or through the state, turn by `RADIANS`."""
+        exponent, inputs = self.flow.sources.exponent, slice(self.flow.size, self.flow.size + self.flow.sources.count)
+        slopes = slice(inputs.stop, None)
+        rows = np.vstack([self.functions[: self.watched.guards], self.rates[: self.flow.size]])
+        moves = rows[:, inputs].any(axis=0) | rows[:, slopes].any(axis=0)
+        # 1e-16: of its amplitude; what has decayed to that moves nothing
+        moves &= (self.amplitude != 0.0) & (exponent.real * (t - self.since) > np.log(1e-16))
+        fastest = float(np.abs(exponent[moves]).max(initial=0.0)) if self.watched.guards else 0.0
+        return RADIANS / fastest if fastest else np.inf
 
     def _known(self, times: Floats, y: Floats) -> Floats:
         """(nt, N + 2 F) what outputs are linear in: states (nt, N), inputs and their slopes."""
@@ -290,45 +343,77 @@ class _Equations:
             rates[-1] += through
         return rates
 
-    def guards(self, times: Floats, y: Floats) -> Floats:
-        """(nt, g) guards in states (nt, N), which fall through zero at events.
-
-        They do so where they lie below it by more than the round-off of their parts, so that a contact whose two sides
-        move together at no distance does not open and close without end.
-        """
+    def guards(self, times: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """(nt, g) guards in states (nt, N), which fall through zero at events, and (g,) the size of their parts."""
         rows, known = self.functions[: self.watched.guards], self._known(times, y)
-        # 1e-15: of the parts of a guard, that a sum of them is known to
-        return np.asarray(known @ rows.T + 1e-15 * np.abs(known) @ np.abs(rows).T)
+        return known @ rows.T, (np.abs(known) @ np.abs(rows).T).max(axis=0)
 
-    def first_event(self, step: DenseOutput) -> tuple[float, int | None]:
+    def guard_below_zero(self, t: float, y: Floats) -> int | None:
+        """The guard that acts at once in a state (N + 2,), as that of a face which stops and cannot hold; None where
+        none does.
+
+        Of several it is the lowest. One that is below zero by what an event is known to, and rises, has to rise above
+        zero before it acts; so has one that would lead back to a phase that was left at this instant.
+        """
+        values, parts = self.guards(np.array([t]), y[None])
+        value = values[0]
+        below = value < -ROUND_OFF * parts
+        if not below.any():
+            return None
+        inputs = self.flow.inputs_at(np.array([t]), 2, np.array([self.since]))[0, 1]
+        rises = self.functions[: value.size] @ np.append(self(t, y)[: self.flow.size], inputs) > 0.0
+        self.waiting |= below & rises & (value >= -AT_EVENT * parts)
+        self.floor = np.where(self.waiting, np.minimum(value, 0.0), 0.0)
+        acting = np.where(below & ~self.waiting, value, 0.0)
+        return int(acting.argmin()) if acting.any() else None
+
+    def first_event(self, step: DenseOutput, start: Floats) -> tuple[float, int | None]:
         """Time of the first event in a step, s, with its guard; the end of the step where there is none.
 
-        A guard that lies below zero from the start on acts there, that of a face which stops and does not hold, for
-        example; of several the lowest.
+        Parameters
+        ----------
+        step : of the integrator.
+        start : (N + 2,) state where it begins, that after an event.
         """
-        from scipy.optimize import brentq
-
         if not self.watched.guards:
             return float(step.t), None
-        times = np.linspace(step.t_old, step.t, LOOKS + 1)
-        values = self.guards(times, step(times).T)
-        falling = values[1:] <= 0.0
-        falling[1:] &= values[1:-1] >= 0.0
-        if not falling.any():
-            return float(step.t), None
-        look = int(falling.any(axis=1).argmax())
-        at_once = np.where(falling[0], values[0], 0.0)
-        if at_once.min() < 0.0:
-            return float(step.t_old), int(at_once.argmin())
+        half = 0.5 * (step.t - step.t_old)
+        times = step.t_old + half * (1.0 + _POINTS)
+        times[-1] = step.t
+        y = step(times).T
+        y[0] = start
+        values, parts = self.guards(times, y)
+        round_off = ROUND_OFF * parts
+        coefficient = _COEFFICIENTS @ (values + round_off)
+        doubtful = np.flatnonzero(coefficient[0] <= np.abs(coefficient[1:]).sum(axis=0)).tolist()
+        found = [(falls_through_zero(coefficient[:, g], waits=bool(self.waiting[g])), g) for g in doubtful]
+        share, guard = min(found, default=(np.inf, -1))
+        if share <= 1.0:
+            return float(step.t_old + half * (1.0 + share)), guard
+        self.waiting &= values[-1] <= round_off
+        self.floor[~self.waiting] = 0.0
+        return float(step.t), None
 
-        a, b, eps = float(times[look]), float(times[look + 1]), 4.0 * float(np.finfo(float).eps)
-        ends = {a: values[look], b: values[look + 1]}  # whose round-off another product of the matrices would change
+    def checked(self, t: float, y: Floats) -> Outcome:
+        """What comes of a state (N + 2,) at the end of a step in which no event was found: no guard is below zero."""
+        values, parts = self.guards(np.array([t]), y[None])
+        below = np.where(values[0] < self.floor - ROUND_OFF * parts, values[0], 0.0)
+        if not below.any():
+            return COMPLETE
+        contact = int(self.watched.contact[below.argmin()])
+        return Outcome.of(
+            OutcomeKind.STOPPED, "guard_below_zero",
+            f"contact {contact + 1} is past a border of its phase by {-below.min():.2g}, and no event was found",
+            at=Where(t, "s"), remedy="compare again with a smaller tolerance",
+        )  # fmt: skip
 
-        def guard(t: float, g: int) -> float:
-            return float((ends[t] if t in ends else self.guards(np.array([t]), step(np.array([t])).T)[0])[g])
-
-        fallen = np.flatnonzero(falling[look]).tolist()
-        return min((float(brentq(guard, a, b, args=(g,), xtol=eps, rtol=eps)), g) for g in fallen)
+    def stop(self, which: Bools, t: float, y: Floats) -> None:
+        """Remove what the integrator has left of the velocities of contacts (m,) that stick rigidly, in y."""
+        held, n = np.flatnonzero(which), self.flow.system.size
+        if held.size:
+            rows = _matrix(self.flow.penetrations[1])[held]
+            left = rows @ self._known(np.array([t]), y[None])[0]
+            y[n : 2 * n] -= np.linalg.pinv(rows[:, n : 2 * n], rcond=1e-10) @ left
 
     def reset(self, guard: int, t: float, y: Floats) -> None:
         """Start the internal states of a guard's contact anew, in y, where its event does so."""
@@ -350,3 +435,42 @@ class _Equations:
 def _matrix(output: LinearOutput) -> Floats:
     """(k, N + 2 F) an output's factors of the states, the inputs and their slopes."""
     return np.concatenate([output.row, output.direct, output.direct_slope], axis=1)
+
+
+def falls_through_zero(coefficient: Floats, *, waits: bool = False) -> float:
+    """Where a polynomial first is below zero.
+
+    Parameters
+    ----------
+    coefficient : (k,) of Chebyshev polynomials on [-1, 1].
+    waits : whether it counts only after it has been above zero.
+
+    Returns
+    -------
+    float
+        The root from which it falls, -1 where it is below zero from the start; infinite where it does not fall.
+
+    Examples
+    --------
+    >>> falls_through_zero(np.array([0.5, -1.0]))  # 0.5 - x
+    0.5
+    >>> falls_through_zero(np.array([1.0, -1.0])), falls_through_zero(np.array([-2.0, 0.0]), waits=True)
+    (inf, inf)
+    """
+    from scipy.optimize import brentq
+
+    size = float(np.abs(coefficient).max())
+    roots = chebyshev.chebroots(chebyshev.chebtrim(coefficient, float(np.finfo(float).eps) * size))
+    # 1e-6: a double root is known to the root of round-off; a cut at no root does no harm
+    cuts = np.sort(roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)])
+    edges = np.concatenate([[-1.0], cuts, [1.0]])
+    before, above = -1.0, not waits
+    for x in np.append(0.5 * (edges[1:] + edges[:-1]), 1.0).tolist():
+        value = float(chebyshev.chebval(x, coefficient))
+        if value < 0.0 and above:
+            if chebyshev.chebval(before, coefficient) <= 0.0:
+                return before
+            return float(brentq(chebyshev.chebval, before, x, args=(coefficient,), xtol=1e-15))
+        above |= value > 0.0
+        before = x
+    return np.inf

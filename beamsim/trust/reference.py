@@ -74,7 +74,7 @@ def against(result: RunResult, rtol: float = RTOL, stop: Callable[[], bool] = ne
             "method": "reference", "integrator": integrator, "rtol": rtol, "atol": min(ATOL, settings.atol),
         }
     )  # fmt: skip
-    motion = stepped_motion_of(system, stepped, output_times(result.scenario), None, stop, short_steps=True)
+    motion = stepped_motion_of(system, stepped, output_times(result.scenario), None, stop)
     if motion.outcome.interrupted:
         return result.interrupted("the comparison with the reference integrator")
     if motion.outcome.ended_early:

@@ -115,7 +115,7 @@ def test_the_stepping_of_the_package_agrees_too(make_system, two_tones, case):
     _, expected, _ = agreement(*setting)
     flow, start, duration = setting[0], setting[4], setting[5]
     times = np.linspace(0.0, duration, 501)
-    stepping = reference.TimeStepping(flow, "DOP853", rtol=1e-12, atol=1e-13, max_step=0.05)
+    stepping = reference.TimeStepping(flow, "DOP853", rtol=1e-12, atol=1e-13)
     stepped = reference.integrate(stepping, start, times)
     np.testing.assert_array_equal(stepped.event_contact, expected.event_stop)
     np.testing.assert_array_equal(stepped.event_closing, expected.event_closing)

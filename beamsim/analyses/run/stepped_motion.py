@@ -22,8 +22,6 @@ from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
-STEPS_A_PERIOD = 4  # least number, each with several looks for contacts
-
 
 def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
     """Whether the motion is marched in time steps."""
@@ -41,8 +39,6 @@ def stepped_motion_of(
     times: Floats,
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
-    *,
-    short_steps: bool = False,
 ) -> RunMotion:
     """The motion by time stepping; extremes on the integrator's dense output, contact from its located events.
 
@@ -51,8 +47,6 @@ def stepped_motion_of(
     system, settings : of the run.
     times : (nt,) s, at which it is asked for.
     progress, stop : see `beamsim.flow.reference.integrate`.
-    short_steps : whether steps are short against the fastest motion with all contacts closed, so that a contact between
-        two looks is rare; always so where the method of the run is not ``reference``.
 
     Returns
     -------
@@ -66,12 +60,12 @@ def stepped_motion_of(
     """
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
     outputs = SteppedOutputs(system, flow, times, settings.low_pass)
-    stepping = _time_stepping(system, flow, settings, short_steps)
+    stepping = _time_stepping(system, flow, settings)
     method, warnings = f"{stepping.integrator}, rtol {stepping.rtol:g}", list[str]()
     if settings.method != "reference":
         warnings.append(
             f"cubic springs have no closed-form motion: integrated by {stepping.integrator} with rtol = "
-            f"{stepping.rtol:g}; contacts are found by sign changes between steps, without certificate"
+            f"{stepping.rtol:g}; contacts are found as accurately as that, without certificate"
         )
     trajectory = integrate(stepping, system.initial_state, times, progress=progress, stop=stop, observe=outputs.observe)
     at = trajectory.time
@@ -97,15 +91,11 @@ def stepped_motion_of(
     )
 
 
-def _time_stepping(system: StructuralSystem, flow: ExactFlow, settings: Run, short_steps: bool) -> TimeStepping:
-    """How steps are taken, see `stepped_motion_of`; without run.method: reference by one integrator."""
-    by_reference = settings.method == "reference"
-    longest = np.inf
-    if (short_steps or not by_reference) and system.dynamics.contacts.count:
-        longest = 2 * np.pi / system.dynamics.fastest / STEPS_A_PERIOD
+def _time_stepping(system: StructuralSystem, flow: ExactFlow, settings: Run) -> TimeStepping:
+    """How steps are taken; without run.method: reference by one integrator."""
     return TimeStepping(
-        flow, settings.integrator if by_reference else "DOP853", relative_tolerance(settings), settings.atol, longest,
-        system.cubic, power_factors(flow), settings.max_events,
+        flow, settings.integrator if settings.method == "reference" else "DOP853", relative_tolerance(settings),
+        settings.atol, system.cubic, power_factors(flow), settings.max_events,
     )  # fmt: skip
 
 
