@@ -92,7 +92,7 @@ class Trajectory:
         if finite[-1] and finite.all():
             return self
         end = float(self.time[kept])
-        part = self.only(slice(0, max(kept, 1)))._with_events(self.event_time < end)
+        part = self.only(slice(0, max(kept, 1)))
         return replace(part, end=end, length=part.length * (kept > 0), final_y=self.y[kept], outcome=not_finite(end))
 
     def _with_events(self, which: Bools) -> Trajectory:
@@ -134,6 +134,7 @@ class Trajectory:
         """
         out = np.empty((times.size, outputs))
         segment = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, None)
+        self._check_reached(times, segment)
         of_time = self.state[segment]
         for number in visited_states(of_time):
             state, entries = self.flow.states[number], np.flatnonzero(of_time == number)
@@ -148,6 +149,16 @@ class Trajectory:
                 terms = state.terms_after(amplitudes, times[part] - self.time[segment[part]])
                 out[part] = terms.view(float) @ factors
         return out
+
+    def _check_reached(self, times: Floats, segment: Ints) -> None:
+        """Refuse times (nt,) outside of the segments (nt,) before them, by more than round-off."""
+        after = times - self.time[segment]
+        # 1e-12: round-off of times that were added up
+        round_off = 1e-12 * max(abs(self.end), abs(float(self.time[0])))
+        outside = np.maximum(after - self.length[segment], -after) > round_off
+        if outside.any():
+            at, reached = float(times[np.flatnonzero(outside)[0]]), (float(self.time[0]), self.end)
+            raise ValueError(f"the motion is not known at {at:.9g} s; its segments lie between {reached} s")
 
     def states_at(self, times: Floats) -> Floats:
         """(nt, N) the state: (q, q') and the contacts' internal states."""
@@ -176,26 +187,32 @@ class Trajectory:
 
     def until(self, end: float) -> Trajectory:
         """The motion up to a time."""
-        part = self.only(slice(0, max(1, int(np.searchsorted(self.time, end)))))._with_events(self.event_time < end)
+        part = self.only(slice(0, max(1, int(np.searchsorted(self.time, end)))))
         return replace(
             part, end=min(end, self.end), length=np.clip(end - part.time, 0.0, part.length),
             final_y=self.states_at(np.array([min(end, self.end)]))[0],
         )  # fmt: skip
 
     def within(self, begin: float, end: float) -> Trajectory:
-        """The segments of a part of the motion; the first begins at or before ``begin``, the last ends at ``end``."""
+        """The segments of a part of the motion; the first begins at or before ``begin``, the last ends at ``end``.
+
+        The motion itself ends the part that is asked for beyond it. The events are those between these segments; one
+        at ``end`` is among them.
+        """
         first = max(int(np.searchsorted(self.time, begin, side="right")) - 1, 0)
         last = max(int(np.searchsorted(self.time, end, side="right")), first + 1)
         part = self.only(slice(first, last))
         length = part.length.copy()
         length[-1] = min(length[-1], max(end - float(part.time[-1]), 0.0))
-        return replace(part, end=min(end, self.end), length=length)
+        reached = float(np.clip(end, part.time[-1], self.end))
+        return replace(part, end=reached, length=length, final_y=part.states_at(np.array([reached]))[0])
 
     def between(self, begin: float, end: float) -> Trajectory:
         """The same, whose first segment begins at ``begin``; of the events those after it."""
         if begin <= self.time[0]:
             return self.within(begin, end)
-        part = self.within(begin, end)._with_events(self.event_time > begin)
+        part = self.within(begin, end)
+        part = part._with_events(part.event_time > begin)
         late = max(begin - float(part.time[0]), 0.0)
         time, length, y = part.time.copy(), part.length.copy(), part.y.copy()
         time[0], length[0], y[0] = time[0] + late, max(length[0] - late, 0.0), self.states_at(np.array([begin]))[0]
@@ -227,19 +244,42 @@ class Trajectory:
 
     def _holding(self, segments: slice) -> Trajectory:
         visited, state = np.unique(self.state[segments], return_inverse=True)
-        last = segments.stop >= self.state.size
-        return replace(
-            self.only(segments), flow=self.flow.holding(visited), state=state,
-            end=self.end if last else float(self.time[segments.stop]),
-            final_y=self.final_y if last else self.y[segments.stop],
-        )  # fmt: skip
+        return replace(self.only(segments), flow=self.flow.holding(visited), state=state)
 
     def only(self, segments: Ints | slice) -> Trajectory:
-        """Some of the segments, in order; times are those of the whole motion."""
-        return replace(
-            self, time=self.time[segments], length=self.length[segments], state=self.state[segments],
-            piece=self.piece[segments], y=self.y[segments],
+        """Some of the segments, in order; times are those of the whole motion.
+
+        They end where the last of them does. The events are those that lead from one of them to the next, segments of
+        no length left out, and those at either end of the motion itself where its first or last segment is among them.
+        """
+        count = self.time.size
+        kept = np.arange(count)[segments]
+        part = replace(
+            self, time=self.time[kept], length=self.length[kept], state=self.state[kept], piece=self.piece[kept],
+            y=self.y[kept],
         )  # fmt: skip
+        if not kept.size:
+            return part._with_events(np.zeros(self.event_time.size, dtype=bool))
+        if kept[-1] + 1 < count:
+            part = replace(part, end=float(self.time[kept[-1] + 1]), final_y=self.y[kept[-1] + 1])
+        lasting = np.cumsum(np.append(0, self.length > 0.0))  # segments that last, before each
+        place = np.searchsorted(kept, self._begun_by_events)
+        before = np.where(place > 0, kept[place - 1] + 1, 0)
+        after = np.append(kept, count if kept[-1] == count - 1 else -1)[place]
+        inside = (after >= 0) & (lasting[after] == lasting[before])
+        return part._with_events(inside)
+
+    @cached_property
+    def _begun_by_events(self) -> Ints:
+        """(E,) number of the segment that each event leads to; 0 at the beginning of the motion, S at its end."""
+        changed = np.flatnonzero(np.append(True, np.diff(self.state) != 0))
+        begun = self.time[changed]
+        # of several events at one instant the last leads to the last segment that begins then
+        later = np.searchsorted(self.event_time, self.event_time, side="right") - 1 - np.arange(self.event_time.size)
+        place = np.searchsorted(begun, self.event_time, side="right") - 1 - later
+        found = (place >= 0) & (begun[place] == self.event_time)
+        by_time = np.searchsorted(self.time, self.event_time)
+        return np.asarray(np.where(found, changed[place], by_time))
 
     def contact_share(self) -> Floats:
         """(m,) share of the time during which each contact touches."""

@@ -1,0 +1,80 @@
+"""Parts of a motion: their events, ends and states are those of the whole, and nothing is known outside of them."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.sliders import rigid_friction_law
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
+from beamsim.inputs.signal import Signal
+from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """Of two modes between a stop and a face that sticks, with several events at one instant."""
+    shape = np.array([[1.0, 0.6], [0.8, -0.5], [0.8, -0.5]])
+    laws = kelvin_voigt(60.0, 0.2), rigid_friction_law(0.2, 0.1), rigid_friction_law(0.1, 0.1)
+    contacts = Contacts(shape, np.array([1.0, -1.0, -1.0]), np.array([0.1, 0, 0]), np.zeros(3, dtype=bool), laws)
+    system = PiecewiseLinearSystem(np.array([1.0, 9.0]), np.diag([0.05, 0.1]), contacts, np.zeros(2))
+    flow = ExactFlow(system, Forcing(np.array([[1.0, 0.4]]), (Signal.harmonic(2.0, 1.7),)), 40.0)
+    whole = simulate(flow, np.array([0.4, -0.1, 0.3, 0.2]))
+    assert whole.event_time.size > 40
+    assert np.any(np.diff(whole.event_time) == 0.0)
+    return whole
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_events_of_a_part_are_those_within_it(motion, seed):
+    begin, end = np.sort(np.random.default_rng(seed).uniform(0.0, motion.end, 2))
+    expected = (motion.event_time > begin) & (motion.event_time <= end)
+    for part in (motion.within(begin, end), motion.between(begin, end)):
+        np.testing.assert_array_equal(part.event_time, motion.event_time[expected])
+        np.testing.assert_array_equal(part.event_phase, motion.event_phase[expected])
+        np.testing.assert_array_equal(part.touch_changes, motion.touch_changes[expected])
+        assert part.end == end
+        np.testing.assert_allclose(part.final_y, motion.states_at(np.array([end]))[0], rtol=0, atol=1e-14)
+        times = np.linspace(begin, end, 7)
+        np.testing.assert_allclose(part.states_at(times), motion.states_at(times), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_parts_together_have_every_event_once(motion, seed):
+    """Of segments in a row, those between two parts apart; also where segments of no length are left out."""
+    cuts = np.unique(np.random.default_rng(seed).integers(1, motion.time.size, 4))
+    edges = [0, *cuts.tolist(), motion.time.size]
+    parts = [motion.only(slice(a, b)) for a, b in pairwise(edges)]
+    inside = sum(part.event_time.size for part in parts)
+    between = sum(motion.state[cut] != motion.state[cut - 1] for cut in cuts.tolist())
+    assert inside + between == motion.event_time.size
+    assert parts[0].end == motion.time[cuts[0]]
+    np.testing.assert_array_equal(parts[0].final_y, motion.y[cuts[0]])
+    assert motion.lasting.time.size < motion.time.size
+    np.testing.assert_array_equal(motion.lasting.event_time, motion.event_time)
+
+
+def test_every_event_leads_to_a_segment_in_its_phase(motion):
+    begun = motion.only(slice(0, motion.time.size))
+    assert begun.event_time.size == motion.event_time.size
+    for k in range(1, motion.time.size):
+        pair = motion.only(slice(k - 1, k + 1))
+        assert pair.event_time.size == int(motion.state[k] != motion.state[k - 1])
+        after = motion.phases_of(motion.state[k])
+        np.testing.assert_array_equal(after[pair.event_contact], pair.event_phase)
+
+
+def test_nothing_is_known_outside(motion):
+    part = motion.within(3.0, 7.0)
+    for outside in (part.time[0] - 1e-6, 7.0 + 1e-6):
+        with pytest.raises(ValueError, match="is not known at"):
+            part.states_at(np.array([outside]))
+    gap = motion.only(np.array([0, motion.time.size - 1]))
+    with pytest.raises(ValueError, match="is not known at"):
+        gap.states_at(np.array([0.5 * motion.end]))
+    with pytest.raises(ValueError, match="is not known at"):
+        motion.states_at(np.array([motion.end + 1e-6]))
+    assert motion.within(38.0, 99.0).end == motion.end
