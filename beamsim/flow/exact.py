@@ -102,7 +102,7 @@ class ExactFlow:
         """Put the channels of the forcing and of the observers together."""
         channels = list(self.forcing.signal)
         self.base_channel = -1
-        if self.forcing.base_displacement is not None and bool(self.system.contacts.base_influence.any()):
+        if self.forcing.base_displacement is not None and bool(self.system.contacts.on_ground.any()):
             self.base_channel = len(channels)
             channels.append(self.forcing.base_displacement)
         self.first_observer = len(channels)

@@ -180,6 +180,7 @@ class ContactDirection:
     dashpot: Floats  # (m,)
     gap: Floats  # (m,)
     shape: Floats  # (m, n)
+    base_participation: Floats  # (m,) of the motion of each place for a unit motion of the base
     along: Contacts | None = None  # contacts whose laws' forces are added
     cubic: Floats | None = None  # (nc,) stiffness of cubic springs beside the contacts
 
@@ -191,6 +192,7 @@ class ContactDirection:
         dashpot: Any = 0.0,
         gap: Any = 0.0,
         shape: Any = 0.0,
+        base_participation: Any = 0.0,
         along: Contacts | None = None,
         cubic: Floats | None = None,
     ) -> ContactDirection:
@@ -201,6 +203,7 @@ class ContactDirection:
         contacts : m of them.
         stiffness, dashpot, gap : N/m, N s/m and m per unit of the parameter; (m,), or one for all.
         shape : (m, n) per unit of the parameter.
+        base_participation : (m,) per unit of the parameter, of the motion of each place for a unit motion of the base.
         along : contacts whose laws' forces are added.
         cubic : (nc,) stiffness of cubic springs beside the contacts, N/m^3 per unit of the parameter.
 
@@ -217,6 +220,7 @@ class ContactDirection:
             spread(dashpot, contacts.gap),
             spread(gap, contacts.gap),
             spread(shape, contacts.shape),
+            spread(base_participation, contacts.gap),
             along,
             cubic,
         )
@@ -270,7 +274,10 @@ def moved_system(system: PiecewiseLinearSystem, direction: ContactDirection, amo
     The other system.
     """
     c = system.contacts
-    moved = replace(c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape)
+    moved = replace(
+        c, gap=c.gap + amount * direction.gap, shape=c.shape + amount * direction.shape,
+        lever=c.levers + amount * direction.base_participation,
+    )  # fmt: skip
     if direction.along is not None:
         pairs = zip(c.laws, direction.along.laws, strict=True)
         moved = replace(moved, laws=tuple(law.plus(other, amount) for law, other in pairs))
@@ -393,7 +400,7 @@ class PeriodicFlow(ABC):
     @property
     def base_moves(self) -> bool:
         """Whether a contact is on the ground while the base moves."""
-        return self.loads.count > 0 and bool(np.any(self.system.contacts.base_influence))
+        return self.loads.count > 0 and bool(np.any(self.system.contacts.on_ground))
 
     def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
         """Penetration and penetration rate of every contact, (nt, m) each, of states (nt, N) at times."""
@@ -438,6 +445,9 @@ class PeriodicFlow(ABC):
         for i, p in enumerate(parameters):
             if isinstance(p, ContactDirection):
                 by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ passage.end[:n])
+                if c.on_ground[j] and self.base_moves:
+                    (moved,), _ = self.loads.base_motion(self.omega, self.level, np.array([t]))
+                    by[i] -= c.sign[j] * p.base_participation[j] * float(moved)
             elif sign and self.base_moves:
                 _, base, _, dbase = self.loads.at(self.omega, self.level)
                 moving = dbase + 1j * self.loads.multiple * t * base

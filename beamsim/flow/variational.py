@@ -130,7 +130,7 @@ class FlowOutputs:
         if key is None:
             return self._once((), lambda: _changed(_state(self.flow)))
         before, contact, after = key
-        then = np.where(np.arange(before.size) == contact, after, before).astype(before.dtype)
+        then = self.flow.system.contacts.after(before, contact, after)
         make = partial(self._event, before, contact, after)
         return self._once((before.tobytes(), contact, after), make, before, then)
 
@@ -239,11 +239,17 @@ class Differences:
 
 
 def direction_rates(flow: ExactFlow, direction: ContactDirection) -> Differences:
-    """What changes with the numbers of a system along a direction."""
+    """What changes with the numbers of a system along a direction.
+
+    A contact that moves holds other motions than before: the coordinates turn with them, as a velocity along what is
+    held has no part in the motion. Where nothing holds they are those of the flow.
+    """
     contacts = flow.system.contacts
+    turn = np.eye(flow.system.size) if contacts.ever_hold and np.any(direction.shape) else None
     pairs = (
         (direction.stiffness, contacts.arrays.force[:, :, 0]), (direction.dashpot, contacts.arrays.force[:, :, 1]),
         (direction.gap, contacts.gap), (direction.shape, contacts.shape),
+        (direction.base_participation, contacts.levers),
         (np.array([direction.along is not None], dtype=float), np.ones(1)),
     )  # fmt: skip
     sizes = ((float(np.abs(rate).max(initial=0.0)), float(np.abs(value).max(initial=0.0))) for rate, value in pairs)
@@ -251,7 +257,8 @@ def direction_rates(flow: ExactFlow, direction: ContactDirection) -> Differences
     # 1e-5: relative step of the differences
     step = 1e-5 / relative
     sides = [
-        FlowOutputs(replace(flow, system=moved_system(flow.system, direction, amount))) for amount in (step, -step)
+        FlowOutputs(replace(flow, system=moved_system(flow.system, direction, amount)), turn, flow)
+        for amount in (step, -step)
     ]
     return Differences(flow, sides, (0.5 / step, -0.5 / step))
 

@@ -905,6 +905,11 @@ def _position_problems(scenario: ScenarioParts, at: str, path: PositionPath, loc
     if len(located.item.places) > 1:
         yield Problem(f"{at}.kind", "= position moves a snubber between two places", "follow gap or stiffness")
         return
+    if any(spring.item.kind == "cubic" for spring in scenario.nonlinear_springs):
+        yield Problem(
+            f"{at}.kind", "= position moves a snubber, which is not followed with cubic springs",
+            "follow gap or stiffness, or make the springs piecewise_linear",
+        )  # fmt: skip
     name = located.item.places[0].body or located.body
     body = scenario.all_bodies.get(name)
     if body is None:

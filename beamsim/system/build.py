@@ -31,6 +31,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
 from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import One, holds_levels, sine_problems
+from beamsim.scenario.parameters import replaced
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.run import BodiesStart, ModeStart, OrbitStart, PolynomialStart, ReleasedForceStart
 from beamsim.structures.assembly import load_site_in
@@ -155,7 +156,7 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
         if structure.base_load(direction)[1].any():  # springs to ground stretch by the base's displacement as well
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), parts.basis.size)
-    on_ground = pushing.contacts.base_influence.any() or pushing.cubic.base_influence.any()
+    on_ground = pushing.contacts.on_ground.any() or pushing.cubic.base_influence.any()
     displacement = motion.displacement if motion is not None and on_ground else None
     influence = parts.influence(len(loads))
     of_contacts = np.vstack([influence, np.zeros((len(parts.spring_sites), len(loads)))])[pushing.owner]
@@ -209,22 +210,53 @@ def _out_of_range(scenario: Scenario, error: Exception) -> Problem:
     )
 
 
-def build_with_moving_point(
-    scenario: Scenario, first: Place, last: Place
-) -> tuple[StructuralSystem, Callable[[float], tuple[Floats, Floats]]]:
-    """The system in coordinates that serve a snubber anywhere between two places of a body.
+@dataclass(frozen=True)
+class SystemFamily:
+    """The system of a scenario, and those with other numbers of a snubber, all in the same coordinates."""
 
-    Static vectors are added until the reduced model's compliance is that of the full one all along the way.
+    parts: Parts
+    system: StructuralSystem
+
+    def at(self, path: Path, value: float) -> StructuralSystem:
+        """The system that the scenario gives with another number of a snubber.
+
+        Parameters
+        ----------
+        path : of the gap, stiffness or position of a snubber in the scenario.
+        value : in its place; SI.
+        """
+        return _build(self._parts(path, value))
+
+    def contacts_at(self, path: Path, value: float) -> Contacts:
+        """The contacts of `at` alone, where no snubber has a preload."""
+        return _pushing(self._parts(path, value)).contacts
+
+    def rates_along(self, place: Place) -> tuple[Floats, float]:
+        """Derivatives by the position of a place on its body, per m.
+
+        Returns
+        -------
+        tuple
+            (n,) of the deflection for a unit of each coordinate, 1/(sqrt(kg) m), and of the motion for a unit motion of
+            the base.
+        """
+        turned = replace(place, direction=SLOPE)
+        motion = base_direction(self.parts.scenario)
+        of_base = 0.0 if motion is None else self.parts.structure.base_motion_at(turned, motion)
+        return self.parts.shapes([turned])[0], of_base
+
+    def _parts(self, path: Path, value: float) -> Parts:
+        return replace(self.parts, scenario=replaced(self.parts.scenario, {path: value}))
+
+
+def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) -> SystemFamily:
+    """The system in coordinates that serve other numbers of a snubber.
 
     Parameters
     ----------
     scenario : a validated scenario.
-    first, last : ends of the range.
-
-    Returns
-    -------
-    The system, and a function that gives the deflection (n,) for a unit of each coordinate at a position, m, and its
-    derivative by it.
+    ends : two places of a body anywhere between which a snubber may act. Static vectors are added until the reduced
+        model's compliance is that of the full one all along the way.
 
     Raises
     ------
@@ -232,22 +264,14 @@ def build_with_moving_point(
         As `build_system`.
     """
     try:
-        added = [first, last]
+        added = [] if ends is None else [*ends]
         parts = reduced_parts(scenario, added)
-        while more := places_needed(parts.structure, parts.basis, first, last, added):
+        while ends is not None and (more := places_needed(parts.structure, parts.basis, *ends, added)):
             added += more
             parts = reduced_parts(scenario, added)
-        system = _build(parts)
+        return SystemFamily(parts, _build(parts))
     except ScenarioError as error:
         raise scenario.located(error) from None
-    scale = 1 / np.sqrt(parts.structure.mass_scale)
-
-    def shape_at(position: float) -> tuple[Floats, Floats]:
-        place = replace(first, point=position)
-        deflection, slope = parts.structure.rows([place, replace(place, direction=SLOPE)]) @ parts.basis.vectors
-        return deflection * scale, slope * scale
-
-    return system, shape_at
 
 
 def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:

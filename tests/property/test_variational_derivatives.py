@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from sampling import slow_after
 
+from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import kelvin_voigt
+from beamsim.contacts.sliders import pressed_friction_law, rigid_friction_law
 from beamsim.flow.contact_state import state_matrices
 from beamsim.flow.periodic_flow import (
     ContactDirection,
@@ -13,6 +16,7 @@ from beamsim.flow.periodic_flow import (
     moved_system,
 )
 from beamsim.flow.variational import VariationalFlow
+from beamsim.system.equations import PiecewiseLinearSystem
 
 OMEGA = np.array([1.0, 6.3, 17.5])
 SHAPE = np.array([[1.4, -1.3, 1.1], [0.5, 1.2, 0.3]])
@@ -130,3 +134,53 @@ def test_undamped_flow_is_symplectic(make_system):
     J = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), np.zeros((3, 3))]])
     P = passage.transition[:6, :6]
     np.testing.assert_allclose(P.T @ J @ P, J, atol=1e-11 * np.abs(P).max() ** 2)
+
+
+# -- contacts that stick rigidly -------------------------------------------------------------------------------------
+
+
+def sticking(seed, pressed):
+    """A flow with faces that stick rigidly, a start, a duration, and a direction in which one contact moves."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(2, 5)), 2 if pressed else int(rng.integers(1, 3))
+    omega, static = np.sort(rng.uniform(0.8, 6.0, n)), rng.uniform(0.2, 1.0, m)
+    laws = [rigid_friction_law(s, s * rng.choice([1.0, 0.7])) for s in static]
+    if pressed:
+        laws[1] = pressed_friction_law(None, 0.5, rng.choice([0.5, 0.4]))
+    contacts = Contacts(
+        rng.normal(size=(m + 1, n)), np.append(-np.ones(m), 1.0), np.append(np.zeros(m), -0.1 if pressed else 0.2),
+        np.zeros(m + 1, dtype=bool), (*laws, kelvin_voigt(30.0, 0.3)),
+        pressed_by=np.array([-1, 2, -1]) if pressed else None,
+    )  # fmt: skip
+    system = PiecewiseLinearSystem(omega**2, np.diag(0.1 * omega), contacts, 0.3 * rng.normal(size=n))
+    loads = PeriodicForcing.harmonic(rng.normal(size=n) * rng.uniform(0.5, 3.0), 1.0)
+    flow = VariationalFlow(system, loads, rng.uniform(0.8, 3.0), 1.0)
+    shape = np.zeros((m + 1, n))
+    shape[int(rng.integers(0, m + pressed))] = rng.normal(size=n)
+    start = np.concatenate([0.3 * rng.normal(size=n), 0.5 * rng.normal(size=n)])
+    return flow, start, rng.uniform(2.0, 6.0), ContactDirection.of(contacts, shape=shape)
+
+
+@pytest.mark.parametrize("pressed", [False, True])
+@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(6, 120), marks=pytest.mark.slow)])
+def test_derivatives_by_the_position_of_a_contact_that_sticks(seeds, pressed):
+    """They were wrong wherever a contact stuck: the velocity along what it holds had no part in the motion."""
+    stuck = 0
+    for seed in seeds:
+        flow, start, duration, direction = sticking(seed, pressed)
+        passage = flow.carry(start, duration, [direction])
+
+        def moved(h, of=(flow, start, duration, direction)):
+            flow, start, duration, direction = of
+            return flow.with_system(moved_system(flow.system, direction, h)).carry(start, duration)
+
+        (up, down), (above, below) = ((moved(h), moved(-h)) for h in (3e-6, 1e-5))
+        expected, coarse = (up.end - down.end) / 6e-6, (above.end - below.end) / 2e-5
+        size = np.abs(expected).max() + 1e-3
+        if above.signature != below.signature or np.abs(coarse - expected).max() > 1e-3 * size:
+            continue  # other events on the two sides
+        np.testing.assert_allclose(passage.parameters[:, 0], expected, atol=2e-3 * size, err_msg=str(seed))
+        stuck += bool(
+            flow.system.contacts.arrays.holds[np.arange(len(flow.system.contacts.laws)), passage.phases].any()
+        )
+    assert stuck > 0.8 * len(seeds)

@@ -11,7 +11,7 @@ from beamsim.analyses.continuation.paths import MovedContact
 from beamsim.flow.variational import VariationalFlow
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
-from beamsim.system.build import build_system, build_with_moving_point
+from beamsim.system.build import build_family, build_system
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BEAM = CONFIGS / "one_sided_65hz.yaml"
@@ -79,26 +79,35 @@ def test_a_curve_in_frequency_crosses_it(case):
 
 
 @pytest.fixture(scope="module")
-def moving():
-    scenario = load_scenario(BEAM, {"run": None})
-    return scenario, *build_with_moving_point(scenario, Place("beam", 0.15), Place("beam", 0.27))
+def family():
+    """Of a beam on a base that turns, so that a stop on the ground has more of its motion further out."""
+    turning = {
+        "excitation": {"kind": "harmonic", "applied_to": "base", "direction": "ry", "level": 60.0, "frequency": 23}
+    }
+    scenario = load_scenario(BEAM, {"run": None, "snubbers[0].mounted_on": "ground", **turning})
+    return build_family(scenario, (Place("beam", 0.15), Place("beam", 0.27)))
 
 
 @pytest.mark.parametrize(
-    ("quantity", "value", "h"), [("gap", 1e-4, 1e-6), ("stiffness", 1e5, 1.0), ("position", 0.2, 1e-6)]
+    ("quantity", "value", "h", "changing"),
+    [
+        ("gap", 1e-4, 1e-6, {"gap"}),
+        ("stiffness", 1e5, 1.0, {"stiffness", "dashpot"}),
+        ("position", 0.2, 1e-6, {"shape", "dashpot", "base_participation"}),
+    ],
 )
-def test_contacts_have_exact_derivatives(moving, quantity, value, h):
-    """The dashpot of a damping ratio included."""
-    _, system, shape_at = moving
-    moved = MovedContact(system.dynamics.contacts, system.dynamics.stiffness, 0, quantity, 0.02, 0, shape_at)
+def test_contacts_have_exact_derivatives(family, quantity, value, h, changing):
+    """The dashpot of a damping ratio and the share of a turning base included."""
+    moved = MovedContact(family, ("snubbers", 0, quantity), 0, quantity, 0.02)
     above, below, rates = moved(value + h)[0], moved(value - h)[0], moved(value)[1]
-    changed = 0
-    for name in ("stiffness", "dashpot", "gap", "shape"):
-        difference = (getattr(above, name) - getattr(below, name)) / (2 * h)
+    changed = set()
+    for name in ("stiffness", "dashpot", "gap", "shape", "base_participation"):
+        of = {"base_participation": "levers"}.get(name, name)
+        difference = (getattr(above, of) - getattr(below, of)) / (2 * h)
         exact = getattr(rates, name)
         np.testing.assert_allclose(exact, difference, rtol=2e-5, atol=1e-8 * np.abs(difference).max(initial=1e-3))
-        changed += bool(np.any(exact))
-    assert changed == (1 if quantity == "gap" else 2)
+        changed |= {name} if np.any(exact) else set()
+    assert changed == changing
 
 
 def test_extremes_are_those_of_a_stepped_sine():

@@ -312,7 +312,8 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop
     f, system, problem = model.followed, model.system, traced.problem
     settings, limits = model.settings, model.scenario.limits
     channels = measured(system, () if limits is None else limits.model_fields_set)
-    measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics)
+    moved = None if f.moved is None else f.system
+    measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics, moved)
     traced, motions = with_maxima(
         traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels), stop
     )

@@ -278,7 +278,10 @@ def _curve(
     # what was followed comes first, so that its points are kept
     followed = joined(*sorted(halves, key=lambda half: not half.points))
     names = [p.name for p in model.system.probes]
-    measurement = Measurement(model.system, model.scenario.sine, model.system.channels.of_keys(DISPLACEMENT))
+    displacements = model.system.channels.of_keys(DISPLACEMENT)
+    measurement = Measurement(
+        model.system, model.scenario.sine, displacements, moved=None if second.moved is None else second.system
+    )
     motions = [measurement.of(followed.problem, point) for point in followed.points]
     peak = np.array([motion.peak for motion in motions]).reshape(-1, len(names))
     points = followed.points

@@ -71,22 +71,44 @@ class Measurement:
     excitation : whose frequency and level are those of each motion; None of free motions.
     channels : C columns of values.
     harmonics : H, number of the highest one.
+    moved : the system whose motion a point is, from the unmoved one and the point's parameter; by default that system.
     """
 
     system: StructuralSystem
     excitation: Sine | None
     channels: ChannelSet
     harmonics: int = 5
+    moved: Callable[[StructuralSystem, float], StructuralSystem] | None = None
     _exact: ExactFlow | None = field(default=None, init=False)  # of the motion before
 
     def of(self, problem: Any, point: BranchPoint) -> MeasuredMotion:
         """The motion of a point of a branch, by shooting or by harmonic balance, with its energy balance."""
+        if self.moved is not None:
+            return self._of_moved(self.moved(self.system, point.parameter), problem, point)
         if isinstance(problem, ForcedBalance):
             flow, motion = problem.flow_at(point.parameter), point.data
             known = self._on_pieces(flow, motion.edges, motion.phases, motion.states, max(PIECES, motion.highest))
             return replace(known, energy_error=balance_error(problem, point))
         flow, passage = problem.cycle(point)
         return replace(self.of_passage(flow, passage), energy_error=energy_error(flow, passage))
+
+    def _of_moved(self, system: StructuralSystem, problem: Any, point: BranchPoint) -> MeasuredMotion:
+        """The motion of a system whose channels are those of this one in other places, in the columns of these.
+
+        Where a channel has other columns there, as the stress with stations where contacts act, all have the extremes
+        of the whole channel.
+        """
+        names = {(*each.key, each.name) for each in self.channels.channels}
+        there = system.channels.only(lambda each: (*each.key, each.name) in names)
+        found = Measurement(system, self.excitation, there, self.harmonics).of(problem, point)
+        high, low = np.split(np.zeros(2 * sum(each.columns for each in self.channels.channels)), 2)
+        columns = {(*each.key, each.name): slice(k, k + each.columns) for each, k in there.located}
+        for each, first in self.channels.located:
+            of = columns[*each.key, each.name]
+            same, to = of.stop - of.start == each.columns, slice(first, first + each.columns)
+            high[to] = found.high[of] if same else found.high[of].max()
+            low[to] = found.low[of] if same else found.low[of].min()
+        return replace(found, high=high, low=low)
 
     def of_passage(self, flow: PeriodicFlow, passage: Passage) -> MeasuredMotion:
         """A motion over a period."""

@@ -16,7 +16,6 @@ import numpy as np
 
 from beamsim.analyses.sweep.stepped import sine_of
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.snubbers import dashpot_from_ratio
 from beamsim.errors import ScenarioError, locating
 from beamsim.flow.periodic_flow import ContactDirection, PeriodicFlow, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
@@ -25,15 +24,16 @@ from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import Path
 from beamsim.scenario.checks import in_metres, snubber_index
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, SnubberPath
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
-from beamsim.system.build import build_system, build_with_moving_point
+from beamsim.system.build import SystemFamily, build_family
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, not_none, of_kind
+from beamsim.typing import not_none, of_kind
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,10 @@ class FollowedParameter:
         """An outcome with its parameter in the user's unit."""
         return outcome.shown(self.outward, self.unit)
 
+    def system(self, unmoved: StructuralSystem, unknown: float) -> StructuralSystem:
+        """The system whose motion a point of the continuation is; frequency and level leave it as it is."""
+        return unmoved if self.moved is None else self.moved.system(self.outward(unknown))
+
     @property
     def label(self) -> str:
         """Name of the parameter, and of its snubber."""
@@ -81,8 +85,9 @@ class FollowedParameter:
             contacts, rates = not_none(self.moved)(self.outward(unknown))
             step = self.last - self.first
             by_unknown = ContactDirection(
-                step * rates.stiffness, step * rates.dashpot, step * rates.gap, step * rates.shape
-            )
+                step * rates.stiffness, step * rates.dashpot, step * rates.gap, step * rates.shape,
+                step * rates.base_participation,
+            )  # fmt: skip
             return flow.with_contacts(contacts), by_unknown
 
         return at
@@ -183,35 +188,33 @@ def response_model(scenario: Scenario) -> ResponseModel:
     level = excitation.level if excitation.level else 1.0
     forced = scenario.model_copy(update={"run": None, "excitation": excitation.at(highest, level)})
     moving = [p for p in (parameter, second) if p is not None and p.kind == "position"]
-    shape_at = None
+    ends = None
     if moving:
-        ends = [x for p in moving for x in (p.from_, p.to)]
-        index = not_none(snubber_index(scenario, moving[0]))
-        site = of_kind(Place, snubber_site(scenario.located_snubbers[index]))
-        system, shape_at = build_with_moving_point(
-            forced, replace(site, point=min(ends)), replace(site, point=max(ends))
-        )
-    else:
-        system = build_system(forced)
+        values = [x for p in moving for x in (p.from_, p.to)]
+        site = of_kind(Place, snubber_site(scenario.located_snubbers[not_none(snubber_index(scenario, moving[0]))]))
+        ends = replace(site, point=min(values)), replace(site, point=max(values))
+    family = build_family(forced, ends)
+    system = family.system
     loads = periodic_forcing(forced, system)
     return ResponseModel(
         scenario,
         system,
         loads,
-        _followed(scenario, system, "sweep.continue_in", parameter, shape_at),
-        None if second is None else _followed(scenario, system, "sweep.follow_folds_in", second, shape_at),
+        _followed(scenario, family, "sweep.continue_in", parameter),
+        None if second is None else _followed(scenario, family, "sweep.follow_folds_in", second),
         excitation.frequency,
         tuple(float(x) for x in levels),
     )
 
 
-def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, shape_at: Any) -> FollowedParameter:
+def _followed(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> FollowedParameter:
     first, last, unit = float(path.from_), float(path.to), path.unit
     points_at = tuple(map(float, path.points_at))
     if not isinstance(path, SnubberPath):
         return FollowedParameter(path.kind, first, last, unit or scenario.level_unit or "1", points_at)
-    index = not_none(snubber_index(scenario, path))
-    snubber: Any = scenario.all_snubbers[index]
+    index, system = not_none(snubber_index(scenario, path)), family.system
+    located = scenario.located_snubbers[index]
+    snubber: Any = located.item
     damping = snubber.damping
     ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
     kind = path.kind  # type: ignore[attr-defined]
@@ -232,8 +235,8 @@ def _followed(scenario: Scenario, system: StructuralSystem, at: str, path: Any, 
                 "continue in the gap, the level or the frequency",
             )
         )
-    rigid = int(np.sum(system.dynamics.stiffness == 0))
-    moved = MovedContact(system.dynamics.contacts, system.dynamics.stiffness, index, kind, ratio, rigid, shape_at)
+    place = snubber.place_paths[0] if kind == "position" else ()
+    moved = MovedContact(family, (*located.path, *place, kind), index, kind, ratio)
     return FollowedParameter(kind, first, last, unit, points_at, snubber.name, moved)
 
 
@@ -264,22 +267,22 @@ class MovedContact:
 
     Parameters
     ----------
-    contacts : the unchanged contacts.
-    omega_squared : (n,) diagonal stiffness of the open structure, rad^2/s^2.
+    family : the systems, in coordinates that serve all values.
+    path : of the number in the scenario.
     index : of the snubber.
     quantity : "gap" (m), "stiffness" (N/m) or "position" (m).
     damping_ratio : of the snubber's dashpot; None if the dashpot is given by its coefficient, or there is none.
-    rigid : number of rigid-body coordinates.
-    shape_at : for positions, the deflection (n,) for a unit of each coordinate, and its derivative.
     """
 
-    contacts: Contacts
-    omega_squared: Floats
+    family: SystemFamily
+    path: Path
     index: int
     quantity: str
     damping_ratio: float | None = None
-    rigid: int = 0
-    shape_at: Callable[[float], tuple[Floats, Floats]] | None = None
+
+    def system(self, value: float) -> StructuralSystem:
+        """What the scenario with this value gives, probes, outputs and stresses included."""
+        return self.family.at(self.path, value)
 
     def __call__(self, value: float) -> tuple[Contacts, ContactDirection]:
         """The contacts at a value of the parameter, and their derivatives by it.
@@ -287,30 +290,25 @@ class MovedContact:
         Raises
         ------
         ArithmeticError : at a stiffness that is not positive.
-        ValueError : where stiffness or dashpot changes, and the law is not made of these two.
         """
-        c, i = self.contacts, self.index
-        shape, gap = c.shape.copy(), c.gap.copy()
-        stiffness, dashpot = c.laws[i].stiffness, c.laws[i].dashpot  # of slow motions
-        rates = ContactDirection(np.zeros_like(gap), np.zeros_like(gap), np.zeros_like(gap), np.zeros_like(shape))
+        if self.quantity == "stiffness" and value <= 0:
+            raise ArithmeticError("the stiffness became negative")
+        c, i = self.family.contacts_at(self.path, value), self.index
+        rates = ContactDirection.of(c)
         if self.quantity == "gap":
-            gap[i], rates.gap[i] = value, 1.0
+            rates.gap[i] = 1.0
         elif self.quantity == "stiffness":
-            if value <= 0:
-                raise ArithmeticError("the stiffness became negative")
-            stiffness, rates.stiffness[i] = value, 1.0
+            rates.stiffness[i] = 1.0
         else:
-            shape[i], rates.shape[i] = not_none(self.shape_at)(value)
-        if self.damping_ratio is not None and self.quantity != "gap":
-            omega, k, phi = np.sqrt(self.omega_squared), stiffness, shape[i]
-            c_i = dashpot_from_ratio(self.damping_ratio, k, omega, phi, self.rigid)
-            square = (2 * self.damping_ratio * k / c_i) ** 2 if c_i else 1.0
-            values, vectors = np.linalg.eigh(np.diag(self.omega_squared) + k * np.outer(phi, phi))
+            site = of_kind(Place, self.family.parts.snubber_sites[i])
+            rates.shape[i], rates.base_participation[i] = self.family.rates_along(replace(site, point=value))
+        law = c.laws[i]
+        if self.damping_ratio is not None and self.quantity != "gap" and law.dashpot:
+            omega_squared, k, phi = self.family.system.dynamics.stiffness, law.stiffness, c.shape[i]
+            square = (2 * self.damping_ratio * k / law.dashpot) ** 2
+            values, vectors = np.linalg.eigh(np.diag(omega_squared) + k * np.outer(phi, phi))
             v = vectors[:, int(np.argmin(np.abs(values - square)))]
             moved = float(phi @ v)
             slope = moved**2 * rates.stiffness[i] + 2 * k * moved * float(rates.shape[i] @ v)
-            dashpot = c_i
-            rates.dashpot[i] = c_i * (rates.stiffness[i] / k - 0.5 * slope / square)
-        if (stiffness, dashpot) != (c.laws[i].stiffness, c.laws[i].dashpot):
-            c = c.with_numbers(i, stiffness, dashpot)
-        return replace(c, shape=shape, gap=gap), rates
+            rates.dashpot[i] = law.dashpot * (rates.stiffness[i] / k - 0.5 * slope / square)
+        return c, rates

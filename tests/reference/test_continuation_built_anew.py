@@ -1,0 +1,162 @@
+"""Every parameter of a continuation against the case that is written with its value and stepped, field by field."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from beamsim.analyses.continuation.analysis import continuation
+from beamsim.analyses.sweep.analysis import sweep
+from beamsim.scenario import load_scenario
+from beamsim.structures.places import Place
+from beamsim.system.build import build_family
+
+STOP = {
+    "name": "tip", "position": 0.23, "side": "below", "stiffness": 151.1e3, "gap": 1e-4, "mounted_on": "ground",
+    "damping": {"kind": "viscous", "coefficient": 5.0},
+}  # fmt: skip
+RATIO = {"damping": {"kind": "ratio", "ratio": 0.02}}
+TURNING = {
+    "kind": "harmonic", "applied_to": "base", "direction": "ry", "about": "0 mm", "level": "60 rad/s^2",
+    "frequency": 23.0,
+}  # fmt: skip
+LIFTED = {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": 50.0}
+LOADED = {"excitation": LIFTED, "gravity": 9.81}
+TABLE = {"stiffness": None, "damping": None, "force_deflection": {"points": [[0, 0], [1e-4, 10], [1e-3, 200]]}}
+MAXWELL = {"damping": None, "mounted_on": "base", "maxwell": [{"stiffness": 2e4, "relaxation_time": 0.003}]}
+RUBBED = {
+    "name": "f", "at": {"position": 0.25}, "normal_force": {"snubber": "tip"}, "coefficient": 0.3, "stiffness": 1e4,
+    "mounted_on": "base",
+}  # fmt: skip
+PRESSING = {"gap": -1e-5, "damping": None, "mounted_on": "base"}
+PRESSED = {"excitation": LIFTED, "friction": [RUBBED]}
+
+
+def beam(stop: dict, **others) -> dict:
+    return {
+        "beam": {
+            "length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0,
+            "elements": 6, "damping": {"kind": "modal", "ratio": 0.08},
+        },
+        "reduction": {"modes": "all"},
+        "snubbers": [{**STOP, **stop}],
+        "excitation": TURNING,
+        "limits": {"peak_force": 1.0, "bending_stress": "1 MPa", "peak_acceleration": "1 g", "gap": "1 mm"},
+        "outputs": [
+            {"name": "root", "kind": "reaction_moment", "support": "left"},
+            {"name": "base", "kind": "reaction_force", "support": "base"},
+            {"name": "bend", "kind": "bending_moment", "position": 0.1},
+        ],
+        **others,
+    }  # fmt: skip
+
+
+POSITION, GAP, STIFFNESS, LEVEL = "snubbers[0].position", "snubbers[0].gap", "snubbers[0].stiffness", "excitation.level"
+CASES = {
+    "stop on the ground, turning base: position": (beam({}), POSITION, (0.25, 0.27)),
+    "stop on a turning base: position": (beam({"mounted_on": "base"}), POSITION, (0.2, 0.26)),
+    "turning about a point, damping ratio: position": (
+        beam(RATIO, excitation={**TURNING, "about": "100 mm"}), POSITION, (0.2, 0.27),
+    ),
+    "lifted base, damping ratio: position": (beam(RATIO, excitation=LIFTED), POSITION, (0.2, 0.27)),
+    "table on the ground: position": (beam(TABLE), POSITION, (0.2, 0.24)),
+    "Maxwell branch: position": (beam(MAXWELL, excitation=LIFTED), POSITION, (0.2, 0.24)),
+    "friction under the stop: position": (beam(PRESSING, **PRESSED), POSITION, (0.2, 0.26)),
+    "friction under the stop: gap": (beam(PRESSING, **PRESSED), GAP, (-2e-5, -1e-5)),
+    "friction under the stop: stiffness": (beam(PRESSING, **PRESSED), STIFFNESS, (1e5, 2e5)),
+    "stop on the base: gap": (beam({"mounted_on": "base"}, excitation=LIFTED), GAP, (0.0, 2e-4)),
+    "stop on the ground, turning base: gap": (beam({}), GAP, (-1e-5, 1e-4)),
+    "Maxwell branch: gap": (beam(MAXWELL, excitation=LIFTED), GAP, (0.0, 1e-4)),
+    "damping ratio: stiffness": (beam(RATIO), STIFFNESS, (5e4, 2e5)),
+    "stop on the ground, turning base: level": (beam({}), LEVEL, (20.0, 80.0)),
+    "stop on the ground, gravity: level": (beam({}, **LOADED), LEVEL, (5.0, 15.0)),
+}  # fmt: skip
+FIRST = "stop on the ground, turning base: position"
+
+
+def followed(scenario: dict, key: str, ends: tuple[float, float]):
+    kind = key.rpartition(".")[2]
+    along = {"kind": kind, "from": ends[0], "to": ends[1]}
+    result = continuation(
+        load_scenario({**scenario, "sweep": {"kind": "continuation", "continue_in": along, "longest_period": 1}})
+    )
+    return result.branches[0]
+
+
+def stepped(scenario: dict, key: str, value: float):
+    hz = scenario["excitation"]["frequency"]
+    section = {"kind": "stepped", "from": hz, "to": hz * (1 + 1e-9), "points": 2, "steady_to": 1e-10}
+    return sweep(load_scenario({**scenario, "sweep": section}, {key: value})).curves["up_0"]
+
+
+def measured(curve, at: int) -> dict[str, float]:
+    """Peaks of probes, forces and outputs, the stress, gaps and shares of contact at a point of a curve."""
+    values = {"stress": curve.peak_bending_stress[at]}
+    for section in ("displacement", "acceleration", "force", "outputs"):
+        values |= {f"{section} {name}": of.peak[at] for name, of in getattr(curve, section).items()}
+    for section in ("peak_gap", "contact_share"):
+        values |= {f"{section} {name}": of[at] for name, of in getattr(curve, section).items()}
+    return values
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_both_ends_are_the_case_built_anew(name):
+    scenario, key, ends = CASES[name]
+    branch = followed(scenario, key, ends)
+    compared = 0
+    for end in (0, -1):
+        if not branch.stable[end]:
+            continue  # what is stepped does not stay there
+        values = measured(branch, end)
+        anew = measured(stepped(scenario, key, float(branch.parameter[end])), 0)
+        assert values.keys() == anew.keys()
+        for quantity, value in values.items():
+            # moments along the beam are known to their stations, which differ by the mesh of the places added
+            rel = 1e-4 if "stress" in quantity or "bend" in quantity else 1e-8
+            assert value == pytest.approx(anew[quantity], rel=rel), quantity
+        compared += 1
+    assert compared
+
+
+@pytest.mark.parametrize(("key", "value"), [(POSITION, 0.26), (GAP, -2e-5), (STIFFNESS, 9e4)])
+def test_the_system_with_another_number_is_that_built_anew(key, value):
+    """Contacts and channels, in coordinates that serve both."""
+    scenario = beam(RATIO, excitation={**TURNING, "about": "100 mm"})
+    places = tuple(Place("beam", position) for position in (0.2, 0.27))
+    path = ("snubbers", 0, key.rpartition(".")[2])
+    family = build_family(load_scenario(scenario), places)
+    moved, anew = family.at(path, value), build_family(load_scenario(scenario, {key: value}), places).system
+    for name in ("shape", "gap", "levers"):
+        np.testing.assert_allclose(*(getattr(each.dynamics.contacts, name) for each in (moved, anew)), rtol=1e-10)
+    (law,), (other,) = moved.dynamics.contacts.laws, anew.dynamics.contacts.laws
+    assert (law.stiffness, law.dashpot) == (other.stiffness, pytest.approx(other.dashpot, rel=1e-12))
+    # moments along the beam depend on the static vectors of the coordinates, and are compared along motions
+    rows, new, old = (
+        vars(each.channels.only(lambda channel: channel.quantity not in ("bending_stress", "bending_moment")).linear)
+        for each in (moved, anew, family.system)
+    )
+    for name, expected in new.items():
+        np.testing.assert_allclose(rows[name], expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max(initial=0.0))
+    changed = [name for name in rows if np.any(rows[name] != old[name])]
+    assert bool(changed) == (key != STIFFNESS)
+
+
+@pytest.mark.slow
+def test_the_share_of_a_turning_base_is_worth_a_third():
+    """Twin of the first case: 0.681 mm at 270 mm, and 0.453 mm with the share of the written position."""
+    scenario, key, _ = CASES[FIRST]
+    right = measured(stepped(scenario, key, 0.27), 0)["displacement tip"]
+    assert right == pytest.approx(0.681e-3, rel=2e-3)
+    assert abs(right - 0.453e-3) > 0.2e-3
+
+
+@pytest.mark.slow
+def test_a_stop_at_the_axis_of_the_base_feels_nothing_of_it():
+    """Where the axis lies at the written position its share is zero, and elsewhere it is not."""
+    scenario = beam({"position": 0.23}, excitation={**TURNING, "about": "230 mm"})
+    branch = followed(scenario, POSITION, (0.2, 0.26))
+    assert branch.outcome.complete
+    for end in (0, -1):
+        anew = measured(stepped(scenario, POSITION, float(branch.parameter[end])), 0)
+        assert measured(branch, end)["force tip"] == pytest.approx(anew["force tip"], rel=1e-8)
