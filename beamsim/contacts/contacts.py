@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from beamsim.contacts.laws import INTERNAL, OWN, PRESSING, ContactLaw, LawArrays, OneSidedSpring, kelvin_voigt
+from beamsim.errors import MethodError
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 
@@ -33,6 +34,11 @@ class Contacts:
     """m contacts with penetration ``delta = -gap - sign * (shape @ q + base_influence d)``.
 
     The push on the structure along ``shape`` is ``sign * force``, the force being that of the law's phase.
+
+    Raises
+    ------
+    MethodError
+        Where a contact with a dashpot presses friction with a tangential spring.
     """
 
     shape: Floats  # (m, n) deflection at the contact for a unit of each coordinate
@@ -42,6 +48,18 @@ class Contacts:
     laws: tuple[ContactLaw, ...]  # (m,)
     lever: Floats | None = None  # (m,) displacement of its place for a unit displacement d of the base; None: 1
     pressed_by: Ints | None = None  # (m,) contact whose force presses each, -1 where there is none; None: nowhere
+
+    def __post_init__(self) -> None:
+        """Refuse a slider that would have to follow a force whose rate depends on accelerations."""
+        for j, i in zip(self.pressed.tolist(), self.pressing.tolist(), strict=True):
+            follows_rate = any(guard.row.pressing_rate for phase in self.laws[j].phases for guard in phase.guards)
+            if follows_rate and self.laws[i].arrays.force[:, 1].any():
+                raise MethodError(
+                    f"contact {j + 1}",
+                    f"is friction with a tangential spring, and contact {i + 1}, which presses it, has a dashpot: "
+                    "where the slider stops depends on the rate of that force, and so on accelerations",
+                    "leave out the tangential stiffness, or the dashpot",
+                )
 
     @property
     def count(self) -> int:

@@ -13,6 +13,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
 from beamsim.contacts.sliders import friction_law, pressed_friction_law, rigid_friction_law
+from beamsim.errors import MethodError
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
@@ -145,6 +146,15 @@ def _rates(flow):
     output = flow.empty_output(2)
     output.row[:, 2:4] = np.eye(2)
     return output
+
+
+@pytest.mark.parametrize("stop", [kelvin_voigt(STOP, 0.5), no_tension(STOP, 0.5)], ids=["may pull", "no tension"])
+def test_a_slider_cannot_follow_the_force_of_a_dashpot(stop):
+    """From Python, too: the motion would loop without end in zero time. Twins: no dashpot, and no spring."""
+    with pytest.raises(MethodError, match=r"contact 2 is friction with a tangential spring, and contact 1, .* dashpot"):
+        system_of(pressed_friction_law(20.0, STATIC, SLIDING), stop)
+    system_of(pressed_friction_law(20.0, STATIC, SLIDING), kelvin_voigt(STOP))
+    system_of(pressed_friction_law(None, STATIC, SLIDING), stop)
 
 
 @pytest.mark.parametrize("tangential", [None, 20.0])
