@@ -12,6 +12,7 @@ METHODS = [{}, {"method": "reference", "integrator": "DOP853", "rtol": 1e-10, "i
 TABLE = [[0.0, 0.0], [1e-3, 20.0], [4e-3, 110.0]]
 LOWER = [[0.0, 0.0], [1e-3, 5.0], [2e-3, 30.0]]
 SHORT = [[0.0, 0.0], [0.5e-3, 4.0]]  # ends long before the loading curve does
+LONGER = [[0.0, 0.0], [1e-3, 5.0], [6e-3, 140.0]]
 SOFTENING = [[0.0, 0.0], [2e-3, 60.0], [10e-3, 70.0]]
 SLACK = [[0.0, 0.0], [1e-3, 0.0], [3e-3, 60.0]]  # without a force at first
 CRUSHED = {"stiffness": 1e4, "hardening": {"yield_force": 10.0, "stiffness": 100.0}}
@@ -55,6 +56,12 @@ MOTIONS = {
     "loop that softens beyond its lower curve": (
         {"force_deflection": SOFTENING, "unloading": {"stiffness": 2e5, "force_deflection": LOWER}},
         lambda: FoamStop(SOFTENING, 2e5, LOWER), 1e-3, 0.6, None),
+    "loop of a straight line": (
+        {"stiffness": 2e4, "unloading": {"stiffness": 1e5, "force_deflection": LOWER}},
+        lambda: FoamStop([[0.0, 0.0], [1.0, 2e4]], 1e5, LOWER), 0.5e-3, 0.6, None),
+    "loop whose lower curve ends after the table": (
+        {"force_deflection": TABLE, "unloading": {"stiffness": 1e5, "force_deflection": LONGER}},
+        lambda: FoamStop(TABLE, 1e5, LONGER), 0.5e-3, 1.5, None),
     "latch": ({"stiffness": 1e4, "latch": True}, lambda: LatchingStop(1e4), 0.1e-3, 0.0316, (-100.0, 0.05)),
     "latch, pressed": ({"stiffness": 1e4, "latch": True}, lambda: LatchingStop(1e4, held=True), -1e-3, -0.5, None),
     "pad that relaxes": (
