@@ -11,6 +11,8 @@ import numpy as np
 import beamsim
 from beamsim.system.build import build_system
 
+from .published import CASES
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 QUICK = {"run.convergence": "off"}
 
@@ -30,8 +32,28 @@ What the tests check beyond this page: closed forms (`tests/analytic`), independ
 
 def page() -> str:
     """Return the page as MyST Markdown."""
-    sections = (frequencies, stiffness, linear_or_not, amplitudes, open_choices, nonlinear_modes, weak_springs)
+    sections = (
+        frequencies, stiffness, linear_or_not, amplitudes, open_choices, nonlinear_modes, weak_springs, other_sources
+    )  # fmt: skip
     return _INTRODUCTION + "\n".join(section() for section in sections)
+
+
+def other_sources() -> str:
+    """Cases of manuals, test suites and papers of the field."""
+    parts = [
+        "## Cases of other sources\n\nEach is compared with its closed form, or a solution made for it alone, in "
+        "`tests/reference/test_published_cases.py`. Below each table stands why printed numbers differ.\n"
+    ]
+    for one in CASES:
+        found = one.computed()
+        rows = [
+            (quantity, *(_compared(one.printed[quantity], value) if one.printed.get(quantity) else
+                         (f"{one.printed.get(quantity, '')}", f"{value:.7g}", "")))
+            for quantity, value in found.items()
+        ]  # fmt: skip
+        heads = ["quantity", "printed", "computed", "difference"]
+        parts.append(f"### {one.title}\n\n{one.source}.\n\n{table(heads, rows)}\n{one.note}\n")
+    return "\n".join(parts)
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
