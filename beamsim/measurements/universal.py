@@ -93,17 +93,22 @@ def data_sets(path: Path) -> list[DataSet]:
 
 
 def _plain(block: bytes) -> bytes:
-    """A data set as pyuff reads it: text in UTF-8, numbers with the exponent E."""
+    """A data set as pyuff reads it: text in UTF-8, numbers with the exponent E, lines that end where it expects."""
     lines = block.splitlines(keepends=True)
+    number, binary = (lines[1][:6].strip(), lines[1][6:7].lower() == b"b") if len(lines) > 1 else (b"", False)
     head, rest = b"".join(lines[:13]), b"".join(lines[13:])
     try:
         head.decode("utf-8")
     except UnicodeDecodeError:
         head = head.decode("cp1252", errors="replace").encode("utf-8")
-    binary = len(lines) > 1 and lines[1][6:7].lower() == b"b"
-    if not binary and _EXPONENT.search(block):
+    if binary:
+        return head + rest
+    if _EXPONENT.search(block):
         head, rest = (_NUMBERS.sub(lambda match: _EXPONENT.sub(b"E", match[0]), part) for part in (head, rest))
-    return head + (rest if binary else _BLANKS.sub(b"", rest))
+    if number == b"15":  # whose lines pyuff joins without a blank
+        tag, *nodes = (head + rest).splitlines(keepends=True)
+        return tag + b" ".join(nodes)
+    return head + (_BLANKS.sub(b"", rest) if number in (b"55", b"58") else rest)
 
 
 def _read(path: Path, lines: list[int]) -> Iterator[DataSet]:

@@ -278,3 +278,15 @@ def test_universal_files_without_usable_shapes_are_refused(tmp_path, text, messa
     (tmp_path / "a.uff").write_text(text)
     with pytest.raises(ScenarioError, match=message):
         read_shapes(tmp_path / "a.uff", load_scenario(BEAM))
+
+
+@pytest.mark.parametrize("end", ["\n", " \n", "\r\n"])
+def test_nodes_of_data_set_15_in_free_columns(tmp_path, end):
+    """pyuff joins their lines."""
+    nodes = "".join(f"{k} 0 0 8 {x:.5e} 0 0{end}".replace("e", "D") for k, x in enumerate(X, 1))
+    (tmp_path / "a.uff").write_bytes(
+        f"    -1{end.strip(' ')}    15{end}{nodes}    -1{end.strip(' ')}".encode()
+        + shapes_55(50.0, ZERO, ZERO, X).encode()
+    )
+    measured = read_shapes(tmp_path / "a.uff", load_scenario(BEAM))
+    assert [place.position for place in measured.places] == pytest.approx(X)
