@@ -32,7 +32,7 @@ from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
-from beamsim.orbits.period import cyclic, extrema_of
+from beamsim.orbits.period import cyclic, extrema_of, phases_of_contacts
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.typing import Complexes, Floats
 
@@ -244,9 +244,9 @@ class BrakeOrbits(ConservativeOrbits):
         )  # fmt: skip
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Whether two motions have the same order of contacts over half a period, from the same contacts at rest."""
+        """Whether contacts have the same events in two motions over half a period, from the same ones at rest."""
         pa, pb = a.data.passage, b.data.passage
-        return bool(pa.signature == pb.signature)
+        return bool(pa.signature == pb.signature) or phases_of_contacts(pa) == phases_of_contacts(pb)
 
 
 def _idle(family: SpringFamily) -> Floats:
@@ -327,7 +327,7 @@ class FreeOrbits(ConservativeOrbits):
         return self._slope, float(self._slope @ self.reference)
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Whether two motions have the same order of contacts over a period, wherever it begins."""
+        """Whether each contact has the same events in two motions over a period, wherever it begins."""
         return cyclic(a.data.passage) == cyclic(b.data.passage)
 
     def multipliers(self, point: BranchPoint) -> Complexes:

@@ -22,10 +22,23 @@ from beamsim.typing import Floats, Ints
 PIECES = 64  # of a period, on each of which a power series is a polynomial
 
 
-def cyclic(passage: Passage, without: Collection[int] = ()) -> tuple[tuple[int, int], ...]:
-    """The order of events over a period, whatever event comes first, and without those of some contacts."""
-    s = tuple(event for event in passage.signature if event[0] not in without)
-    return min((s[i:] + s[:i] for i in range(len(s))), default=())
+def phases_of_contacts(passage: Passage, without: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
+    """New phases of each contact in the order of its events, some contacts left out.
+
+    Events of different contacts have no order here: of those at one time, as in equal parts of a structure that nothing
+    couples, it is round-off that decides on the order, and it changes where such times cross.
+    """
+    phases: dict[int, list[int]] = {}
+    for contact, phase in passage.signature:
+        if contact not in without:
+            phases.setdefault(contact, []).append(phase)
+    return {contact: tuple(of) for contact, of in sorted(phases.items())}
+
+
+def cyclic(passage: Passage, without: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
+    """The same over a period, whatever event of a contact comes first."""
+    phases = phases_of_contacts(passage, without)
+    return {contact: min(s[i:] + s[:i] for i in range(len(s))) for contact, s in phases.items()}
 
 
 def extrema_of(

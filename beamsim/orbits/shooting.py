@@ -140,7 +140,7 @@ class ForcedOrbits:
         return self.flow_at(point.parameter)[0], point.data
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
-        """Whether two motions have the same cyclic order of contacts."""
+        """Whether each contact has the same events in two motions, in cyclic order."""
         sa, sb = a.data.signature, b.data.signature
         return bool(sa == sb) or (len(sa) == len(sb) and cyclic(a.data) == cyclic(b.data))
 

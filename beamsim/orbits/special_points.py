@@ -157,7 +157,7 @@ def grazings(
     events_a, events_b = cyclic(cycle_a, without), cyclic(cycle_b, without)
     if events_a == events_b:
         return
-    ea, eb = len(events_a), len(events_b)
+    ea, eb = (sum(map(len, events.values())) for events in (events_a, events_b))
     # 4: events of a phase that appears, and of its mirror image where a motion goes back the way it came
     if 0 < abs(ea - eb) <= 4 or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
