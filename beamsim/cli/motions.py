@@ -41,7 +41,8 @@ def run_screen(result: RunResult) -> Screen:
     ]
     if outputs:
         lines.append(f"peaks of outputs: {first_of(outputs, SHOWN)}")
-    lines += [f"{path}: {text}" for path, text in input_texts(result).items()]
+    stated = {each.path for each in result.inputs if is_known(each.from_hz) or each.treatment}
+    lines += [f"{path}: {text}" for path, text in input_texts(result).items() if path in stated]
     if "matched" in s:
         of = s["matched"]
         band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"

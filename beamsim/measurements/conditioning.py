@@ -2,8 +2,9 @@ r"""Preparation of a time history: rounded time stamps, offsets, filters, anothe
 
 Nothing is done in silence: what was done is added to `MeasuredSignal.scaling`, what is doubtful to its warnings.
 
-*Time stamps.* Stamps :math:`t_k` that are written to a last digit q belong to samples at :math:`t_0 + k h` for every
-step h with :math:`\max_k (t_k - k h) - \min_k (t_k - k h) \le q`. That is a convex function of h, so that the steps
+*Time stamps.* Stamps :math:`t_k` that are written to last digits :math:`q_k`, of equal decimals or of equal significant
+digits, belong to samples at :math:`t_0 + k h` for every step h with
+:math:`\max_k (t_k - q_k / 2 - k h) \le \min_k (t_k + q_k / 2 - k h)`. That is a convex condition, so that the steps
 that fit all stamps are an interval. The sampling rate is the number in it that has only the factors 2, 3 and 5, as
 those of data acquisition systems have, and that is nearest to the best fit; else the best fit.
 
@@ -43,6 +44,7 @@ WARNED_REMOVAL = 0.01  # of the mean square, that a low-pass filter takes away
 WARNED_START, WARNED_OFFSET = 0.02, 0.01  # of the largest value
 LIKE_GRAVITY = 0.03  # of standard gravity, by which an offset differs from it at most
 WARNED_ROUNDING = 0.05  # of the derived acceleration
+FLOAT32_DIGITS = 9  # with which every number in single precision can be written
 PERIODS_OF_FILTER = 2  # of a high-pass filter, that a record lasts at least
 
 
@@ -63,15 +65,16 @@ def evenly_timed(signal: MeasuredSignal) -> MeasuredSignal:
         return signal
     steps = np.diff(x)
     mean = float(x[-1] - x[0]) / steps.size
-    digit = _last_digit(x) if mean > 0.0 and np.ptp(steps) > EVEN * mean else None
-    if digit is None:
+    if mean <= 0.0 or np.ptp(steps) <= EVEN * mean:
         return signal
+    digits = _last_digits(x)
+    digit = float(digits.max())
     typical = float(np.median(steps))
     odd = np.abs(steps - typical) >= 0.5 * abs(typical)
     few = 0 < odd.sum() <= max(FEWEST_ODD_STEPS * odd.size, 2.0)  # gaps, or lines that stand twice
     if few or np.ptp(steps) > 1.001 * digit:
         return signal
-    bounds = _fitting_steps(x, mean, digit)
+    bounds = _fitting_steps(x, mean, digits)
     if bounds is None:
         return signal
     try:
@@ -79,8 +82,9 @@ def evenly_timed(signal: MeasuredSignal) -> MeasuredSignal:
     except units.UnitError:
         second = 1.0
     rate = _sampling_rate(*(1.0 / (step * second) for step in bounds)) * second
-    offsets = x - np.arange(x.size) / rate
-    first = x[0] if np.abs(offsets - x[0]).max() <= 0.5 * digit * (1 + 1e-6) else 0.5 * (offsets.max() + offsets.min())
+    offsets, half = x - np.arange(x.size) / rate, 0.5 * (1 + 1e-6) * digits
+    fits = bool(np.all(np.abs(offsets - x[0]) <= half))
+    first = x[0] if fits else 0.5 * ((offsets - half).max() + (offsets + half).min())
     unit, hertz = signal.axis_unit or "s", f"{rate / second:.7g} Hz"
     warning = (
         f"time stamps are rounded to {digit:g} {unit}, so that their steps are {steps.min():.4g} to {steps.max():.4g} "
@@ -93,29 +97,38 @@ def evenly_timed(signal: MeasuredSignal) -> MeasuredSignal:
     )  # fmt: skip
 
 
-def _last_digit(x: Floats) -> float | None:
-    """The largest of 5, 2 and 1 times a power of ten of which all values are multiples; None where there is none."""
+def _last_digits(x: Floats) -> Floats:
+    """(n,) the last digit of each of some numbers, which have a number of decimals or of significant digits."""
     largest = float(np.abs(x).max())
+    some = np.unique(np.append(x[:: max(x.size // 2000, 1)], x[-1]))
+    significant = max(len(_digits(value)) for value in some[some != 0.0].tolist())
+    if significant > FLOAT32_DIGITS and np.array_equal(x, x.astype(np.float32)):
+        return np.spacing(np.abs(x).astype(np.float32)).astype(float)
+    size = np.floor(np.log10(np.where(x == 0.0, largest, np.abs(x)) * (1 + 1e-12))) + 1
+    of_significant = np.where(x == 0.0, 0.0, 10.0 ** (size - significant))
     for power in range(int(np.floor(np.log10(largest))), -13, -1):
         for times in (5.0, 2.0, 1.0):
-            digit = times * 10.0**power
-            ratio = x / digit
-            if np.abs(ratio - np.round(ratio)).max() < 1e-3 and largest / digit < 1e12:
-                return digit
-    if np.array_equal(x, x.astype(np.float32)):
-        return float(np.spacing(np.float32(largest)))
-    return None
+            ratio = x / (times * 10.0**power)
+            if np.abs(ratio - np.round(ratio)).max() < 1e-3 and np.abs(ratio).max() < 1e12:
+                return np.maximum(of_significant, times * 10.0**power)
+    return of_significant
 
 
-def _fitting_steps(x: Floats, mean: float, digit: float) -> tuple[float, float, float] | None:
+def _digits(value: float) -> str:
+    """The significant digits of a number as it is written shortest."""
+    return f"{value!r}".lower().partition("e")[0].replace(".", "").strip("-").strip("0")
+
+
+def _fitting_steps(x: Floats, mean: float, digits: Floats) -> tuple[float, float, float] | None:
     """The shortest, the best and the longest step that fits all time stamps within half a digit; None without any."""
     from scipy.optimize import brentq, minimize_scalar
 
-    number = np.arange(x.size)
-    reach = digit / (x.size - 1)  # no other step has both ends within half a digit
+    number, half = np.arange(x.size), 0.5 * (1 + 1e-6) * digits
+    reach = float(digits.max()) / (x.size - 1)  # no other step has both ends within half a digit
 
-    def excess(change: float) -> float:  # over what rounding allows, in digits
-        return float(np.ptp(x - number * (mean + change * reach))) / digit - 1.0 - 1e-6
+    def excess(change: float) -> float:  # over what rounding allows
+        offsets = x - number * (mean + change * reach)
+        return float((offsets - half).max() - (offsets + half).min())
 
     best = float(minimize_scalar(excess, bounds=(-1.0, 1.0), method="bounded", options={"xatol": 1e-6}).x)
     if excess(best) > 0.0:
@@ -391,7 +404,7 @@ def resolution(values: Floats) -> float:
         return step
     given = values[values != 0.0]
     some = given[:: max(given.size // 2000, 1)]
-    digits = max(len(f"{value!r}".lower().partition("e")[0].replace(".", "").strip("-0")) for value in some.tolist())
+    digits = max(len(_digits(value)) for value in some.tolist())
     if np.array_equal(given, given.astype(np.float32)):
         return float(np.sqrt(np.mean(np.spacing(np.abs(given).astype(np.float32)).astype(float) ** 2)))
     if digits >= 15:

@@ -80,6 +80,21 @@ def test_stamps_that_no_single_rate_explains_stay_as_they_are(stamps):
     assert read.warnings == ()
 
 
+@pytest.mark.parametrize("form", ["%.5g", "%.4g", "%.6g", "%.4e", "%.7g"])
+@pytest.mark.parametrize("rate", [2048.0, 44_100.0, 1000.0])
+def test_stamps_of_few_significant_digits_as_matlab_and_numpy_write_them(form, rate):
+    stamps = np.array([float(form % t) for t in np.arange(6000) / rate])
+    read = evenly_timed(signal(stamps, np.sin(stamps)))
+    assert (read.x.size - 1) / (read.x[-1] - read.x[0]) == pytest.approx(rate, rel=2e-7)
+
+
+def test_stamps_in_single_precision_and_cut_stamps():
+    exact = np.arange(50_000) / 3000.0
+    for stamps in (exact.astype(np.float32).astype(float), np.floor(exact * 1e4) / 1e4):
+        read = evenly_timed(signal(stamps, np.sin(stamps)))
+        assert (read.x.size - 1) / (read.x[-1] - read.x[0]) == pytest.approx(3000.0, rel=1e-9)
+
+
 def test_a_record_with_rounded_stamps_gives_the_motion_of_the_exact_ones(tmp_path):
     """A sweep through the resonance, written at 2048 Hz with four decimals."""
     t = np.arange(4096) / 2048
@@ -275,3 +290,21 @@ def test_options_of_compare_prepare_the_measurement(tmp_path):
     refused = runner.invoke(app, [*command, "--factor", "0"])
     assert refused.exit_code == 2
     assert "--factor" in refused.output
+
+
+def test_keys_of_a_test_of_an_identification_prepare_its_record(tmp_path):
+    t = np.arange(1000) / 1000
+    write(tmp_path / "m.csv", t, 9.81 - np.sin(2 * np.pi * 20 * t), heading="time (s),m acceleration (m/s^2)")
+    test = {"file": "m.csv", "kind": "transient", "factor": -1, "remove": "mean"}
+    stop = {"name": "stop", "mass": 1, "side": "below", "stiffness": 1e5, "gap": "1 mm"}
+    given = case("m.csv", 0.5) | {"chain": CHAIN["chain"] | {"snubbers": [stop]}}
+    given["identify_stiffness"] = {
+        "snubber": "stop", "nonlinear": {"estimate": ["chain.snubbers.stop.gap"], "tests": [test]},
+    }  # fmt: skip
+    (read,) = beamsim.read_tests(load_scenario(given), tmp_path)
+    np.testing.assert_allclose(read.y, np.sin(2 * np.pi * 20 * t), atol=1e-7)
+    assert read.scaling[0] == "times -1"
+    assert read.scaling[1].startswith("mean of -9.81")
+    test["high_pass"] = "0.5 Hz"
+    with pytest.raises(ScenarioError, match=r"tests\[0\]\.file = m\.csv lasts 0\.999 s .*high_pass"):
+        beamsim.read_tests(load_scenario(given), tmp_path)
