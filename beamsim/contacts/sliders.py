@@ -372,7 +372,11 @@ def unloading_law(
     at = np.append(x, x[-1] + 1.0)
     low, width = lower.at(at), loading.at(at) - lower.at(at)
     if width.min() < -1e-9 * loading.force[-1]:
-        raise ValueError(f"goes down a curve that lies above the loading curve at {at[np.argmin(width)]:.6g}")
+        k = int(np.argmin(width))
+        raise ValueError(
+            f"goes down a curve that lies above the loading curve at {at[k]:.6g}: {low[k]:.6g} above "
+            f"{low[k] + width[k]:.6g} (SI)"
+        )
     below, apart = np.diff(low) / np.diff(at), np.diff(width) / np.diff(at)
     if apart.max() >= stiffness:
         raise ValueError(f"has a stiffness of {stiffness:.6g}, not above {apart.max():.6g}, the steepest of the curve")
