@@ -102,7 +102,7 @@ def test_convergence_summary_files_and_pictures(tmp_path):
     np.testing.assert_array_equal(read.srs.signals[1].maximax, result.srs.signals[1].maximax)
     export_result(path, tmp_path / "tables", "csv")
     header = (tmp_path / "tables" / "srs_by_frequency_hz.csv").read_text(encoding="utf-8").splitlines()[0]
-    assert header.startswith("frequency_hz,")
+    assert header.startswith("frequency (Hz),")
     assert "middle_absolute_acceleration_maximax" in header
 
 

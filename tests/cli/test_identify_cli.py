@@ -99,7 +99,7 @@ def history():
 
 
 def _write(path, time, signal):
-    np.savetxt(path, np.column_stack([time, signal]), delimiter=",", header="time_s,tip (g)", comments="")
+    np.savetxt(path, np.column_stack([time, signal]), delimiter=",", header="time (s),tip (g)", comments="")
 
 
 def test_nonlinear_parameters_from_a_file(tmp_path, history):
@@ -171,7 +171,7 @@ def test_compare_asks_where_a_single_channel_was_measured(tmp_path):
         # without run.spectrum the transient is left out, and the part is said
         assert 1 < channel["start_s"] < 30
         assert abs(channel["harmonics"][0]["difference_db"]) < 0.05
-    np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time_s,sensor (m)", comments="")
+    np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time (s),sensor (m)", comments="")
     done = invoke("compare", tmp_path / "run.h5", tmp_path / "lab.csv")
     assert done.exit_code == 2
     assert "the channel sensor (m) is named after none of the probes; say where it was measured: --probe" in done.output
@@ -184,7 +184,7 @@ def test_compare_asks_where_a_single_channel_was_measured(tmp_path):
     assert done.exit_code == 0, done.output
     (channel,) = json.loads(done.stdout)["comparisons"]
     assert (channel["place"], channel["quantity"]) == ("mass_2", "displacement")  # by the unit that is given
-    with_units = "time_s,mass_1 displacement,mass_1 velocity"
+    with_units = "time (s),mass_1 displacement,mass_1 velocity"
     np.savetxt(tmp_path / "lab.csv", np.c_[rows, rows[:, 1]], delimiter=",", header=with_units, comments="")
     done = invoke("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "mm")
     assert done.exit_code == 2

@@ -63,8 +63,8 @@ def test_tables_in_parts_hold_every_sample(small_parts, tmp_path):
         names = stream.readline().strip().split(",")
         rows = np.loadtxt(stream, delimiter=",")
     stored = along_time(path)
-    np.testing.assert_array_equal(rows[:, names.index("time_s")], stored["/time"])
-    np.testing.assert_array_equal(rows[:, names.index("snubber_tip_force_n")], stored["/snubbers/tip/force"])
+    np.testing.assert_array_equal(rows[:, names.index("time (s)")], stored["/time"])
+    np.testing.assert_array_equal(rows[:, names.index("snubber_tip_force (N)")], stored["/snubbers/tip/force"])
     np.testing.assert_array_equal(rows[:, names.index("snubber_tip_closed")], stored["/snubbers/tip/closed"])
 
 
