@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -234,6 +234,26 @@ def _is_of(name: str, words: str) -> bool:
     text = name.lower().replace("_", " ")
     other = {"displacement": "absolute displacement", "acceleration": "relative acceleration"}.get(words)
     return words in text and (other is None or other not in text)
+
+
+def demand_amplitudes(signals: Iterable[MeasuredSignal], purpose: str) -> None:
+    """Refuse signals that are neither time histories nor amplitude spectra.
+
+    Parameters
+    ----------
+    signals : in SI units; frequency responses at a level are amplitude spectra.
+    purpose : what needs them, for the message.
+
+    Raises
+    ------
+    ScenarioError
+        About the first that is of another function type.
+    """
+    for signal in signals:
+        try:
+            signal.required((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), purpose)
+        except MeasurementError as fault:
+            raise unusable(f"{signal.source or 'a signal'} {fault.message}", fault.remedy) from None
 
 
 def unusable(message: str, remedy: str) -> ScenarioError:

@@ -124,7 +124,8 @@ def _read(path: Path, lines: list[int]) -> Iterator[DataSet]:
                 fields = file.read_sets(index)
             except Exception as error:  # pyuff raises exceptions of all types on damaged files
                 message = f"cannot be read as a universal file: data set {number} in line {lines[index]} ({error})"
-                raise MeasurementError(message, "export it again") from None
+                remedy = "export it again" + (", complex modes by their translations alone" if number == 55 else "")
+                raise MeasurementError(message, remedy) from None
             if number == 164:
                 units = _units_of(fields)
             yield DataSet(number, lines[index], units, fields)

@@ -320,3 +320,10 @@ def test_channels_that_cannot_be_compared_are_left_out_where_others_can(stored, 
     (tmp_path / "a.uff").write_text(coherence + response(swept, over=(0, "", "NONE"), kind=12))
     assert invoke("compare", stored, tmp_path / "a.uff", "-o", tmp_path / "c.h5").exit_code == 0
     assert open_result(tmp_path / "c.h5").sweeps[0].frac == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("unit", ["g/N", "g^2/Hz"])
+def test_signals_from_python_are_asked_for_their_function_type(swept, unit):
+    signal = replace(measured(swept, "second"), unit=unit)
+    with pytest.raises(ScenarioError, match="a comparison with a sweep needs a time history or an amplitude spectrum"):
+        compare_sweep(swept, [("second", "absolute_acceleration", signal)])

@@ -23,7 +23,7 @@ from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import amplitude_db, spectrum
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import ScenarioError
-from beamsim.measurements.channels import channel_named, holds_name, read_signals, unusable
+from beamsim.measurements.channels import channel_named, demand_amplitudes, holds_name, read_signals, unusable
 from beamsim.measurements.conditioning import conditioned, offset_warnings
 from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
@@ -66,10 +66,12 @@ def compare(
     Raises
     ------
     ScenarioError
-        If a measured record is too short, unevenly sampled or sampled too slowly.
+        If a measured record is too short, unevenly sampled or sampled too slowly, or neither a time history nor an
+        amplitude spectrum.
     """
     warnings: list[str] = []
     begin = perf_counter()
+    demand_amplitudes((signal for _, _, signal in pairs), "a comparison with a run")
     channels = tuple(_channel(result, *pair, harmonics, last, warnings) for pair in pairs)
     warnings += [f"{signal.name}: {text}" for _, _, signal in pairs for text in record_warnings(signal)]
     return Comparison(

@@ -20,7 +20,7 @@ from beamsim.analyses.assurance import assurance
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison, outcome_of_comparison
 from beamsim.analyses.quality import peaks_of
 from beamsim.analyses.sweep.result import Envelope, OutputEnvelope, SweepCurve, SweepResult
-from beamsim.measurements.channels import unusable
+from beamsim.measurements.channels import demand_amplitudes, unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import FORCE, MOMENT, PRESSURE
@@ -73,6 +73,7 @@ def compare_sweep(
         If there is no such curve, or a record shares too few frequencies with the sweep or does not follow it.
     """
     begin = perf_counter()
+    demand_amplitudes((signal for _, _, signal in pairs), "a comparison with a sweep")
     chosen = _curve(result, curve)
     tracking = _settled(result, chosen, pairs, tracking or Tracking())
     warnings = [text for _, _, signal in pairs for text in (*_level_warnings(chosen, signal), *signal.warnings)]
