@@ -30,7 +30,7 @@ from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density
 from beamsim.inputs.drift import Correction, jumps
 from beamsim.inputs.measured import sampled_signal
 from beamsim.inputs.profiles import Leg, make_leg, make_profile, phase_of_acceleration
-from beamsim.inputs.signal import MOST_PIECES, CubicRecord, Signal, StreamedSignal
+from beamsim.inputs.signal import MARGIN, MOST_PIECES, CubicRecord, Signal, StreamedSignal
 from beamsim.inputs.statements import InputAccount, InputStatement
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES
@@ -86,7 +86,10 @@ def random_signals(
 ) -> tuple[Signal, Signal, Signal]:
     """The noise as a smooth piecewise cubic over the run, and its integrals; it does not depend on where the run ends.
 
-    The integrals start at the values of the integrated sines, so that a base does not drift, or at 0 with a ramp.
+    A base that it moves does not drift. The displacement starts at that of the integrated sines, or at 0 with a ramp,
+    and the velocity at the value with which the displacement of the piecewise cubic, which is not that of the sines,
+    has no mean slope over a period, after a ramp. From one period to another the displacement then changes by round-off
+    alone: by less than 1e-14 n^2 of its rms in n cycles of the lowest frequency, 1e-6 in 10,000 cycles.
 
     Parameters
     ----------
@@ -126,12 +129,10 @@ def random_signals(
         amplitude = _clipped(amplitude, count, limit)
     step = period / count
     pieces = int(np.ceil(total / step)) + 1
-    velocity_0 = displacement_0 = 0.0
+    displacement_0 = 0.0
     if excitation.ramp == 0:
         used = np.flatnonzero(amplitude)
-        omega = 2 * np.pi * used / period
-        velocity_0 = float(np.sum(amplitude[used] / (1j * omega)).real)
-        displacement_0 = float(np.sum(-amplitude[used] / omega**2).real)
+        displacement_0 = float(np.sum(-amplitude[used] / (2 * np.pi * used / period) ** 2).real)
     amplitude *= 0.5 * count
     one_period = np.fft.irfft(amplitude, count)
     del amplitude
@@ -143,6 +144,9 @@ def random_signals(
             samples = samples * x**2 * (3 - 2 * x)
         return samples
 
+    repeats = int(np.ceil(excitation.ramp / step)) + MARGIN if excitation.ramp > 0 else 0  # sample, from which on
+    begun_at_rest = CubicRecord(samples_at, step, repeats + count, (0.0, 0.0), limit)
+    velocity_0 = -begun_at_rest.mean_slope(repeats)
     record = CubicRecord(samples_at, step, pieces, (velocity_0, displacement_0), limit)
     return StreamedSignal(record, 0), StreamedSignal(record, 1), StreamedSignal(record, 2)
 

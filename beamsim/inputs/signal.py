@@ -156,17 +156,21 @@ class CubicRecord:
         return np.asarray(np.arange(first, last) * self.step, dtype=float)
 
     def _spline(self, first: int, last: int) -> Signal:
+        """The record over the sample number.
+
+        The starts of pieces in seconds are rounded, and integrals between them would drift with the square of time.
+        """
         from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
         index = np.arange(first - MARGIN, last + MARGIN + 1)
-        time, samples = index * self.step, self.samples_at(index)
-        spline: PPoly = CubicSpline(time, samples)
+        samples = self.samples_at(index)
+        spline: PPoly = CubicSpline(index, samples)
         if np.isfinite(self.limit):
             # a cubic stays between its Bezier points, which lie a third of a step along the slopes at its ends
-            steepest = 3.0 * np.maximum(self.limit - np.abs(samples), 0.0) / self.step
-            spline = CubicHermiteSpline(time, samples, np.clip(spline(time, 1), -steepest, steepest))
+            steepest = 3.0 * np.maximum(self.limit - np.abs(samples), 0.0)
+            spline = CubicHermiteSpline(index, samples, np.clip(spline(index, 1), -steepest, steepest))
         coefficient = spline.c[::-1].T
-        return Signal.polynomial_pieces(self.start(first, last), coefficient[MARGIN : MARGIN + last - first])
+        return Signal.polynomial_pieces(np.arange(first, last), coefficient[MARGIN : MARGIN + last - first])
 
     def block(self, number: int) -> tuple[Signal, Signal, Signal]:
         """The record on the pieces of a block, and its integrals; the blocks before are made where they were not."""
@@ -199,16 +203,25 @@ class CubicRecord:
             self._few = t.copy(), out
         return np.asarray(out[integral])
 
+    def mean_slope(self, first: int) -> float:
+        """Mean slope of the second integral from the start of a piece to the end of the last one, per s."""
+        begin, end = self.at(np.array([first, self.pieces]) * self.step, 2)
+        return float(end - begin) / ((self.pieces - first) * self.step)
+
     def _make(self, number: int) -> tuple[Signal, Signal, Signal]:
         first = number * PIECES_OF_A_BLOCK
         last = min(first + PIECES_OF_A_BLOCK, self.pieces)
-        record = self._spline(first, last)
-        velocity = record.antiderivative(self._at_start[number][0])
-        displacement = velocity.antiderivative(self._at_start[number][1])
+        record, (velocity_0, displacement_0), step = self._spline(first, last), self._at_start[number], self.step
+        velocity = record.antiderivative(velocity_0 / step)
+        displacement = velocity.antiderivative(displacement_0 / step**2)
         if number == len(self._at_start) - 1:
-            end = last * self.step
-            self._at_start.append((float(velocity(end)), float(displacement(end))))
-        return record, velocity, displacement
+            self._at_start.append((float(velocity(last)) * step, float(displacement(last)) * step**2))
+
+        def in_seconds(signal: Signal, integrals: int) -> Signal:
+            scale = step ** (integrals - np.arange(float(signal.coefficient.shape[2])))
+            return Signal(self.start(first, last), signal.exponent, signal.coefficient * scale)
+
+        return in_seconds(record, 0), in_seconds(velocity, 1), in_seconds(displacement, 2)
 
 
 class StreamedSignal(Signal):

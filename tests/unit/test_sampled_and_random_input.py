@@ -244,6 +244,32 @@ def test_random_input_does_not_depend_on_the_duration(ramp):
         np.testing.assert_allclose(long[0](t + 1.0), long[0](t), rtol=0, atol=1e-11 * np.abs(long[0](t)).max())
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"sample_rate": 240.0},
+        {},
+        {"clip": "2.5 sigma", "sample_rate": 240.0},
+        {"ramp": 1.3, "sample_rate": 240.0},
+        {"amplitudes": "random", "ramp": 0.4, "clip": "3 sigma"},
+    ],
+    ids=["lowest sampling rate", "default", "clipped", "ramp", "all"],
+)
+def test_a_base_that_follows_noise_does_not_drift(changes):
+    """By a fifth of its rms in 15 s at the lowest sampling rate, and by a hundredth in 1,000 s at the default."""
+    psd = [{"frequency": 20.0, "density": 1.0}, {"frequency": 60.0, "density": 1.0}]
+    excitation = load_scenario(case(kind="random", psd=psd, seed=2, period=10.0, **changes)).excitation
+    _, velocity, displacement = base_signals(excitation, 300.0)
+    t = 20.0 + np.arange(0.0, 10.0, 0.001)
+    rms = displacement(t).std()
+    bound = 1e-14 * (20.0 * 270.0) ** 2
+    np.testing.assert_allclose(displacement(t + 270.0), displacement(t), rtol=0, atol=bound * rms)
+    sines_start = changes.get("ramp", 0.0) == 0.0
+    assert not sines_start or abs(displacement(t).mean()) < 0.02 * rms
+    # a velocity off by a ten-thousandth, as that of the sines was, would be seen
+    assert 1e-4 * velocity(t).std() * 270.0 > 1e-2 * rms
+
+
 def test_random_run_is_reproducible():
     psd = [{"frequency": "2 Hz", "density": "0.002 g^2/Hz"}, {"frequency": "30 Hz", "density": "0.002 g²/Hz"}]
     one, two, other = (
