@@ -230,7 +230,7 @@ def test_a_shock_changes_the_contact_first_that_just_changes_with_the_least_leve
 
 def test_of_a_random_input_the_stop_with_the_fewest_sigmas_is_the_answer():
     psd = [{"frequency": 0.5, "density": 0.4}, {"frequency": 12.0, "density": 0.4}]
-    random = {"kind": "random", "applied_to": {"mass": 1}, "seed": 1, "psd": psd}
+    random = {"kind": "random", "applied_to": {"mass": 1}, "seed": 1, "psd": psd, "period": 2.0}
     near = {"name": "near", "mass": 1, "side": "below", "stiffness": 300.0, "gap": 1e-3}
     of = beamsim.run(single([near], excitation=random)).summary["gapping"]
     assert of["near"]["sigmas"] > 0

@@ -452,9 +452,17 @@ def random_lines(spec, duration):
     count = int(np.ceil(period * spec.get("sample_rate", 20 * points[-1, 0])))
     f = np.arange(count // 2 + 1) / period
     phase = np.random.default_rng(spec.get("seed", 0)).uniform(0, 2 * np.pi, f.size)
-    inside = (f >= points[0, 0] * (1 - 1e-12)) & (f <= points[-1, 0] * (1 + 1e-12))
-    density = np.exp(np.interp(np.log(f[inside]), np.log(points[:, 0]), np.log(points[:, 1])))
-    return 2 * np.pi * f[inside], np.sqrt(2 * density / period), phase[inside], count / period
+    node, weight = np.polynomial.legendre.leggauss(12)
+    square = np.zeros(f.size)  # mean square of each sine: the integral of the density over its share of the axis
+    for k in range(1, f.size):
+        low, high = np.clip([(k - 0.5) / period if k > 1 else 0.0, (k + 0.5) / period], points[0, 0], points[-1, 0])
+        ends = np.unique([low, *(x for x in points[:, 0] if low < x < high), high])
+        for a, b in pairwise(ends):
+            x = 0.5 * (a + b) + 0.5 * (b - a) * node
+            density = np.exp(np.interp(np.log(x), np.log(points[:, 0]), np.log(points[:, 1])))
+            square[k] += 0.5 * (b - a) * weight @ density
+    used = square > 0.0
+    return 2 * np.pi * f[used], np.sqrt(2 * square[used]), phase[used], count / period
 
 
 def several(forces):

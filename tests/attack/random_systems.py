@@ -464,7 +464,11 @@ class _Draw:
             density = a**2 / top
             points = [(0.3 * f, density), (f, density * self.power(-1, 0.5)), (top, density)]
             spec["psd"] = [{"frequency": x, "density": d} for x, d in points]
-            spec |= {"seed": int(self.rng.integers(1000)), "period": self.duration * 1.1, "sample_rate": 6 * top}
+            spec |= {
+                "seed": int(self.rng.integers(1000)),
+                "period": max(1.1 * self.duration, 20.0 / f),
+                "sample_rate": 6 * top,
+            }
         return base
 
     def forces(self, case, f):
