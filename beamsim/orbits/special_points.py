@@ -30,7 +30,7 @@ from beamsim.orbits.continuation import (
 )
 from beamsim.orbits.period import cyclic, extrema_of
 from beamsim.orbits.shooting import ForcedOrbits
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 MOST_HALVINGS = 12
 BESIDE = 1e-3  # of the distance to a neighbour, for a look at the other side of a grazing
@@ -343,9 +343,14 @@ def _changes_of_stability(
     problem: OrbitProblem, left: BranchPoint, right: BranchPoint, settings: Settings
 ) -> Iterator[SpecialPoint]:
     """Period doublings and Neimark–Sacker points between two motions with the same contacts."""
-    change = _outside(problem.multipliers(right)) - _outside(problem.multipliers(left))
-    if change[0] % 2:
-        point = _vanishes(problem, left, right, _doubling, settings)
+    before, after = _outside(problem.multipliers(left)), _outside(problem.multipliers(right))
+    change = after - before
+    if change[0]:
+        if change[0] % 2:
+            point = _vanishes(problem, left, right, _doubling, settings)
+        else:  # of equal parts all at once, where no product changes its sign
+            at = int(min(before[0], after[0]))
+            point = locate(problem, left, right, lambda p: _beyond(problem.multipliers(p), at), settings)
         if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
             yield SpecialPoint("period_doubling", point.parameter, point)
     if change[1:].any():
@@ -357,9 +362,20 @@ def _changes_of_stability(
                 yield SpecialPoint("neimark_sacker", point.parameter, point)
 
 
+def _beyond(mu: Complexes, number: int) -> float:
+    """How far the real negative multiplier of a number, by size from 0 on, is outside the unit circle; -1 of none."""
+    size = np.sort(np.abs(mu[~_complex(mu) & (mu.real < 0.0)]))[::-1]
+    return float(size[number]) - 1.0 if size.size > number else -1.0
+
+
+def _complex(mu: Complexes) -> Bools:
+    """Which multipliers are not real; equal ones are complex by round-off."""
+    return np.asarray(np.abs(mu.imag) > 1e-10 * np.abs(mu))  # 1e-10: of a multiplier
+
+
 def _outside(mu: Complexes) -> Ints:
     """(3,) numbers of multipliers outside the unit circle: real negative ones, complex ones, all."""
-    out, turning = np.abs(mu) > 1.0, mu.imag != 0.0
+    out, turning = np.abs(mu) > 1.0, _complex(mu)
     return np.array([(out & ~turning & (mu.real < 0)).sum(), (out & turning).sum(), out.sum()])
 
 

@@ -170,8 +170,8 @@ def test_a_first_motion_is_found_although_newtons_method_wanders(pytestconfig):
     np.testing.assert_allclose(found.u[:-1], state, atol=1e-9 * np.abs(state).max())
 
 
-def uncoupled(oscillators):
-    """Equal oscillators below stops, which nothing joins, through their resonance."""
+def uncoupled(oscillators, low=1.8, high=2.5, **more):
+    """Equal oscillators below stops, which nothing joins, over a range of frequencies."""
     masses = {"masses": [1.0], "springs": [100.0, 0.0], "dashpots": [0.4, 0.0]}
     if oscillators == 2:
         masses = {"masses": [1.0, 1.0], "springs": [100.0, 0.0, 100.0], "dashpots": [0.4, 0.0, 0.4]}
@@ -180,7 +180,7 @@ def uncoupled(oscillators):
         for k in range(1, oscillators + 1)
     ]
     shaken = {"kind": "harmonic", "applied_to": "base", "level": 0.5, "frequency": 2.0}
-    sweep = {"kind": "continuation", "from": 1.8, "to": 2.5, "seek_at": 0}
+    sweep = {"kind": "continuation", "from": low, "to": high, "seek_at": 0, **more}
     return load_scenario({"chain": masses, "snubbers": stops, "excitation": shaken, "sweep": sweep})
 
 
@@ -205,6 +205,18 @@ def test_two_equal_oscillators_that_nothing_joins_take_the_motions_of_their_bran
     assert motions[2] < 1.5 * motions[1] + 1.0
     kinds = [special.kind for branch in result.branches for special in branch.special]
     assert "branch_point" in kinds
+
+
+@pytest.mark.slow
+def test_periods_double_at_once_in_equal_oscillators():
+    """Two multipliers pass -1 together, so that no product of them changes its sign."""
+    found = []
+    for oscillators in (1, 2):
+        result = continuation(uncoupled(oscillators, 1.36, 1.42, side_branches="none"))
+        kinds = [e for branch in result.branches for e in branch.special if e.kind == "period_doubling"]
+        found.append([e.frequency_hz for e in kinds])
+    assert len(found[0]) == 1
+    assert found[1] == pytest.approx(found[0], rel=1e-7)
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (0, 2, 1, 3)])
