@@ -95,8 +95,15 @@ class CaseSolver:
         values = {} if result.outcome.ended_early else responses_of_result(result)
         if asked:
             values = {name: x for name, x in values.items() if any(means(each, name) for each in asked)}
+        elif entries is not None:  # of a case that is compared everything is computed
+            values = {name: x for name, x in values.items() if _of_entry(name) in (*entries, "")}
         margins = result.summary.get("margins", {})
         return {"values": values, "outcome": result.outcome, "margins": margins, "warnings": result.warnings}
+
+
+def _of_entry(response: str) -> str:
+    """The entry of a run's summary that a response is in."""
+    return BY_NAME[response.rpartition("/")[2]].entry
 
 
 def design_study(
@@ -212,6 +219,6 @@ def _with_runs(result: DesignsResult, stop: Stop) -> DesignsResult:
 
 def _concerning(result: DesignsResult, doubts: Iterable[str]) -> list[str]:
     """Those of the doubtful values (entry.place) that a search was asked for: its objectives and limits."""
-    asked = {BY_NAME[name.rpartition("/")[2]].entry for aim in objectives(result.scenario) for name, _ in aim.terms}
+    asked = {_of_entry(name) for aim in objectives(result.scenario) for name, _ in aim.terms}
     asked |= {limited(name)[0].entry for name in result.limits}
     return [key for key in doubts if key.partition(".")[0] in asked]

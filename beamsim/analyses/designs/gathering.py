@@ -590,8 +590,9 @@ def _worst_of_limit(cases: _Cases, name: str, of: _OfLimit, margin: Floats) -> d
         counts["probability"] = probability((verdict == OnLimit.MET)[cases.drawn])
     among = next(each for each in (exceeding, unsure, known) if each.any())
     about = {"verdict": judged.value, "exceeded": judged is OnLimit.EXCEEDED, **counts}
-    sizes = np.where(among, margin, np.nan)
-    sizes = margin if np.isnan(sizes).all() else sizes
+    computed = np.array([k in cases.outcomes and not cases.outcomes[k].failed for k in of.chosen.tolist()])
+    shown = next((each for each in (among & computed, computed, among) if not np.isnan(margin[each]).all()), among)
+    sizes = np.where(shown, margin, np.nan)
     if np.isnan(sizes).all():  # of which no case has a value
         return {**margins_of(cases.plan.scenario.limits, {})[name], **about}
     case = int(np.nanargmin(sizes))
