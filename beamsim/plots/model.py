@@ -104,7 +104,8 @@ def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
         f"{_level_text(point if point.quantity else part, point.level)} from {point.frequency:.6g} Hz"
         for point in getattr(sweep, "profile", ())
     ]
-    if profile := first_of(points, 4) or getattr(sweep, "profile_file", None):
+    file = getattr(sweep, "profile_file", None)
+    if profile := first_of(points, 4) or (file and file.file):
         yield f"profile of {profile}"
     if sweep.levels and scenario.level_unit:
         yield " and ".join(_level_text(part, level) for level in sweep.levels)

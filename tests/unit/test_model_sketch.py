@@ -77,10 +77,11 @@ FORCES = [{"kind": "harmonic", "applied_to": {"position": 0.2}, "level": "3 N", 
     [
         ({}, {"levels": ["0.5 g", "2 g"]}, "swept sine, 0.5 g and 2 g, 8 to 90 Hz"),
         ({}, {"profile": POINTS}, "swept sine, profile of 2 mm from 8 Hz, 1 g from 20 Hz, times 0.5 and 2, 8 to 90 Hz"),
+        ({}, {"profile_file": "level.csv", "levels": None}, "swept sine, profile of level.csv, 8 to 90 Hz"),
         ({}, {"profile": POINTS, "levels": None}, "swept sine, profile of 2 mm from 8 Hz, 1 g from 20 Hz, 8 to 90 Hz"),
         ({"kind": "forces", "forces": FORCES}, {}, "swept sine, 3 N, times 0.5 and 2, 8 to 90 Hz"),
     ],
-    ids=["levels", "profile", "profile alone", "forces"],
+    ids=["levels", "profile", "profile in a file", "profile alone", "forces"],
 )
 def test_levels_that_are_factors_are_not_accelerations(excitation, sweep, said):
     """A profile times 0.5 was "0.05099 g" in sketch and report, forces times 2 were "2 N"."""
