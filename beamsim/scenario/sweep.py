@@ -16,7 +16,7 @@ from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, ki
 from beamsim.scenario.body import Body
 from beamsim.scenario.excitation import Between, FrequencyRange, Notch, Number, ProfilePoint, Span, check_profile
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
-from beamsim.scenario.reporting import OutputLimit
+from beamsim.scenario.reporting import OutputLimit, limited_quantity
 
 Harmonics = Annotated[int, q.Whole(1, 500)]
 
@@ -305,7 +305,9 @@ class SweptSine(_UpAndDown):
                 "make two sweeps, direction: up and direction: down",
                 ("notch_to",),
             )
-        if not self.accelerations and any(name.rpartition(".")[2] == "acceleration" for name in limits):
+        if not self.accelerations and any(
+            of is not None and of.quantity == "acceleration" for of in map(limited_quantity, limits)
+        ):
             raise Unfit("limits an acceleration, and accelerations = false", "leave that out", ("notch_to",))
         for at, points in (("profile", self.profile), ("notches", self.notches)):
             for index, point in enumerate(points):
