@@ -11,9 +11,9 @@ those of data acquisition systems have, and that is nearest to the best fit; els
 *Filters.* A record is low-pass filtered by a symmetric FIR filter (Kaiser window) before its sampling rate is lowered,
 so that nothing above half of the new rate is aliased: -6 dB at 0.45 of the new rate, -100 dB from 0.5 on, without
 delay. At each end the record is continued by its mirror image or by its point reflection, whichever makes the smoother
-end. A pulse of eight samples at the start makes the first and second integral of the record, the velocity and
-displacement of a base that starts from rest, those of the filtered record that is zero before. The high-pass filter is
-a Butterworth filter of second order, forward and backward.
+end. A pulse of eight samples at the start of an acceleration or load makes its first and second integral, the velocity
+and displacement of a base that starts from rest, those of the filtered record that is zero before. The high-pass
+filter is a Butterworth filter of second order, forward and backward.
 
 *Derivatives.* Rounding of a displacement to steps q is like white noise of variance :math:`q^2 / 12`. The second
 derivative of the cubic spline through the samples multiplies it by
@@ -40,6 +40,7 @@ FEWEST_ODD_STEPS = 0.01  # share of steps that are shorter or longer by half, ab
 PASS, STOP, ATTENUATION_DB = 0.4, 0.5, 100.0  # of the low-pass filter; frequencies over the new sampling rate
 MOST_FINER = 20  # times as many samples of an uneven record that is made even
 PULSE, MATCHED = 8, 40  # new samples: length of the pulse at the start, and where integrals are those of the record
+INTEGRATED = tuple(each.unit for each in (units.LENGTH, units.VELOCITY, units.ANGLE, units.ANGULAR_VELOCITY))
 WARNED_REMOVAL = 0.01  # of the mean square, that a low-pass filter takes away
 WARNED_START, WARNED_OFFSET = 0.02, 0.01  # of the largest value
 LIKE_GRAVITY = 0.03  # of standard gravity, by which an offset differs from it at most
@@ -90,11 +91,11 @@ def evenly_timed(signal: MeasuredSignal) -> MeasuredSignal:
         f"time stamps are rounded to {digit:g} {unit}, so that their steps are {steps.min():.4g} to {steps.max():.4g} "
         f"{unit}; the sampling rate is taken as {hertz}, which fits all of them within half their last digit"
     )
-    return replace(
-        signal, x=first + np.arange(x.size) / rate,
-        scaling=(*signal.scaling, f"time stamps rounded to {digit:g} {unit}: sampled at {hertz}"),
-        warnings=(*signal.warnings, *([warning] if np.ptp(steps) > WARNED_STEPS * mean else [])),
-    )  # fmt: skip
+    even = replace(signal, x=first + np.arange(x.size) / rate)
+    if np.ptp(steps) <= WARNED_STEPS * mean:
+        return even
+    statement = f"time stamps rounded to {digit:g} {unit}: sampled at {hertz}"
+    return replace(even, scaling=(*signal.scaling, statement), warnings=(*signal.warnings, warning))
 
 
 def _last_digits(x: Floats) -> Floats:
@@ -210,7 +211,7 @@ def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
     Raises
     ------
     MeasurementError
-        If the steps of an uneven record are too different.
+        If the steps of an uneven record are too different, or few samples are left.
     """
     from scipy.interpolate import CubicSpline
 
@@ -236,7 +237,13 @@ def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
     new = old * float(ratio)
     cutoff = 0.5 * (PASS + STOP) * new
     filtered = _low_passed(values, ratio)
-    filtered[: PULSE + 1] += _start_pulse(values, filtered, float(ratio))
+    if filtered.size < 2 * MATCHED:
+        raise MeasurementError(
+            f"would have {filtered.size} samples at resample = {rate:g} Hz (at least {2 * MATCHED})",
+            "give a higher rate, or a longer record",
+        )
+    if signal.unit not in INTEGRATED:
+        filtered[: PULSE + 1] += _start_pulse(values, filtered, float(ratio))
     even = time[0] + np.arange(filtered.size) / new
     kept = even <= time[-1] + 1e-9 / new
     left, size = float(np.std(filtered[kept])), float(np.std(values))
@@ -269,20 +276,23 @@ def _low_passed(values: Floats, ratio: Fraction) -> Floats:
 
     taps, size = _filter(float(ratio.denominator)), values.size
     reach = min(taps.size // (2 * ratio.numerator) + 1, size - 1)
-    start = 2.0 * values[0] - values[reach:0:-1], values[reach:0:-1]
-    end = 2.0 * values[-1] - values[-2 : -reach - 2 : -1], values[-2 : -reach - 2 : -1]
-    results = []
-    for before, behind in zip(start, end, strict=True):
-        # as long as whole steps of the new rate, so that the first sample of the record is one of the result
-        before = np.pad(before, (-before.size % ratio.denominator, 0), mode="edge")
-        continued: Floats = np.concatenate([before, values, behind])
-        whole = resample_poly(continued, *ratio.as_integer_ratio(), window=taps)  # type: ignore[call-overload]  # stubs lack an array
-        first = before.size * ratio.numerator // ratio.denominator
-        results.append(whole[first : first + (size - 1) * ratio.numerator // ratio.denominator + 1])
-    rough = np.array([[abs(x[0] - 2.0 * x[1] + x[2]), abs(x[-1] - 2.0 * x[-2] + x[-3])] for x in results])
-    half = results[0].size // 2
-    first, last = (results[k] for k in np.argmin(rough, axis=0))
-    return np.concatenate([first[:half], last[half:]])
+    before, behind = _continued(values, reach), _continued(values[::-1], reach)[::-1]
+    # as long as whole steps of the new rate, so that the first sample of the record is one of the result
+    before = np.pad(before, (-before.size % ratio.denominator, 0), mode="edge")
+    continued: Floats = np.concatenate([before, values, behind])
+    whole = resample_poly(continued, *ratio.as_integer_ratio(), window=taps)  # type: ignore[call-overload]
+    first = before.size * ratio.numerator // ratio.denominator
+    return np.array(whole[first : first + (size - 1) * ratio.numerator // ratio.denominator + 1], dtype=float)
+
+
+def _continued(values: Floats, reach: int) -> Floats:
+    """What is put before a record, (reach,) samples: its mirror image where that has the smoother join, else its point
+    reflection. The one has a kink of the slope, the other of the curvature."""
+    slopes, curvatures = np.diff(values), np.diff(values, 2)
+    frequency = np.sqrt(np.mean(curvatures**2) / max(float(np.mean(slopes**2)), 1e-300))  # of most of it, per sample
+    image = values[reach:0:-1]
+    mirrored = abs(float(slopes[0])) * frequency < 1.1 * abs(float(curvatures[0]))
+    return np.asarray(image if mirrored else 2.0 * values[0] - image, dtype=float)
 
 
 def _start_pulse(values: Floats, filtered: Floats, ratio: float) -> Floats:
@@ -298,8 +308,6 @@ def _start_pulse(values: Floats, filtered: Floats, ratio: float) -> Floats:
     from scipy.signal import oaconvolve
 
     number = np.arange(PULSE + 1)
-    if filtered.size < 2 * MATCHED:
-        return np.zeros(number.size)
     taps = _filter(1.0 / ratio)
     end = int(MATCHED / ratio)  # in steps of the record
     first = values[: end + taps.size].copy()
