@@ -1,4 +1,4 @@
-r"""Extremes of a motion: in closed form, or on an integrator's dense output.
+r"""Extremes of a motion: in closed form, or of polynomials on pieces of time.
 
 On a segment of length H an output is a sum of terms :math:`\mathrm{Re}\, c\, u^p e^{\lambda H u}`, with the time u on
 the segment over its length. An interval of length h is looked at by the values and slopes at its ends. The sizes of the
@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -199,8 +198,6 @@ _POINTS = chebyshev.chebpts2(NODES + 1)
 _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_POINTS, NODES))
 _POWERS = np.array([np.pad(chebyshev.cheb2poly(row), (0, NODES - k)) for k, row in enumerate(np.eye(NODES + 1))])
 
-Outputs = Callable[[Floats, Floats], Floats]
-
 
 def polynomials(values: Floats, start: Floats, length: Floats) -> Waves:
     """Outputs on S steps, from their values (S, NODES + 1, k) at the Chebyshev points, the earliest first.
@@ -227,31 +224,3 @@ def polynomials(values: Floats, start: Floats, length: Floats) -> Waves:
         -np.ones(steps), np.ones(steps),
         np.zeros(steps, dtype=np.int64),
     )  # fmt: skip
-
-
-@dataclass
-class DenseExtremes:
-    """Lowest and highest values of outputs over the steps added so far."""
-
-    search: Search | None = None
-
-    def add(self, solution: Any, outputs: Outputs) -> None:
-        """The steps of a solution of ``solve_ivp`` with dense output.
-
-        ``outputs`` takes times (nt,) and states (nt, N) and returns values (nt, k).
-        """
-        pieces = solution.sol.interpolants
-        for first in range(0, len(pieces), PARTS_AT_ONCE):
-            part = pieces[first : first + PARTS_AT_ONCE]
-            start = solution.t[first : first + len(part)]
-            length = np.diff(solution.t[first : first + len(part) + 1])
-            times = start[:, None] + 0.5 * length[:, None] * (1.0 + _POINTS)
-            y = np.concatenate([piece(row).T for piece, row in zip(part, times, strict=True)])
-            values = outputs(times.ravel(), y).reshape(start.size, NODES + 1, -1)
-            self.search = self.search or Search.of(values.shape[2])
-            self.search.add([polynomials(values, start, length)])
-
-    def extrema(self) -> Extrema:
-        """(k,) extreme values and their times; of no steps an error."""
-        assert self.search is not None
-        return self.search.extrema().window(0)

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -474,3 +474,70 @@ def falls_through_zero(coefficient: Floats, *, waits: bool = False) -> float:
         above |= value > 0.0
         before = x
     return np.inf
+
+
+class Extremes(NamedTuple):
+    """Extreme values of K outputs and their times, s."""
+
+    low: Floats  # (K,)
+    when_low: Floats
+    high: Floats
+    when_high: Floats
+
+
+class StepExtremes:
+    r"""Lowest and highest values of outputs over the steps shown so far, of which there is one at least when asked.
+
+    On a step an output is a polynomial, :math:`f \le c_0 + \sum_{k \ge 1} |c_k|`; where that exceeds what is known it
+    is evaluated at the roots of its slope.
+    """
+
+    def __init__(self) -> None:
+        self.found: Extremes | None = None
+
+    def add(self, piece: Piece, outputs: Callable[[Floats, Floats], Floats]) -> None:
+        """The steps of a piece that has a length.
+
+        Parameters
+        ----------
+        piece : of a motion.
+        outputs : takes times (nt,) and states (nt, N + 2) and returns values (nt, K).
+        """
+        assert piece.sol is not None
+        for step, start, end in zip(piece.sol.interpolants, piece.t[:-1], piece.t[1:], strict=True):
+            times = start + 0.5 * (end - start) * (1.0 + _POINTS)
+            values = outputs(times, step(times).T)
+            if self.found is None:
+                count = values.shape[1]
+                self.found = Extremes(*(np.full(count, x) for x in (np.inf, start, -np.inf, start)))
+            low, when_low, high, when_high = self.found
+            _raise(-low, when_low, -values, times, low, -1.0)
+            _raise(high, when_high, values, times, high, 1.0)
+
+
+def _raise(known: Floats, when: Floats, values: Floats, times: Floats, stored: Floats, sign: float) -> None:
+    """Take the largest values of a step into those known.
+
+    Parameters
+    ----------
+    known : (K,) largest values so far.
+    when : (K,) s, their times; written.
+    values, times : (DEGREE + 1, K) at the Chebyshev points, and (DEGREE + 1,) s.
+    stored, sign : (K,) written with the sign.
+    """
+    best = values.argmax(axis=0)
+    top = np.take_along_axis(values, best[None], axis=0)[0]
+    coefficient = _COEFFICIENTS @ values
+    bound = coefficient[0] + np.abs(coefficient[1:]).sum(axis=0)
+    higher = np.flatnonzero(top > known)
+    known[higher], when[higher] = top[higher], times[best[higher]]
+    # 1e-10: of the value, to which peaks are located
+    for k in np.flatnonzero(bound > known + 1e-10 * np.abs(known)).tolist():
+        slope = chebyshev.chebder(coefficient[:, k])
+        roots = chebyshev.chebroots(chebyshev.chebtrim(slope, float(np.finfo(float).eps) * np.abs(slope).max()))
+        inside = roots.real[np.abs(roots.real) < 1.0]
+        tops = chebyshev.chebval(inside, coefficient[:, k])
+        if tops.size and tops.max() > known[k]:
+            known[k] = tops.max()
+            when[k] = times[0] + 0.5 * (times[-1] - times[0]) * (1.0 + inside[tops.argmax()])
+    stored[:] = sign * known

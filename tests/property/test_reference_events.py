@@ -135,6 +135,25 @@ def test_a_dip_between_two_samples_is_found():
         assert not falls or found == pytest.approx(middle - width, abs=1e-8)
 
 
+def test_extremes_of_steps_lie_between_the_ends_of_steps():
+    """Of a free vibration in steps of a quarter of a period, and the twin: no end of a step comes as close."""
+    contacts = Contacts(np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool), ())
+    system = PiecewiseLinearSystem(np.array([1.0]), np.zeros((1, 1)), contacts, np.zeros(1))
+    flow, found, ends = ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 6.0), reference.StepExtremes(), []
+
+    def observe(piece, _phases):
+        found.add(piece, lambda times, y: y[:, :2])
+        ends.append(piece.sol(piece.t).T[:, 0])
+
+    stepping = reference.TimeStepping(flow, "DOP853", rtol=1e-8)
+    reference.integrate(stepping, np.array([1.0, 0.5]), np.linspace(0.0, 6.0, 3), observe=observe)
+    size, phase = np.hypot(1.0, 0.5), np.arctan2(0.5, 1.0)
+    np.testing.assert_allclose(found.found.high, size, rtol=1e-6)
+    np.testing.assert_allclose(found.found.low, -size, rtol=1e-6)
+    assert found.found.when_high[0] == pytest.approx(phase, abs=1e-3)
+    assert np.concatenate(ends).max() < size * (1 - 1e-3)
+
+
 # -- random systems --------------------------------------------------------------------------------------------------
 
 

@@ -15,12 +15,11 @@ from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, STRESS, Extreme, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import DenseExtremes
-from beamsim.flow.reference import ReferenceTrajectory, TimeStepping, integrate
+from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
 from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats, Ints, not_none
 
 
 def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
@@ -172,7 +171,7 @@ class SteppedOutputs:
     def __init__(self, system: StructuralSystem, flow: ExactFlow, times: Floats, low_pass: float | None = None) -> None:
         self.flow = flow
         self.searched = SteppedChannels(system, flow, searched(system.channels))
-        self.dense = DenseExtremes()
+        self.dense = StepExtremes()
         self.acceleration = SteppedChannels(system, flow, system.channels.of_keys(ACCELERATION))
         self.low = None if low_pass is None else LowPassed(low_pass, times, len(system.probes))
         self.lowest_state = self.highest_state = np.zeros(flow.size)  # at the extremes of the first probe
@@ -188,7 +187,7 @@ class SteppedOutputs:
         self.dense.add(solution, values)
         if self.low is not None:
             self._filter_piece(self.low, solution, phases)
-        found = self.dense.extrema()
+        found = not_none(self.dense.found)
         for first in self.searched.channels.places[DISPLACEMENT][:1]:
             lowest, highest = found.when_low[first], found.when_high[first]
             if begin <= lowest <= end:
@@ -212,8 +211,8 @@ class SteppedOutputs:
     def extremes(self, trajectory: ReferenceTrajectory) -> dict[Key, Extreme]:
         """Of the continuous motion; of a motion without length those of its start."""
         channels = self.searched.channels
-        if self.dense.search is not None:
-            of_all = self.dense.extrema().extremes
+        if self.dense.found is not None:
+            of_all = tuple(self.dense.found)
         else:
             values = self.searched.of_states(trajectory.time, trajectory.y, trajectory.phases)
             each, lowest, highest = np.arange(values.shape[1]), values.argmin(axis=0), values.argmax(axis=0)
