@@ -239,7 +239,7 @@ def test_values_that_make_no_scenario_together_are_named_before_computing():
     ("text", "message"),
     [
         (BASE, "vary is missing"),
-        (BASE.replace("run: {duration: 0.05 s}\n", "") + GRID, "run is missing"),
+        (BASE.replace("run: {duration: 0.05 s, convergence: off}\n", "") + GRID, "run is missing"),
     ],
 )
 def test_studies_without_sense(text, message):
