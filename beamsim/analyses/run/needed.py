@@ -49,12 +49,18 @@ class Needed:
             return cls()
         settings, stationary = not_none(scenario.run), scenario.excitation.stationary
         limits = {} if scenario.limits is None else scenario.limits.given
-        needed = frozenset(entries) | {limited(name)[0].entry for name in limits}
+        over_curves = {"srs_over_limit", "psd_over_limit"}  # which only limits have
+        needed = (frozenset(entries) - over_curves) | {limited(name)[0].entry for name in limits}
         if settings.fatigue is not None:
             needed |= set(STRESS_ENTRIES)
         of_records = needed & {*ROOT_MEAN_SQUARES, "psd_over_limit"}
         statistics = stationary and (bool(of_records) or settings.test_duration is not None)
-        return cls(needed, statistics, bool(of_records) and not stationary, settings.fatigue is not None)
+        return cls(
+            needed,
+            statistics,
+            not stationary and not needed.isdisjoint(ROOT_MEAN_SQUARES),
+            settings.fatigue is not None,
+        )
 
     @property
     def everything(self) -> bool:
