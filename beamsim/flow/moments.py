@@ -91,6 +91,10 @@ class SegmentOutputs:
         coefficient = amplitude @ self.coefficient.reshape(units, functions * outputs)
         return SegmentOutputs(self.exponent, self.power, coefficient.reshape(amplitude.shape[0], functions, outputs))
 
+    def acting(self) -> SegmentOutputs:
+        """Without the functions that are in no output."""
+        return self._some(np.asarray(self.coefficient.any(axis=(0, 2))))
+
     def with_conjugates(self) -> SegmentOutputs:
         """The sums of 2 B functions that are real, half of each and of its conjugate."""
         exponent = np.concatenate([self.exponent, self.exponent.conj()])

@@ -23,6 +23,7 @@ from scipy.fft import next_fast_len, rfft
 
 from beamsim.flow.contact_state import GROWTH, ContactState
 from beamsim.flow.kernels import spread_to_grid
+from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -32,7 +33,7 @@ SHARPNESS = 2.3 * SPREAD  # of the spreading function exp(SHARPNESS (sqrt(1 - z^
 OVERSAMPLING = 2  # of the grid
 FAST = 1.5  # times the highest frequency: faster functions are integrated by parts ...
 LONG = 20.0  # ... where a segment is longer than so many of their time constants
-NODES_OF_RULES = (6, 8, 12, 16, 32)
+NODES_OF_RULES = (6, 8, 12, 16, 24, 32, 48, 64)
 NEIGHBOURS = 20  # on either side that an integral between two frequencies is interpolated from
 VALUES_AT_ONCE = 2_000_000  # which bounds the memory
 
@@ -151,36 +152,60 @@ def _sample(
     fastest : rad/s, of these terms and the highest frequency together.
     add : takes times (n,), s, since the motion began, and values (n, K).
     """
-    coefficients, acts = outputs
-    source, basis = state.term_source[acts], state.term_basis[acts]
-    functions, basis = np.unique(basis, return_inverse=True)
-    exponent, power = state.exponent[functions], state.power[functions]
-    factors = np.stack([coefficients[acts].real, -coefficients[acts].imag], axis=1).reshape(2 * source.size, -1)
-    rules, turn = np.array(NODES_OF_RULES), fastest * motion.length[segments]
-    longest = longest_turn(rules)
-    panels = np.maximum(np.ceil(turn / longest[-1]), 1.0).astype(np.int64)
-    rule_of = np.minimum(np.searchsorted(longest, turn), rules.size - 1)
-    for number in np.unique(rule_of):
-        rows = np.flatnonzero(rule_of == number)
-        node, weight = np.polynomial.legendre.leggauss(int(rules[number]))
-        node, weight = 0.5 + 0.5 * node, 0.5 * weight
-        row = np.repeat(rows, panels[rows])
-        place = np.arange(row.size) - np.repeat(np.cumsum(panels[rows]) - panels[rows], panels[rows])
-        width = motion.length[segments] / panels
-        at_once = max(1, VALUES_AT_ONCE // (node.size * max(coefficients.shape)))
+    table, functions = outputs[0] * outputs[1][:, None], state.exponent.size
+    lengths, which = np.unique(motion.equal_lengths[segments], return_inverse=True)
+    nodes, panels = _rules(fastest * lengths)
+    widths = lengths / panels
+    for rule in np.unique(nodes).tolist():
+        rows = np.flatnonzero(nodes[which] == rule)
+        node, weight = _gauss_legendre(rule)
+        count = panels[which[rows]]
+        row = np.repeat(rows, count)
+        place = np.arange(row.size) - np.repeat(np.cumsum(count) - count, count)
+        at_once = max(1, VALUES_AT_ONCE // max(rule * functions, rule * table.shape[1], functions * table.shape[1]))
         for first in range(0, row.size, at_once):
-            block, begun = row[first : first + at_once], place[first : first + at_once]
+            block, number = row[first : first + at_once], place[first : first + at_once]
+            # panels of one number, in segments of one length, share the values of the functions
+            kinds, kind = np.unique(number * lengths.size + which[block], return_inverse=True)
+            number_of_kind, length_of_kind = np.divmod(kinds, lengths.size)
+            width = widths[length_of_kind]
+            begun = number_of_kind * width
             visits, visit = np.unique(block, return_inverse=True)
-            within = _exponentials(np.multiply.outer(width[visits], node), exponent)
-            of_basis = _exponentials(begun * width[block], exponent)[:, None] * within[visit]
-            tau = (begun[:, None] + node) * width[block, None]
-            if power.any():
-                of_basis *= tau[:, :, None] ** power
-            amplitude = motion.source_amplitudes(state, segments[visits])[:, source]
-            terms = np.ascontiguousarray(amplitude[visit][:, None] * of_basis.take(basis, axis=2))
-            values = terms.reshape(tau.size, -1).view(float) @ factors
-            values *= np.multiply.outer(width[block], weight).reshape(-1, 1)
-            add(((motion.time[segments[block]] - motion.time[0])[:, None] + tau).ravel(), values)
+            on_visits = motion.outputs(state, segments[visits], table).acting()
+            c = on_visits.coefficient
+            factors = np.stack([c.real, -c.imag], axis=2).reshape(visits.size, 2 * c.shape[1], c.shape[2])
+            values = _functions(on_visits, begun, width, node).view(float)[kind] @ factors[visit]
+            values *= np.multiply.outer(width, weight)[kind, :, None]
+            tau = begun[:, None] + np.multiply.outer(width, node)
+            times = (motion.time[segments[block]] - motion.time[0])[:, None] + tau[kind]
+            add(times.ravel(), values.reshape(times.size, -1))
+
+
+def _rules(turn: Floats) -> tuple[Ints, Ints]:
+    """Nodes (n,) of the rules, and numbers (n,) of panels, that take the fewest values over turns (n,), rad."""
+    rules = np.array(NODES_OF_RULES)
+    panels = np.maximum(np.ceil(turn[:, None] / longest_turn(rules)), 1.0).astype(np.int64)
+    best = np.argmin(panels * rules, axis=1)
+    return rules[best], panels[np.arange(turn.size), best]
+
+
+@lru_cache(maxsize=len(NODES_OF_RULES))
+def _gauss_legendre(nodes: int) -> tuple[Floats, Floats]:
+    """Nodes and weights of a rule for the integral from 0 to 1."""
+    node, weight = np.polynomial.legendre.leggauss(nodes)
+    return 0.5 + 0.5 * node, 0.5 * weight
+
+
+def _functions(outputs: SegmentOutputs, begun: Floats, width: Floats, node: Floats) -> Complexes:
+    """(n, N, B) values of the functions of outputs on panels that begin at times (n,), s, of widths (n,), s."""
+    widths, which = np.unique(width, return_inverse=True)
+    within = _exponentials(np.multiply.outer(widths, node), outputs.exponent)
+    values = _exponentials(begun, outputs.exponent)[:, None] * within[which]
+    if outputs.power.any():
+        powers = np.ones((width.size, node.size, int(outputs.power.max()) + 1))
+        powers[..., 1:] = (begun[:, None] + np.multiply.outer(width, node))[..., None]
+        values *= np.multiply.accumulate(powers, axis=-1)[..., outputs.power]
+    return np.asarray(values)
 
 
 def _exponentials(tau: Floats, exponent: Complexes) -> Complexes:

@@ -56,6 +56,7 @@ def test_between_the_known_frequencies():
 @pytest.mark.parametrize(
     ("changes", "stop"),
     [
+        ({}, {}),  # at rest
         (FALL, {}),
         (FALL, {"stiffness": 1e7}),  # short contacts
         (FALL, WEAK),
@@ -75,6 +76,11 @@ def test_integrals_are_those_that_are_computed_one_by_one(changes, stop, highest
     for column in range(size.size):
         assert np.all(np.abs(part.integrals(between, column) - direct[column]) <= 1e-11 * size[column])
     np.testing.assert_allclose(part.means, exact[:, 0].real / part.duration, atol=1e-12 * size.max())
+    for half in part.halves:  # of which the second has what the first leaves
+        between = np.array([0.0, 2.0 * np.pi / half.duration, 0.77 * highest, highest])
+        direct = fourier_integrals(half.motion, table, between)
+        for column in range(size.size):
+            assert np.all(np.abs(half.integrals(between, column) - direct[column]) <= 1e-11 * size[column])
 
 
 def test_deviations_about_a_level_keep_their_digits():

@@ -442,7 +442,7 @@ def _peaks(record: SpectrumRecord, window: Window, excitation_hz: float, peak: f
         low, high = (
             (j - reach, j + reach + 1) if not window.one_sided else (min(j - reach, j // 2), max(j + reach, 2 * j))
         )
-        floor = float(np.percentile(amplitude[max(1, low) : high], 25.0))
+        floor = _lower_quartile(amplitude[max(1, low) : high])
         if amplitude[j] < (_OVER_FLOOR if not window.one_sided else _OVER_SKIRTS) * floor:
             continue
         frequency = _peak_hz(record, amplitude, int(j))
@@ -452,6 +452,14 @@ def _peaks(record: SpectrumRecord, window: Window, excitation_hz: float, peak: f
         if len(candidates) == min(_MOST_LINES, (record.size - 1) // 4):
             break
     return list(candidates.values())
+
+
+def _lower_quartile(values: Floats) -> float:
+    """Between the two values around it, as ``np.percentile`` has it, which spends ten times as long on few values."""
+    place = 0.25 * (values.size - 1)
+    below = int(place)
+    ordered = np.partition(values, (below, min(below + 1, values.size - 1)))
+    return float(ordered[below] + (place - below) * (ordered[min(below + 1, values.size - 1)] - ordered[below]))
 
 
 def _peak_hz(record: SpectrumRecord, amplitude: Floats, j: int) -> float:
