@@ -41,7 +41,7 @@ from beamsim.scenario.reporting import (
     output_dimension,
     unit_of_dimension,
 )
-from beamsim.scenario.run import BodiesStart, ModeStart, PolynomialStart, Run
+from beamsim.scenario.run import MOST_FREQUENCIES, BodiesStart, ModeStart, PolynomialStart, Run
 from beamsim.scenario.studies import (
     IdentifyStiffness,
     LatinHypercube,
@@ -412,7 +412,7 @@ def _spectrum(scenario: ScenarioParts, run: Run) -> Problems:
             f"= {spectrum.last:g} s is longer than run.duration = {run.duration:g} s",
             "analyse a shorter part, or use a longer run",
         )
-    yield from _chosen_frequencies(scenario, run)
+    yield from _frequencies_of_spectra(scenario, run)
     if spectrum.periods is None:
         return
     at = ("run", "spectrum", "periods")
@@ -428,15 +428,14 @@ def _spectrum(scenario: ScenarioParts, run: Run) -> Problems:
         )
 
 
-def _chosen_frequencies(scenario: ScenarioParts, run: Run) -> Problems:
-    """Frequencies of the spectra must be told apart, and be below half the rate of a time-stepping run's samples."""
+def _frequencies_of_spectra(scenario: ScenarioParts, run: Run) -> Problems:
+    """Chosen frequencies must be told apart, and none may lie beyond the highest that a spectrum can have."""
     chosen, tones = run.spectrum.frequencies, scenario.excitation.frequencies_hz
     duration = min(run.spectrum.last or run.duration, run.duration)
     if run.spectrum.periods is not None and len(tones) == 1:
         duration = min(run.spectrum.periods / tones[0], duration)
-    stepped = run.method == "reference" or _cubic(scenario)
-    for index, frequency in enumerate(chosen):
-        at: Path = ("run", "spectrum", "frequencies", index)
+    asked: dict[Path, float] = {("run", "spectrum", "frequencies", k): value for k, value in enumerate(chosen)}
+    for index, (at, frequency) in enumerate(asked.items()):
         near = min(chosen[:index], key=lambda other: abs(other - frequency), default=-1.0 / duration)
         if abs(near - frequency) * duration < 1.0:
             yield problem(
@@ -444,11 +443,24 @@ def _chosen_frequencies(scenario: ScenarioParts, run: Run) -> Problems:
                 f"= {frequency:g} Hz cannot be distinguished from {near:g} Hz in the {duration:g} s that are analysed",
                 f"keep frequencies {1 / duration:g} Hz apart, or analyse a longer part",
             )
-        if stepped and frequency >= 0.5 * scenario.sample_rate:
+    if run.method == "reference" or _cubic(scenario):
+        for at, frequency in asked.items():
+            if frequency >= 0.5 * scenario.sample_rate:
+                yield problem(
+                    at,
+                    f"= {frequency:g} Hz is not below half of run.sample_rate = {scenario.sample_rate:g} Hz",
+                    "raise run.sample_rate: spectra of a time-stepping method are those of its samples",
+                )
+        return
+    if run.spectrum.to is not None:
+        asked["run", "spectrum", "to"] = run.spectrum.to
+    for at, frequency in asked.items():
+        if frequency * duration > MOST_FREQUENCIES:
             yield problem(
                 at,
-                f"= {frequency:g} Hz is not below half of run.sample_rate = {scenario.sample_rate:g} Hz",
-                "raise run.sample_rate: spectra of a time-stepping method are those of its samples",
+                f"= {frequency:g} Hz has {frequency * duration:.4g} periods in the {duration:g} s that are analysed "
+                f"(at most {MOST_FREQUENCIES})",
+                f"analyse a shorter part, run.spectrum.last: {0.95 * MOST_FREQUENCIES / frequency:.2g} s",
             )
 
 

@@ -18,6 +18,7 @@ from beamsim.scenario.reporting import AnyOutput, Stress
 MOST_OSCILLATORS = 10_000
 MOST_PERIODS = 2_000_000  # of the highest oscillator in a run: several panels each are kept
 MOST_FILTERED = 100_000_000  # periods of a low-pass's frequency in a run: hours
+MOST_FREQUENCIES = 50_000  # of the curve of a spectrum
 
 
 NonNegativeForce = Annotated[float, q.Quantity(units.FORCE, minimum=0.0)]

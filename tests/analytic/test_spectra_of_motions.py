@@ -158,3 +158,22 @@ def test_lines_and_levels_do_not_depend_on_how_far_the_curve_goes():
             assert same.amplitude == pytest.approx(line.amplitude, rel=1e-5, abs=least)
             if line.kind != "mean":
                 assert same.amplitude_db == pytest.approx(line.amplitude_db, abs=1e-4)
+
+
+@pytest.mark.parametrize("highest", [None, 100.0, 65.0, 45.0, 20.0, 10.0])
+def test_orders_of_a_few_periods_end_with_the_spectrum(highest):
+    """A mass against a stop for 6.4 periods: orders beyond the end of its spectrum were looked for, and an error."""
+    periods, frequency = 6.4, 20.0
+    case = {
+        "chain": {"masses": [1.0], "springs": [(2 * np.pi * 30.0) ** 2], "damping": {"kind": "modal", "ratio": 0.05}},
+        "snubbers": [{"name": "stop", "mass": 1, "side": "below", "gap": 1e-4, "stiffness": 1e5}],
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": "2 g", "frequency": frequency},
+        "run": {"duration": periods / frequency, "convergence": "off"},
+    }  # fmt: skip
+    all_orders = {line.order: line.amplitude for line in lines_of(run(case))}
+    found = {line.order: line.amplitude for line in lines_of(run(case, run__spectrum__to=highest))}
+    assert max(all_orders) >= 3.0
+    ends_at = 10.0 if highest is None else highest // frequency
+    assert list(found) == [order for order in all_orders if order <= ends_at]
+    if highest is None:
+        assert found == all_orders

@@ -134,6 +134,10 @@ class SpectrumRecord(Protocol):
         """Number of samples, or of those that would cover the curve."""
 
     @property
+    def highest_hz(self) -> float:
+        """Frequency, Hz, up to which a sinusoid's amplitude and phase are known."""
+
+    @property
     def peak(self) -> float:
         """Largest magnitude."""
 
@@ -183,6 +187,11 @@ class SampledRecord:
     def size(self) -> int:
         """See `SpectrumRecord`."""
         return int(self.x.size)
+
+    @property
+    def highest_hz(self) -> float:
+        """See `SpectrumRecord`; below half the rate, at which a sine and a cosine are one sinusoid."""
+        return 0.49 * self.rate
 
     @property
     def peak(self) -> float:

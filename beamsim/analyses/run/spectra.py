@@ -14,7 +14,7 @@ from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import MotionPart, Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.scenario import Scenario
-from beamsim.scenario.run import SpectrumSettings
+from beamsim.scenario.run import MOST_FREQUENCIES, SpectrumSettings
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
@@ -24,7 +24,6 @@ HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
 MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
 FLOOR_LINES = 16  # beyond the highest content: a line is told by what lies beside it
 FEWEST_SAMPLES = 256
-MOST_FREQUENCIES = 50_000  # of a curve
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
 FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
 # The rule for a line, see `spectrum_of`.
@@ -363,8 +362,8 @@ def _lines(
     together, so no line leaks into another, weighted by the Blackman–Harris window, so that nothing else leaks into
     them. Of a motion in closed form the projection is that of the continuous motion, see
     `beamsim.analyses.run.records`. A record of 1 to 8 excitation periods is projected on the orders 1 to 10 directly,
-    with the residual as noise floor; below one period only the mean is known. The mean is always listed, at most 50
-    lines beside it.
+    as far as its spectrum goes, with the residual as noise floor; below one period only the mean is known. The mean is
+    always listed, at most 50 lines beside it.
     """
     forced = bool(np.isfinite(excitation_hz) and excitation_hz > 0)
     window = _examined(record, excitation_hz, one_sided)
@@ -489,8 +488,8 @@ def _only_locked(record: SpectrumRecord, candidates: list[_Candidate]) -> list[_
 
 
 def _orders_of_short_record(record: SpectrumRecord, excitation_hz: float, peak: float) -> list[_Candidate]:
-    rate = record.size / record.duration
-    highest = min(_ORDERS_OF_A_SHORT_RECORD, int(0.49 * rate / excitation_hz), (record.size - 1) // 4)
+    known = int(record.highest_hz / excitation_hz * (1 + 1e-12))
+    highest = min(_ORDERS_OF_A_SHORT_RECORD, known, (record.size - 1) // 4)
     frequency = excitation_hz * np.arange(1, highest + 1, dtype=np.float64)
     if frequency.size == 0:
         return []
