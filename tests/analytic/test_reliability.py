@@ -369,6 +369,10 @@ def test_a_study_goes_on_where_it_ended(solved_by):
     rest = found(case, known=kept, each=asked.append)[1]
     assert rest == whole
     assert sum(not outcome.compared for outcome in kept + asked) == whole["histories"]
+    assert sum(outcome.compared for outcome in kept + asked) == 1  # the history nearest the limit
+    again, resumed = found(case, known=kept + asked, each=lambda outcome: pytest.fail(f"{outcome} is solved twice"))
+    assert resumed == whole
+    assert again.compared.sum() == 1
 
 
 def test_without_openturns_the_command_to_install_it_is_said(monkeypatch):
