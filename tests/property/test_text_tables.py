@@ -50,47 +50,51 @@ def numbers(draw):
     return [column.tolist() for column in columns], digits
 
 
-@settings(max_examples=400, deadline=None)
-@given(
-    table=numbers(),
-    separator=st.sampled_from([";", "\t", ",", " ", "   "]),
-    decimal=st.sampled_from([".", ","]),
-    thousands=st.sampled_from(sorted(THOUSANDS)),
-    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"]),
-    units=st.sampled_from(UNITS),
-    headings=st.sampled_from(["brackets", "row below", "none"]),
-    ending=st.sampled_from(["", "separator"]),
-)
-def test_a_spreadsheet_reads_back_or_is_refused(
-    tmp_path_factory, table, separator, decimal, thousands, encoding, units, headings, ending
-):
-    columns, digits = table
-    mark = THOUSANDS[thousands]
-    assume(mark != decimal and not (encoding == "cp1252" and thousands in ("narrow", "thin")))
-    assume(not (mark == " " and separator.isspace() and separator != "\t"))  # no file that anyone could read
-    names = {
-        "brackets": [[f"Zeit ({units[0]})", f"a ({units[1]})", f"b [{units[1]}]"]],
-        "row below": [["Zeit", "a", "b"], [units[0], units[1], units[1]]],
-        "none": [],
-    }[headings]
-    if separator.isspace() and separator != "\t":
-        names = [[cell.replace(" ", "_") for cell in row] for row in names] if headings == "row below" else names
-    lines = [separator.join(row) for row in names] + spreadsheet(columns, separator, digits, decimal, mark).split("\n")
-    if ending and not separator.startswith(" "):
-        lines = [line + separator for line in lines]
-    path = tmp_path_factory.mktemp("table") / "a.csv"
-    for stated in (None, decimal):
-        try:
-            signals = read(path, "\n".join(lines) + "\n", encoding, stated)
-        except MeasurementError:
-            continue
-        assert len(signals) == 3
-        for signal, values in zip(signals, columns, strict=True):
-            np.testing.assert_array_equal(signal.y, values)
-        if names:
-            assert [signal.unit for signal in signals] == [units[0], units[1], units[1]]
-            assert [signal.axis_unit for signal in signals] == ["", units[0], units[0]]
-            assert not any(signal.of_frequency for signal in signals)
+@pytest.mark.parametrize("examples", [100, pytest.param(400, marks=pytest.mark.slow)])
+def test_a_spreadsheet_reads_back_or_is_refused(tmp_path_factory, examples):
+    @settings(max_examples=examples, deadline=None)
+    @given(
+        table=numbers(),
+        separator=st.sampled_from([";", "\t", ",", " ", "   "]),
+        decimal=st.sampled_from([".", ","]),
+        thousands=st.sampled_from(sorted(THOUSANDS)),
+        encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"]),
+        units=st.sampled_from(UNITS),
+        headings=st.sampled_from(["brackets", "row below", "none"]),
+        ending=st.sampled_from(["", "separator"]),
+    )
+    def check(table, separator, decimal, thousands, encoding, units, headings, ending):
+        columns, digits = table
+        mark = THOUSANDS[thousands]
+        assume(mark != decimal and not (encoding == "cp1252" and thousands in ("narrow", "thin")))
+        assume(not (mark == " " and separator.isspace() and separator != "\t"))  # no file that anyone could read
+        names = {
+            "brackets": [[f"Zeit ({units[0]})", f"a ({units[1]})", f"b [{units[1]}]"]],
+            "row below": [["Zeit", "a", "b"], [units[0], units[1], units[1]]],
+            "none": [],
+        }[headings]
+        if separator.isspace() and separator != "\t":
+            names = [[cell.replace(" ", "_") for cell in row] for row in names] if headings == "row below" else names
+        lines = [separator.join(row) for row in names] + spreadsheet(columns, separator, digits, decimal, mark).split(
+            "\n"
+        )
+        if ending and not separator.startswith(" "):
+            lines = [line + separator for line in lines]
+        path = tmp_path_factory.mktemp("table") / "a.csv"
+        for stated in (None, decimal):
+            try:
+                signals = read(path, "\n".join(lines) + "\n", encoding, stated)
+            except MeasurementError:
+                continue
+            assert len(signals) == 3
+            for signal, values in zip(signals, columns, strict=True):
+                np.testing.assert_array_equal(signal.y, values)
+            if names:
+                assert [signal.unit for signal in signals] == [units[0], units[1], units[1]]
+                assert [signal.axis_unit for signal in signals] == ["", units[0], units[0]]
+                assert not any(signal.of_frequency for signal in signals)
+
+    check()
 
 
 @settings(max_examples=100, deadline=None)
