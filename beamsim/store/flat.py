@@ -444,7 +444,7 @@ class Reader:
             raise Missing(f"{path} is missing")
         if item.values is not None and item.values.dtype == object and member.may_be_text:
             words = [str(word) for word in np.ravel(item.values)]
-            return tuple(words) if member.type.startswith("tuple") else np.array(words)
+            return tuple(words) if member.type.startswith("tuple") else np.array(words).reshape(item.values.shape)
         values = self._numbers(path, member, declared)
         if declared.phase:
             return values * np.exp(1j * np.radians(self._numbers(f"{path}_phase_deg", member, declared)))
