@@ -89,7 +89,7 @@ SHOWN = {
     "folds": ("62 of 123 points", "0.104, 0.1203 Hz", "1.96 m at 0.12 Hz, first", "folds in level: 30 to 300 mN"),
     "designs": ("4 cases, each a run", "1.94 m (2 N/m, 0.2 m)", "EXCEEDED in 4 of 4 cases: 1.936 m at the other",
                 "1 of 4 cases compared with a finer model, the other 3 not"),
-    "designs_zip": ("2 cases, each a swept sine", "1.87 N (6 N/m, below)", "6 more responses", "none of 2 cases compared"),
+    "designs_zip": ("2 cases, each a swept sine", "1.87 N (6 N/m, below)", "6 more responses", "none of 2 cases"),
     "identify_nonlinear": ("tip gap", "15 µm", "19.83 µm", "19.5 to 20.15 µm", "misfit 2057 before, 27.16 after"),
     "identify_snubber": ("153.6 kN/m   2.6 kN/m   148.7 to 158.8 kN/m", "with contact: 196.5, 448.6, 967.7 Hz"),
     "identify_update": ("4.049 g", "3.811 to 4.302 g", "45 g"),
