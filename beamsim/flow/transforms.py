@@ -40,7 +40,7 @@ VALUES_AT_ONCE = 2_000_000  # which bounds the memory
 
 def longest_turn(nodes: Ints) -> Floats:
     """Turn of an exponential, rad, over which Gauss-Legendre rules of so many nodes integrate it to 1e-12."""
-    return np.asarray(8.0 * nodes / np.e * 10.0 ** (-6.0 / nodes))
+    return np.asarray(8.0 * nodes / np.exp(1.0) * 10.0 ** (-6.0 / nodes))
 
 
 class FourierSums:
