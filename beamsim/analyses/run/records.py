@@ -86,20 +86,22 @@ class Window:
         -------
         (W,) in the unit of the signal times s.
         """
-        j = np.arange(self.cosines.size)
-        shifts = self.turn(duration) * np.concatenate([-j[:0:-1], j])
-        factor = 0.5 * np.concatenate([self.cosines[:0:-1], self.cosines])
-        factor[j.size - 1] *= 2.0
+        shifts, factor = self._exponentials(duration)
         return np.asarray(factor @ integrals(np.add.outer(shifts, omega).ravel()).reshape(shifts.size, omega.size))
 
     def transform(self, omega: Floats, duration: float) -> Complexes:
         r"""(W,) :math:`\int_0^T w e^{-i\omega u} du`."""
+        (shifts, factor), half = self._exponentials(duration), 0.5 * duration
+        sincs = np.sinc(np.add.outer(shifts, omega) * (half / np.pi))
+        return np.asarray(duration * np.exp(-1j * half * omega) * ((factor * np.exp(-1j * half * shifts)) @ sincs))
 
-        def rectangle(nu: Floats) -> Complexes:
-            half = 0.5 * nu * duration
-            return np.asarray(duration * np.exp(-1j * half) * np.sinc(half / np.pi))
-
-        return self.weigh(rectangle, omega, duration)
+    def _exponentials(self, duration: float) -> tuple[Floats, Floats]:
+        """Angular frequencies, rad/s, and factors, of the window as a sum of exponentials ``e^(-i shift u)``."""
+        j = np.arange(self.cosines.size)
+        shifts = self.turn(duration) * np.concatenate([-j[:0:-1], j])
+        factor = 0.5 * np.concatenate([self.cosines[:0:-1], self.cosines])
+        factor[j.size - 1] *= 2.0
+        return shifts, factor
 
 
 @lru_cache(maxsize=4)
