@@ -280,7 +280,7 @@ def _low_passed(values: Floats, ratio: Fraction) -> Floats:
     # as long as whole steps of the new rate, so that the first sample of the record is one of the result
     before = np.pad(before, (-before.size % ratio.denominator, 0), mode="edge")
     continued: Floats = np.concatenate([before, values, behind])
-    whole = resample_poly(continued, *ratio.as_integer_ratio(), window=taps)  # type: ignore[call-overload]
+    whole = resample_poly(continued, *ratio.as_integer_ratio(), window=taps)  # type: ignore[call-overload,unused-ignore]
     first = before.size * ratio.numerator // ratio.denominator
     return np.array(whole[first : first + (size - 1) * ratio.numerator // ratio.denominator + 1], dtype=float)
 
