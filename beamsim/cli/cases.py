@@ -76,7 +76,8 @@ def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], Stru
 
         check_cases(plan_designs(scenario))
     if scenario.run is not None:
-        if scenario.study is None:  # of a study no run is stored
+        # of a study no run is stored; names are in a group with fields in these two alone
+        if scenario.study is None and (scenario.run.srs is not None or scenario.excitation.stationary):
             from beamsim.analyses.run.names import refuse_names_of_fields  # and with it the results of runs
 
             refuse_names_of_fields(scenario)

@@ -132,8 +132,15 @@ def _is_table(lines: Sequence[tuple[int, str]], first: int, separator: str) -> b
     begin = next(k for k, (number, _) in enumerate(lines) if number == first)
     rows = [row.cells for row in _split(lines[max(begin - 1, 0) :], separator)]
     cells = [cell for row in rows[min(begin, 1) :] for cell in row]
-    values = all(could_be_number(cell) or not _STARTS_WITH_NUMBER.match(cell) for cell in cells)
-    return values and len({len(row) for row in rows}) == 1 < len(rows[0])
+    return all(map(_can_be_value, cells)) and len({len(row) for row in rows}) == 1 < len(rows[0])
+
+
+def _can_be_value(cell: str) -> bool:
+    """Whether a cell is a number, perhaps with its unit (25 %), or a text without a comma in it."""
+    if not _STARTS_WITH_NUMBER.match(cell):
+        return "," not in cell
+    number, _, unit = cell.partition(" ")
+    return could_be_number(cell) or (could_be_number(number) and not _STARTS_WITH_NUMBER.match(unit))
 
 
 @dataclass(frozen=True)

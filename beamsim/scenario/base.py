@@ -463,7 +463,7 @@ MEANT = {
     "density": "rho",
     "duration": "t_end end_time total_time",
     "excitation": "load loads loading",
-    "factor": "scale scale_factor scaling gain multiplier",
+    "factor": "scale scale_factor scaling multiplier",
     "from": "min minimum low lower",
     "gap": "clearance play backlash",
     "half_sine": "shock pulse",

@@ -106,10 +106,12 @@ def test_a_sweep_that_is_not_finite_has_an_outcome():
 
 
 @pytest.mark.parametrize(("share", "trusted"), [(0.0, True), (1e-8, True), (1e-4, False)])
-def test_a_case_of_a_study_whose_energy_is_lost_has_failed(monkeypatch, share, trusted):
+def test_a_case_of_a_study_whose_energy_is_lost_is_not_reliable(monkeypatch, share, trusted):
     monkeypatch.setattr(transient, "motion_of", tampered(share, 0.05, motion_of))
     result = beamsim.ensemble(load_scenario(CASE, SHORT), {"snubbers.tip.gap": [0.0]}, ["contacts"], workers=1)
     assert result.complete is trusted
-    if not trusted:
-        assert result.failures[0].outcome.code == "energy_not_balanced"
-        assert result.failures[0].outcome.numbers["time"] == pytest.approx(0.05, abs=0.01)
+    assert not result.failures  # its values are kept, as those of the run are
+    alone = beamsim.run(load_scenario(CASE, SHORT)).outcome
+    assert (alone.code == "energy_not_balanced") is not trusted
+    assert result.case_outcomes.tolist() == [alone.text]
+    assert exit_code(result.outcome) == exit_code(alone)

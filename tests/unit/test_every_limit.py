@@ -38,8 +38,8 @@ PEAKS = {
 }  # fmt: skip
 OTHERS = {
     "gapping": ("50 %", {"run", "stepped", "study"}),
-    "rms_displacement": ("0.1 mm", {"run", "shock", "random"}),
-    "rms_acceleration": ("0.01 g", {"run", "shock", "random"}),
+    "rms_displacement": ("0.1 mm", {"run", "shock", "random", "study"}),
+    "rms_acceleration": ("0.01 g", {"run", "shock", "random", "study"}),
     "rms_force": ("0.1 N", {"random"}),
     "srs": ("{tip: [[5 Hz, 0.1 g], [100 Hz, 0.1 g]]}", {"shock"}),
     "psd": ("{tip: [[1 Hz, 1e-6 g^2/Hz], [20 Hz, 1e-6 g^2/Hz]]}", {"random"}),
