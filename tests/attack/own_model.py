@@ -509,11 +509,13 @@ def inputs_of(case, duration):
         time, values = np.loadtxt(spec["file"], delimiter=",", skiprows=1).T
         return pieces(CubicSpline(time - time[0], values), quantity)
     omega, amplitude, phase, rate = random_lines(spec, duration)
-    time = np.arange(-40, int(np.ceil(duration * rate)) + 40) / rate  # the ends of a spline are felt by few samples
-    values = np.cos(np.outer(time, omega) + phase) @ amplitude
-    whole = CubicSpline(time, values)
-    start = (-np.sum(amplitude / omega * np.cos(phase + np.pi / 2)), -np.sum(amplitude / omega**2 * np.cos(phase)))
-    return pieces(PPoly(whole.c[:, 40:], whole.x[40:]), quantity, start)
+    count = round(spec.get("period", duration) * rate)
+    index = np.arange(-40, max(count, int(np.ceil(duration * rate))) + 41)  # a spline's ends are felt by few samples
+    whole = CubicSpline(index, np.cos(np.outer(index / rate, omega) + phase) @ amplitude)  # over the sample number
+    rise = whole.antiderivative(2)  # of the displacement, in squares of a step; it is the same a period later
+    velocity = -(float(rise(count) - rise(0)) - count * float(rise(0, 1))) / count / rate
+    curve = PPoly(whole.c[:, 40:-40] * rate ** np.arange(3.0, -1.0, -1)[:, None], whole.x[40:-40] / rate)
+    return pieces(curve, quantity, (velocity, -np.sum(amplitude / omega**2 * np.cos(phase))))
 
 
 # -- the whole ---------------------------------------------------------------------------------------------------------
