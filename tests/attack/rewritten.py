@@ -418,6 +418,7 @@ def mirrored(tree, rng):
     for output in tree.get("outputs", ()):
         if output.get("support") in ("left", "right"):
             output["support"] = {"left": "right", "right": "left"}[output["support"]]
+    reverse_hinges(tree)
     mirror_start(tree)
     return tree
 
@@ -469,6 +470,16 @@ def mirror_chain(tree, name, at, body):
 def mirror_end(end, name, count, mine):
     of_it = isinstance(end, dict) and "mass" in end and (end.get("body") == name or (mine and "body" not in end))
     return end | {"mass": count + 1 - end["mass"]} if of_it else end
+
+
+def reverse_hinges(tree):
+    """Slopes change their signs, and with them the angles of stops of hinges."""
+    for joint in tree.get("joints", ()):
+        for stop in joint.get("stops", ()):
+            side = stop.get("side", "below" if stop.get("angle", 0.0) < 0 else "above")
+            stop["side"] = {"above": "below", "below": "above"}[side]
+            if "angle" in stop:
+                stop["angle"] *= -1
 
 
 def mirror_load(load):
@@ -523,6 +534,7 @@ def upside_down(tree, rng):
             snubber["between"] = turned_ends(snubber["between"])
         elif snubber["side"] != "both":
             snubber["side"] = {"above": "below", "below": "above"}[snubber["side"]]
+    reverse_hinges(tree)
     for key in ("springs_to_ground", "springs_between"):
         for _, spring in items(tree, key):
             if spring.get("kind") == "piecewise_linear":
@@ -656,9 +668,10 @@ def histories(result):
         found[f"displacement of {name}"] = np.abs(probe.displacement)
         found[f"velocity of {name}"] = np.abs(probe.velocity)
         found[f"peak of {name}"] = np.array([result.summary["peak_displacement_m"][name]])
+    peaks = result.summary.get("peak_force_n", {}) | result.summary.get("peak_moment_n_m", {})  # of stops on rotations
     for name, stop in result.snubbers.items():
         found[f"force of {name}"] = stop.force
-        found[f"peak force of {name}"] = np.array([result.summary["peak_force_n"][name]])
+        found[f"peak force of {name}"] = np.array([peaks[name]])
     for name, output in result.outputs.items():
         found[f"output {name}"] = np.abs(output.value)
     for name, contact in result.friction.items():
