@@ -353,11 +353,14 @@ class _Equations:
         none does.
 
         Of several it is the lowest. One that is below zero by what an event is known to, and rises, has to rise above
-        zero before it acts; so has one that would lead back to a phase that was left at this instant.
+        zero before it acts; so has one that would lead back to a phase that was left at this instant, or
+        one that is zero at the start.
         """
         values, parts = self.guards(np.array([t]), y[None])
         value = values[0]
         below = value < -ROUND_OFF * parts
+        if t == 0.0:  # the phases are those in which the motion goes on: a guard that is zero is about to rise
+            self.waiting |= np.abs(value) <= ROUND_OFF * parts
         if not below.any():
             return None
         inputs = self.flow.inputs_at(np.array([t]), 2, np.array([self.since]))[0, 1]
@@ -443,7 +446,7 @@ def falls_through_zero(coefficient: Floats, *, waits: bool = False) -> float:
     Parameters
     ----------
     coefficient : (k,) of Chebyshev polynomials on [-1, 1].
-    waits : whether it counts only after it has been above zero.
+    waits : whether it counts only after it has been above zero, by more than the integrator's solution is known to.
 
     Returns
     -------
@@ -464,14 +467,14 @@ def falls_through_zero(coefficient: Floats, *, waits: bool = False) -> float:
     # 1e-6: a double root is known to the root of round-off; a cut at no root does no harm
     cuts = np.sort(roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)])
     edges = np.concatenate([[-1.0], cuts, [1.0]])
-    before, above = -1.0, not waits
+    before, above, risen = -1.0, not waits, AT_EVENT * size if waits else 0.0
     for x in np.append(0.5 * (edges[1:] + edges[:-1]), 1.0).tolist():
         value = float(chebyshev.chebval(x, coefficient))
         if value < 0.0 and above:
             if chebyshev.chebval(before, coefficient) <= 0.0:
                 return before
             return float(brentq(chebyshev.chebval, before, x, args=(coefficient,), xtol=1e-15))
-        above |= value > 0.0
+        above |= value > risen
         before = x
     return np.inf
 
