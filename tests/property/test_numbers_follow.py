@@ -50,9 +50,11 @@ def changed(value):
     return value + 1 if isinstance(value, int) else value * 1.01 or 1e-4
 
 
-def as_written(value, of):
-    """A number as it is written in a file in place of another one."""
+def as_written(value, of, path):
+    """A number as it is written in a file in place of another one at a path."""
     unit = LEVEL_DIMENSIONS[meant(of)].unit if meant(of) in LEVEL_DIMENSIONS else ""
+    if unit and path.endswith(".density"):
+        unit = f"({unit})^2/Hz"
     return f"{value!r} {unit}" if unit else value
 
 
@@ -64,7 +66,7 @@ def compared(source, scenario, places):
     for place in places:
         path, old = path_text(place), value_at(scenario, place)
         value = changed(old)
-        edit = {path: as_written(value, old)}
+        edit = {path: as_written(value, old, path)}
         expected = outcome(partial(load_scenario, source, edit))
         missing = isinstance(expected, list) and any(path.startswith(f"{wrong}.") for wrong in expected)
         if expected is None or missing:  # more than the number has to be written
@@ -105,7 +107,7 @@ def test_studies_vary_the_case_of_the_edited_file(case):
             plan = plan_draws(scenario, {path: [value]})
         except ScenarioError:
             continue  # no number that a study can vary
-        expected = outcome(partial(load_scenario, text, {path: as_written(value, old)}), *NOT_OF_A_CASE)
+        expected = outcome(partial(load_scenario, text, {path: as_written(value, old, path)}), *NOT_OF_A_CASE)
         if isinstance(expected, dict):
             found = outcome(lambda p=plan, v=value: p.study.scenario(Case(0, (v,))), *NOT_OF_A_CASE)
             assert differences(found, expected) == [], path
