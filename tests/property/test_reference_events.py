@@ -206,14 +206,14 @@ def random_system(seed):
     return flow, np.append(start, contacts.settled_states(-gap - sign * (shape @ start[:n])))
 
 
-def agrees(seed, integrator="DOP853"):
+def agrees(seed, integrator="DOP853", rtol=1e-10):
     """Compare the events and states of a random system by both methods; how many events there are."""
     flow, start = random_system(seed)
     exact = simulate(flow, start, max_events=3000)
     if not exact.outcome.complete:  # several faces at one place that cannot decide which of them holds
         return 0
     times = np.linspace(0.0, 8.0, 301)
-    stepping = reference.TimeStepping(flow, integrator, rtol=1e-10, atol=1e-13, max_events=3000)
+    stepping = reference.TimeStepping(flow, integrator, rtol=rtol, atol=1e-3 * rtol, max_events=3000)
     stepped = reference.integrate(stepping, start, times)
     assert stepped.outcome.complete, stepped.outcome.text
     size = 2 * flow.system.size
@@ -233,7 +233,8 @@ def test_random_systems(seed):
 
 @pytest.mark.slow
 def test_many_random_systems():
-    assert sum(agrees(seed) for seed in range(100, 160)) > 3000
+    """At 1e-10 the integrator's error in seed 109 is 3.5e-4 at two times just after contacts; at 1e-12 it is 3e-7."""
+    assert sum(agrees(seed, rtol=1e-12) for seed in range(100, 160)) > 3000
 
 
 def test_the_comparison_of_random_systems_can_fail(monkeypatch):
