@@ -459,6 +459,8 @@ class Reader:
             raise ValueError(f"{path} holds text instead of numbers")
         if declared.scale and not item.scale:
             raise ValueError(f"{path} is no dimension scale")
+        if isinstance(declared.along, Axes) and item.values.ndim == 0:
+            raise ValueError(f"{path} is a single number, not an array")
         along = () if isinstance(declared.along, Axes) else declared.along or ()
         dimensions = 1 if declared.scale else len(along)
         if member.scalar is None and dimensions and item.values.ndim != dimensions:
