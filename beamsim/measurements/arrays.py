@@ -20,8 +20,7 @@ from beamsim.measurements.functions import FunctionType, function_over_frequency
 from beamsim.measurements.signal import (
     MeasuredSignal,
     MeasurementError,
-    is_frequency,
-    is_time,
+    axis_kind,
     label_of,
     split_heading,
     stated,
@@ -238,19 +237,18 @@ def _signal(name: str, label: str, arrays: Mapping[str, _Array], path: Path) -> 
 def _heading(name: str) -> tuple[str, str]:
     """Name and unit of an array by its path; a time may end in its unit, which the name of a channel may not."""
     last = name.rpartition("/")[2]
-    if (match := _SECONDS.fullmatch(last)) and is_time(match[1]):
+    if (match := _SECONDS.fullmatch(last)) and axis_kind(match[1]) == "time":
         return match[1], "s"
     return split_heading(last)
 
 
 def _is_axis(name: str) -> bool:
-    heading = _heading(name)[0]
-    return is_time(heading) or is_frequency(heading)
+    return bool(axis_kind(_heading(name)[0]))
 
 
 def _is_of_frequency(name: str, array: _Array) -> bool:
-    heading = _heading(name)[0]
-    return is_frequency(heading) or (not is_time(heading) and is_unit_of(array.unit, si.FREQUENCY))
+    kind = axis_kind(_heading(name)[0])
+    return kind == "frequency" if kind else is_unit_of(array.unit, si.FREQUENCY)
 
 
 def _axes_of(name: str, arrays: Mapping[str, _Array]) -> Iterator[str]:

@@ -80,16 +80,6 @@ def counts_samples(heading: str, values: Floats | Complexes) -> bool:
     return bool(values[0] in (0, 1) and np.all(np.diff(values) == 1))
 
 
-def is_time(heading: str) -> bool:
-    """Whether a heading is that of a time axis."""
-    return axis_kind(heading) == "time"
-
-
-def is_frequency(heading: str) -> bool:
-    """Whether a heading is that of a frequency axis."""
-    return axis_kind(heading) == "frequency"
-
-
 def label_of(name: str) -> str:
     """Name of the channel of a data set.
 

@@ -26,7 +26,7 @@ from beamsim.measurements.functions import (
     is_unit_of,
     ratio_of,
 )
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, Reference, is_frequency, is_time, stated
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, Reference, axis_kind, stated
 from beamsim.scenario import units as si
 
 ENDINGS = (".uff", ".unv", ".uf", ".58")
@@ -297,8 +297,8 @@ def _axis(record: Mapping[str, Any], function: FunctionType | None) -> tuple[boo
         of_frequency = kind == 18
     elif unit and (is_unit_of(unit, si.FREQUENCY) or is_unit_of(unit, si.TIME)):
         of_frequency = is_unit_of(unit, si.FREQUENCY)
-    elif is_frequency(label) or is_time(label):
-        of_frequency = is_frequency(label)
+    elif named := axis_kind(label):
+        of_frequency = named == "frequency"
     else:
         of_frequency = function in _OVER_FREQUENCY
     wrong = function in (_OVER_TIME if of_frequency else _OVER_FREQUENCY)
