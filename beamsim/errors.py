@@ -102,6 +102,19 @@ def rooted(root: str, path: str) -> Iterator[None]:
         raise ScenarioError([moved if old.path.startswith(root) else old for old, moved in pairs]) from None
 
 
+class InputFileError(BeamsimError):
+    """A file cannot be opened or read: it is missing, not a regular file, too large, or damaged.
+
+    ``message`` goes on from the name of the file; ``remedy`` stands for itself; ``missing``: whether it does not exist.
+    """
+
+    exit_code = ExitCode.USAGE
+
+    def __init__(self, path: object, message: str, remedy: str, *, missing: bool = False) -> None:
+        self.path, self.message, self.remedy, self.missing = path, message, remedy, missing
+        super().__init__(f"{path} {message}; {remedy}")
+
+
 class ResultFileError(BeamsimError):
     """A result file is missing, damaged, or not from beamsim."""
 

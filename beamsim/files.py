@@ -1,8 +1,7 @@
-"""Files that are either old or new, never half-written; text files in whatever encoding they come."""
+"""Files that are either old or new, never half-written."""
 
 from __future__ import annotations
 
-import codecs
 import os
 import secrets
 import sys
@@ -14,32 +13,6 @@ from pathlib import Path
 from beamsim.errors import NotWrittenError, ResultFileError
 
 PAUSES_S = (0.1, 0.3, 1.0)  # between attempts to replace a file that another program has open
-
-
-def text_of(path: Path) -> str:
-    """The text of a file of another program: UTF-8, UTF-16 (spreadsheets), else Windows-1252.
-
-    Measuring systems write µ and ² of a heading in the latter; numbers are the same in all of them.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    UnicodeDecodeError
-        If it is no text.
-    """
-    raw = path.read_bytes()
-    if raw[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
-        return raw.decode("utf-16")
-    if b"\0" in raw:  # every second byte of numbers and separators in UTF-16
-        text = raw.decode("utf-16-le" if raw[1:2] == b"\0" else "utf-16-be")
-        if "\0" in text or max(text) >= "\u3000":
-            raise UnicodeDecodeError("utf-16", raw, 0, 1, "is binary")
-        return text
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return raw.decode("cp1252")
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from io import BytesIO, StringIO
 from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,10 @@ import h5py
 import numpy as np
 from scipy.sparse import coo_array, csc_array, load_npz, save_npz
 
-from beamsim.errors import MethodError
+from beamsim.errors import InputFileError, MethodError
 from beamsim.files import replacing
+from beamsim.hdf5 import open_hdf5
+from beamsim.input_files import open_input, read_input
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Directions of a node in the order of their numbers 1 to 6."""
@@ -180,9 +183,9 @@ def read_op2(path: Path, name: str | None = None) -> list[FileMatrix]:
 
 def read_dmig(path: Path, _: str | None = None) -> list[FileMatrix]:
     """Matrices of DMIG entries in small, large and free fields, as EXTSEOUT and PARAM,EXTOUT punch them."""
-    with open(path, encoding="latin-1") as file:
-        cards = pyyeti().rdcards(file, r"dmig\b", regex=True, return_var="list", blank=0, follow_includes=False)
-    lines = _headings_of_dmig(path)
+    text = _text(path)
+    cards = pyyeti().rdcards(StringIO(text), r"dmig\b", regex=True, return_var="list", blank=0, follow_includes=False)
+    lines = _headings_of_dmig(text)
     found: list[tuple[str, list[Any]]] = []
     latest: dict[str, list[Any]] = {}  # cards of the last matrix of a name
     for name, *fields in cards or ():
@@ -196,18 +199,22 @@ def read_dmig(path: Path, _: str | None = None) -> list[FileMatrix]:
     ]
 
 
-def _headings_of_dmig(path: Path) -> dict[str, list[int]]:
+def _text(path: Path) -> str:
+    """Text of a file of any 8-bit encoding; lines end with a newline."""
+    return StringIO(read_input(path).decode("latin-1"), newline=None).getvalue()
+
+
+def _headings_of_dmig(text: str) -> dict[str, list[int]]:
     """Lines with the headings of each matrix, from 1, by its name in lower case."""
     found: dict[str, list[int]] = {}
-    with open(path, encoding="latin-1") as file:
-        for number, line in enumerate(file, 1):
-            card = line.lower()
-            if not card.startswith("dmig"):
-                continue
-            width = 16 if card[4:5] == "*" else 8
-            fields = card.split(",")[1:3] if "," in card else [card[8 : 8 + width], card[8 + width : 8 + 2 * width]]
-            if len(fields) == 2 and fields[1].strip() == "0":
-                found.setdefault(fields[0].strip(), []).append(number)
+    for number, line in enumerate(text.splitlines(), 1):
+        card = line.lower()
+        if not card.startswith("dmig"):
+            continue
+        width = 16 if card[4:5] == "*" else 8
+        fields = card.split(",")[1:3] if "," in card else [card[8 : 8 + width], card[8 + width : 8 + 2 * width]]
+        if len(fields) == 2 and fields[1].strip() == "0":
+            found.setdefault(fields[0].strip(), []).append(number)
     return found
 
 
@@ -260,9 +267,12 @@ def read_matrices(path: Path, name: str | None = None) -> list[FileMatrix]:
         raise MethodError("file", f"= {path.name} has an unknown ending", f"known are {', '.join(FORMATS)}")
     called, reader = FORMATS[ending]
     try:
-        return reader(path, name and name.lower())
+        with open_input(path):  # which some readers open themselves
+            return reader(path, name and name.lower())
     except MethodError:
         raise
+    except InputFileError as error:
+        raise MethodError("file", f"= {path.name} {error.message}", error.remedy) from None
     except Exception as error:  # of a damaged file libraries raise errors of any kind
         raise MethodError("file", f"= {path.name} cannot be read as {called} ({error})", "check the file") from None
 
@@ -280,15 +290,14 @@ def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
     from scipy.io import mmread
 
     name = path.stem.lower()
-    with open(path, encoding="latin-1") as file:
-        if file.readline().lower().startswith("%%matrixmarket"):
-            values: Any = mmread(path, spmatrix=False)
-            if not isinstance(values, np.ndarray):
-                _demand_unique(values.row, values.col, lambda k: f"row {values.row[k] + 1}, column {values.col[k] + 1}")
-            return [file_matrix(name, values)]
-        file.seek(0)
-        lines = (line.replace(",", " ").upper().replace("D", "E") for line in file)
-        entries = np.loadtxt(lines, comments=("*", "%", "#"), ndmin=2)
+    text = _text(path)
+    if text[:14].lower() == "%%matrixmarket":
+        values: Any = mmread(BytesIO(text.encode("latin-1")), spmatrix=False)
+        if not isinstance(values, np.ndarray):
+            _demand_unique(values.row, values.col, lambda k: f"row {values.row[k] + 1}, column {values.col[k] + 1}")
+        return [file_matrix(name, values)]
+    lines = (line.replace(",", " ").upper().replace("D", "E") for line in text.splitlines())
+    entries = np.loadtxt(lines, comments=("*", "%", "#"), ndmin=2)
     if entries.shape[1] == 5:
         return [labelled(name, entries, square=True, one_triangle=True)]
     i, j, numbers = entries.T
@@ -308,7 +317,7 @@ def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
     ValueError
         If it is not assembled, has no values, or cannot be read.
     """
-    lines = path.read_text(encoding="latin-1").upper().replace("D", "E").splitlines()
+    lines = _text(path).upper().replace("D", "E").splitlines()
     _, lengths, shape, formats = (lines + [""] * 4)[:4]
     kind = shape[:3]
     if not re.fullmatch("[RC].A", kind):
@@ -330,6 +339,10 @@ def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
     return [file_matrix(path.stem.lower(), matrix, one_triangle=kind[1] in "SH")]
 
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+"""First bytes of HDF5, behind what MATLAB puts before them."""
+
+
 def matlab_variables(path: Path) -> Iterator[tuple[str, Any]]:
     """The variables of a MATLAB file by name, those of structs as ``struct.field`` or ``structs(2).field``.
 
@@ -349,16 +362,20 @@ def matlab_variables(path: Path) -> Iterator[tuple[str, Any]]:
     """
     from scipy.io import loadmat, whosmat
 
-    if h5py.is_hdf5(path):
-        with h5py.File(path) as stored:  # version 7.3
+    with open_input(path) as file:
+        start = file.read(520)
+    if _HDF5 in (start[:8], start[512:]):  # version 7.3
+        with open_hdf5(path) as stored:
             yield from _hdf5_variables("", stored)
         return
     places: dict[str, int] = {}
-    for place, (name, *_) in enumerate(whosmat(path), 1):
+    content: Any = BytesIO(read_input(path))
+    for place, (name, *_) in enumerate(whosmat(content), 1):
         if name in places:
             raise ValueError(f"the variable {name} occurs twice, as number {places[name]} and {place}")
         places[name] = place
-    for name, value in loadmat(path, spmatrix=False).items():
+    content.seek(0)
+    for name, value in loadmat(content, spmatrix=False).items():
         if not name.startswith("__"):
             yield from _variables(name, value)
 
@@ -426,12 +443,13 @@ def _array(item: Any) -> Any:
 
 def _numpy(path: Path, _: str | None) -> list[FileMatrix]:
     """Arrays by name, or the sparse matrix of `scipy.sparse.save_npz`."""
-    with np.load(path, allow_pickle=False) as stored:
+    with open_input(path) as file, np.load(file, allow_pickle=False) as stored:
         if len(set(stored.files)) < len(stored.files):
             raise ValueError("it holds two arrays of one name")
         if not {"format", "shape", "data"} <= set(stored.files):
             return _named(stored.items())
-    return [file_matrix(path.stem.lower(), load_npz(path))]
+        file.seek(0)
+        return [file_matrix(path.stem.lower(), load_npz(file))]
 
 
 def _named(items: Iterable[tuple[str, Any]]) -> list[FileMatrix]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -133,7 +134,7 @@ def read_record(excitation: SampledInput, folder: Path | None = None) -> Measure
         that does not suit the record, and where neither the file nor the excitation states a unit.
     """
     path = (folder or Path()) / excitation.file
-    if not path.is_file():
+    if not os.path.lexists(path):
         path = Path(excitation.file)
     try:
         signal = _chosen(read_file(path, excitation.decimal), excitation)
@@ -343,7 +344,7 @@ def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[
         If it is a file that cannot be read, or the record is too short for its lowest frequency.
     """
     folder = folder or Path()
-    there = not isinstance(excitation.srs, CurveFile) or (folder / excitation.srs.file).is_file()
+    there = not isinstance(excitation.srs, CurveFile) or os.path.lexists(folder / excitation.srs.file)
     here = folder if there else Path()
     frequency, level, _ = read_curve(excitation.srs, here, ("excitation", "srs"), {ACCELERATION.name: ACCELERATION})
     lowest, highest, at = float(frequency[0]), float(frequency[-1]), "excitation.duration"

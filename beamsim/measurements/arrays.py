@@ -15,6 +15,8 @@ from typing import Any
 import h5py
 import numpy as np
 
+from beamsim.errors import InputFileError
+from beamsim.hdf5 import open_hdf5
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
 from beamsim.measurements.signal import (
@@ -22,6 +24,7 @@ from beamsim.measurements.signal import (
     MeasurementError,
     axis_kind,
     label_of,
+    opening_faults,
     split_heading,
     stated,
 )
@@ -60,12 +63,8 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
     MeasurementError
         If it is not an HDF5 file, or damaged.
     """
-    try:
-        file = h5py.File(path, "r")
-    except OSError:
-        raise MeasurementError(
-            "is not an HDF5 file, or is damaged", "export the measurement again; netCDF-3 as netCDF-4"
-        ) from None
+    with opening_faults():
+        file = open_hdf5(path)
     datasets: dict[str, h5py.Dataset] = {}
 
     def visit(name: str, item: Any) -> None:
@@ -95,6 +94,8 @@ def read_matlab(path: Path) -> list[MeasuredSignal]:
     """
     try:
         variables = {name.replace(".", "/"): value for name, value in matlab_variables(path)}
+    except InputFileError as error:
+        raise MeasurementError(error.message, error.remedy) from None
     except Exception as error:  # of a damaged file libraries raise errors of any kind
         raise MeasurementError(f"cannot be read as MATLAB ({error})", "export it again") from None
     texts = {name.lower(): value for name, value in variables.items() if isinstance(value, str)}

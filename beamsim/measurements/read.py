@@ -6,8 +6,9 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
+from beamsim.input_files import open_input
 from beamsim.measurements.arrays import HDF5, MATLAB, read_hdf5, read_matlab
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, opening_faults
 from beamsim.measurements.tables import read_csv
 from beamsim.measurements.universal import ENDINGS, read_uff
 from beamsim.scenario.files import DecimalMark
@@ -21,12 +22,11 @@ def ending_of(path: Path) -> str:
     Raises
     ------
     MeasurementError
-        If the file is missing or empty.
+        If the file is missing, no regular file, or empty.
     """
-    if not path.is_file():
-        raise MeasurementError("does not exist", "check the path; it is relative to the case's file")
-    if path.stat().st_size == 0:
-        raise MeasurementError("is empty", "export the measurement again")
+    with opening_faults(), open_input(path) as file:
+        if not file.read(1):
+            raise MeasurementError("is empty", "export the measurement again")
     return path.suffix.lower()
 
 
@@ -56,10 +56,7 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
         raise MeasurementError("has an unknown format", "use .csv, .h5, .nc, .mat or .uff")
     if decimal is not None and ending in readers:
         raise MeasurementError("is no text table, which alone has a decimal mark", "leave decimal out")
-    try:
-        signals = read_csv(path, decimal) if ending in TEXT else readers[ending](path)
-    except OSError as error:
-        raise MeasurementError(f"cannot be read ({error.strerror or error})", "check the path") from None
+    signals = read_csv(path, decimal) if ending in TEXT else readers[ending](path)
     several = Counter(signal.name for signal in signals)
     return [
         replace(signal, name=f"{signal.name} ({number})") if several[signal.name] > 1 else signal

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamsim.errors import ScenarioError
+from beamsim.errors import InputFileError, ScenarioError
 from beamsim.measurements.functions import MEASURED, RATIOS, FunctionType, function_over_frequency, is_unit_of, ratio_of
 from beamsim.scenario import units
 from beamsim.typing import Complexes, Floats
@@ -95,6 +96,15 @@ class MeasurementError(Exception):
     def __init__(self, message: str, remedy: str) -> None:
         super().__init__(message)
         self.message, self.remedy = message, remedy
+
+
+@contextmanager
+def opening_faults() -> Iterator[None]:
+    """Turn what `beamsim.input_files` says of a file into a `MeasurementError`."""
+    try:
+        yield
+    except InputFileError as error:
+        raise MeasurementError(error.message, error.remedy) from None
 
 
 @dataclass(frozen=True)

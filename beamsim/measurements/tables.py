@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.files import text_of
+from beamsim.input_files import read_text
 from beamsim.measurements.decimals import NumberFormat, could_be_number, number_format, numbers_in
 from beamsim.measurements.functions import is_unit_of
 from beamsim.measurements.signal import (
@@ -25,6 +25,7 @@ from beamsim.measurements.signal import (
     MeasurementError,
     axis_kind,
     counts_samples,
+    opening_faults,
     split_heading,
     stated,
 )
@@ -73,7 +74,8 @@ def read_rows(path: Path) -> TextRows:
         If the file cannot be read, is no text, has nothing in it, or commas and blanks could both separate its columns.
     """
     try:
-        text = text_of(path)
+        with opening_faults():
+            text = read_text(path)
     except UnicodeDecodeError:
         raise MeasurementError("is not text", "export it as CSV again") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip(" \t;,")]

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from beamsim.input_files import read_input
 from beamsim.measurements.functions import (
     BY_NUMBER,
     RATIOS,
@@ -26,7 +27,14 @@ from beamsim.measurements.functions import (
     is_unit_of,
     ratio_of,
 )
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, Reference, axis_kind, stated
+from beamsim.measurements.signal import (
+    MeasuredSignal,
+    MeasurementError,
+    Reference,
+    axis_kind,
+    opening_faults,
+    stated,
+)
 from beamsim.scenario import units as si
 
 ENDINGS = (".uff", ".unv", ".uf", ".58")
@@ -74,7 +82,9 @@ def data_sets(path: Path) -> list[DataSet]:
     MeasurementError
         If the file ends within a data set, or one of them cannot be read: with its line.
     """
-    raw = re.sub(rb"(?m)^ {4}-1[ \t]+(?=\r?$)", b"    -1", path.read_bytes())
+    with opening_faults():
+        content = read_input(path)
+    raw = re.sub(rb"(?m)^ {4}-1[ \t]+(?=\r?$)", b"    -1", content)
     tags = [match.start() for match in _TAG.finditer(raw)]
     lines = [1 + raw.count(b"\n", 0, at) for at in tags]
     if len(tags) % 2:

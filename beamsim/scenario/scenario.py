@@ -15,7 +15,8 @@ from functools import cache, lru_cache
 from pathlib import Path as FilePath
 from typing import Any, Self
 
-from beamsim.errors import ScenarioError
+from beamsim.errors import InputFileError, ScenarioError
+from beamsim.input_files import open_input
 from beamsim.scenario.base import Path, Schema, Unfit, path_text, plain, problem, walk, within
 from beamsim.scenario.body import ModalDamping
 from beamsim.scenario.checks import problems
@@ -55,7 +56,7 @@ def _sha256(path: FilePath) -> str:
 
 @lru_cache(maxsize=256)
 def _digest(path: FilePath, modified: int, size: int) -> str:
-    with open(path, "rb") as file:
+    with open_input(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -331,7 +332,7 @@ class Scenario(ScenarioParts):
                 state = (folder / name).stat()
                 content: dict[str, Any] = {"bytes": state.st_size}
                 content |= {} if state.st_mtime > since else {"sha256": _sha256(folder / name)}
-            except OSError:
+            except (OSError, InputFileError):
                 content = {}
             records[path_text(path)] = {"file": name, "folder": str(folder.absolute()), **content}
         return records

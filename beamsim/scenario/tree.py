@@ -24,12 +24,14 @@ from typing import Any
 
 import yaml
 
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import InputFileError, Problem, ScenarioError
+from beamsim.input_files import read_input
 from beamsim.scenario.base import Path, Unfit, counted, path_parts, path_text, single_line, suggestion
 from beamsim.scenario.body import DEFAULT_NAMES
 
 MOST_CHARACTERS = 1_000_000
 """A longer document is refused: reading it would take seconds."""
+_KEEP_APART = "keep measured data in files of their own"
 MOST_NODES = 200_000
 """A file that unfolds to more values than this (aliases of aliases) is refused."""
 
@@ -341,14 +343,10 @@ def read_file(path: FilePath) -> Any:
     """
     file = str(path)
     try:
-        raw = path.read_bytes()
-    except FileNotFoundError:
-        raise ScenarioError(Problem("", "does not exist", _similar_file(path), file)) from None
-    except IsADirectoryError:
-        raise ScenarioError(Problem("", "is a directory", "give a YAML file", file)) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ScenarioError(Problem("", f"cannot be read ({reason})", "check its path and permissions", file)) from None
+        raw = read_input(path, 4 * MOST_CHARACTERS, _KEEP_APART)
+    except InputFileError as error:
+        remedy = _similar_file(path) if error.missing else error.remedy
+        raise ScenarioError(Problem("", error.message, remedy, file)) from None
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -356,7 +354,7 @@ def read_file(path: FilePath) -> Any:
         raise ScenarioError(Problem("", "is not text in UTF-8", "give a YAML file", file, line)) from None
     if len(text) > MOST_CHARACTERS:
         message = f"has {len(text):.3g} characters, more than the {MOST_CHARACTERS:.0e} of the longest scenario"
-        raise ScenarioError(Problem("", message, "keep measured data in files of their own", file))
+        raise ScenarioError(Problem("", message, _KEEP_APART, file))
     return parse(text, file)
 
 
@@ -404,19 +402,19 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
         message = f"= {single_line(named)} must be the path of one file"
         raise ScenarioError(Problem("extends", message, "write extends: base.yaml", *where))
     path = FilePath(os.path.normpath(folder / named))
-    identity = path.resolve()
-    if identity in chain:
-        message = f"= {named} refers back to {path}: the files extend each other in a cycle"
-        raise ScenarioError(Problem("extends", message, "remove one of them", *where))
     try:
         base = read_file(path)
     except ScenarioError as error:
-        if path.is_file():
+        if os.path.isfile(path):
             raise
         problem = error.problems[0]
         message = f"= {named}: {path} {problem.message}"
         remedy = problem.remedy or "the path is relative to the file that contains it"
         raise ScenarioError(Problem("extends", message, remedy, *where)) from None
+    identity = path.resolve()
+    if identity in chain:
+        message = f"= {named} refers back to {path}: the files extend each other in a cycle"
+        raise ScenarioError(Problem("extends", message, "remove one of them", *where))
     merged = merge(resolve_extends(base, str(path), path.parent, (*chain, identity)), root)
     assert isinstance(merged, WrittenMapping)
     return merged

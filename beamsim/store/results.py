@@ -25,9 +25,10 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from beamsim.errors import NotWrittenError, ResultFileError, ScenarioError
+from beamsim.errors import InputFileError, NotWrittenError, ResultFileError, ScenarioError
 from beamsim.fields import plain
 from beamsim.files import replacing
+from beamsim.hdf5 import open_hdf5
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.measurements.arrays import scale_along
 from beamsim.scenario import Scenario, load_scenario
@@ -360,20 +361,13 @@ def opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
     ResultFileError
         If the file is missing, unreadable or damaged; ``command`` is what writes such files.
     """
-    place = Path(path)
     remedy = f"give the .h5 file that `beamsim {command}` wrote"
     try:
-        if place.is_dir():
-            raise ResultFileError(f"{path}: is a folder; {remedy}")
-        if not place.exists():
-            raise ResultFileError(f"{path}: no such result file; `beamsim {command} case.yaml` writes one")
-        if not place.is_file():
-            raise ResultFileError(f"{path}: not a regular file; {remedy}")
-        file = h5py.File(place, "r")
-    except PermissionError as error:
-        raise ResultFileError(f"{path}: no permission to read it") from error
-    except (OSError, ValueError) as error:
-        raise ResultFileError(f"{path}: not an HDF5 file, or damaged; {remedy}, or run the case again") from error
+        file = open_hdf5(path)
+    except InputFileError as error:
+        if error.missing:
+            raise ResultFileError(f"{path}: no such result file; `beamsim {command} case.yaml` writes one") from None
+        raise ResultFileError(f"{path}: {error.message}; {remedy}, or run the case again") from None
     with file:
         try:
             yield file

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,9 +13,10 @@ import numpy as np
 
 from beamsim.contacts.pads import ForceCurve, fit_curve, loop_width
 from beamsim.errors import ScenarioError
+from beamsim.input_files import open_input
 from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError, axis_kind
+from beamsim.measurements.signal import MeasurementError, axis_kind, opening_faults
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import Unfit, counted, problem
 from beamsim.scenario.connections import MeasuredForces, check_points
@@ -64,14 +66,14 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
             continue
         at = (*path, "force_deflection")
         table = snubber.table
-        file, changed = None, 0
+        file = None
         if table.file is not None:
             file = _first_file(scenario.folder_of(*at, "file"), scenario.folder_of(*at), table.file)
             if file is None:
                 remedy = "give its path, relative to the folder of the scenario"
                 raise ScenarioError(problem(at, f"= {table.file} does not exist", remedy))
-            changed = file.stat().st_mtime_ns
         try:
+            changed = 0 if file is None else _last_change(file)
             as_given = table.model_copy(update={"scale": 1.0, "segment_factors": ()})
             measured = _table(as_given, file, changed)  # is fitted once for all factors
         except Unfit as error:
@@ -92,9 +94,15 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
     return tuple(tables)
 
 
+def _last_change(file: Path) -> int:
+    """Time of the last change of a file that can be opened, ns."""
+    with opening_faults(), open_input(file) as opened:
+        return os.fstat(opened.fileno()).st_mtime_ns
+
+
 def _first_file(*folders_and_name: Path | str) -> Path | None:
     *folders, name = folders_and_name
-    return next((path for folder in (*folders, ".") if (path := Path(folder) / name).is_file()), None)
+    return next((path for folder in (*folders, ".") if os.path.lexists(path := Path(folder) / name)), None)
 
 
 def _of_file(file: Path | None, at: Sequence[str | int]) -> str:

@@ -238,7 +238,7 @@ def test_harwell_boeing_with_one_triangle(tmp_path):
 
 @pytest.mark.parametrize("name", ["missing.op4", "missing.mtx", "missing.mat", "matrix.txt"])
 def test_a_file_that_does_not_exist_or_has_an_unknown_ending(tmp_path, name):
-    with pytest.raises(MethodError, match=r"cannot be read|unknown ending"):
+    with pytest.raises(MethodError, match=r"does not exist|unknown ending"):
         read_matrix(tmp_path / name, None)
 
 

@@ -137,7 +137,7 @@ def test_files(tmp_path):
     (tmp_path / "absnt.yaml").write_text("title: x\n")
     assert one(tmp_path / "absent.yaml").endswith(f"did you mean {tmp_path / 'absnt.yaml'}?")
     assert one(str(tmp_path / "no" / "folder.yaml")).startswith(f"{tmp_path / 'no' / 'folder.yaml'}: does not exist")
-    assert one(tmp_path).startswith(f"{tmp_path}: is a directory")
+    assert one(tmp_path).startswith(f"{tmp_path}: is a folder")
     assert "cannot be read" in one(tmp_path / "absnt.yaml" / "x")
     assert "cannot be read" in one("nul\0.yaml")
     binary = tmp_path / "binary.yaml"

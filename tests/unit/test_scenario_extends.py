@@ -99,7 +99,7 @@ def test_circles_are_found(folder):
     [
         ("missing.yaml", "missing.yaml does not exist"),
         ("bse.yaml", "did you mean"),
-        (".", "is a directory"),
+        (".", "is a folder"),
         ("[a, b]", "must be the path of one file"),
         ("3", "must be the path of one file"),
         ("''", "must be the path of one file"),

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
-import h5py
 import numpy as np
 
 from beamsim.analyses.doubts import (
@@ -41,7 +40,8 @@ from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
 from beamsim.analyses.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import InputFileError, Problem, ScenarioError
+from beamsim.hdf5 import open_hdf5
 from beamsim.inputs.statements import InputStatement
 from beamsim.outcomes import Stop, interruption
 from beamsim.scenario import Scenario
@@ -348,10 +348,8 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
         If there is none, or the file is none of a continuation.
     """
     path = (folder or Path()) / start.orbit
-    if not path.is_file():
-        _reject(f"= {start.orbit} does not exist", "give its path, relative to the folder of the scenario")
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             if file.attrs.get("command") != "sweep" or file.attrs.get("kind") != "continuation":
                 _reject(f"= {start.orbit} holds no continuation", "give the file of a sweep with kind: continuation")
             prefix, branch = "", None
@@ -387,6 +385,9 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
                 file["modes/shapes"][()],
                 int(file["modes"].attrs["kept_modes"]),
             )
+    except InputFileError as error:
+        remedy = "give its path, relative to the folder of the scenario" if error.missing else error.remedy
+        _reject(f"= {start.orbit} {error.message}", remedy)
     except (OSError, KeyError, ValueError, TypeError) as error:
         _reject(f"= {start.orbit} cannot be read ({error})", "run the continuation again")
 
