@@ -128,7 +128,8 @@ class SpectrumSettings(Schema):
     """Number of periods of the excitation to analyse at the end of the run, instead of last."""
     window: Literal["rectangular", "hann", "hamming", "blackman", "blackmanharris", "flattop", "decaying"] | None = None
     """Window function; decaying, the falling half of a Hann window, sees the beginning of a shock. By default decaying
-    for a half-sine pulse, a step and a free or measured motion that dies away, hann for everything else."""
+    after a half-sine pulse or a step unless the motion lasts, and for a free or measured motion that dies away; else
+    hann."""
     to: q.Frequency | None = None
     """Highest frequency of the spectra; by default that of the modes kept and of the excitation."""
     frequencies: tuple[q.Frequency, ...] = ()

@@ -17,7 +17,12 @@ from typing import Protocol
 import numpy as np
 
 from beamsim.flow.channels import MotionPart
-from beamsim.typing import Complexes, Floats
+from beamsim.typing import Bools, Complexes, Floats, Ints
+
+_DIFFERENCE = 1e-3  # of frequencies, over one over the duration, for derivatives by the frequency
+_MOST_STEPS = 24  # to the frequencies of lines
+_AT_REST = 1e-5  # change of a frequency over one over the duration
+_NEAREST = 0.5  # of two lines, over one over the duration, that a fit tells apart
 
 # Coefficients of w(u) = sum_j (-1)^j a_j cos(2 pi j u / T); importing scipy.signal would cost most of a second.
 _COSINE_SUMS = {
@@ -154,11 +159,17 @@ class SpectrumRecord(Protocol):
     def amplitudes(self, window: Window) -> Floats:
         """(F,) single-sided amplitudes under a window, the weighted mean first; see `spectrum_of`."""
 
-    def refined(self, frequency_hz: float, window: Window) -> float:
-        """Frequency, Hz, of the maximum of the amplitude under a window, from that between the points of the curve."""
+    def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
+        """Those of a least-squares fit under a window of 1, sines (k,) and cosines (k,) since the start.
+
+        Returns
+        -------
+        matrix, right : (2 k + 1, 2 k + 1) weighted mean products of these functions, and (2 k + 1,) of each with the
+            record.
+        """
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
-        """Mean and complex amplitudes (k,) of sinusoids (k,) by least squares, see `project`."""
+        """Mean and complex amplitudes (k,) of sinusoids (k,), and under a window of a slope, by least squares."""
 
     def residual(self, frequency_hz: Floats) -> float:
         """Root mean square of what the projection on sinusoids (k,) leaves."""
@@ -215,14 +226,16 @@ class SampledRecord:
         """See `SpectrumRecord`; up to half the rate."""
         return np.abs(window.amplitudes(self.x))
 
-    def refined(self, frequency_hz: float, window: Window) -> float:
-        """See `SpectrumRecord`; samples give no better one."""
-        return frequency_hz
+    def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
+        """See `SpectrumRecord`; by sums over the samples."""
+        weight = window.values(np.arange(self.x.size) / self.x.size)
+        matrix, right = _sums(self.time - self.time[0], self.x, frequency_hz, weight)
+        total = float(np.sum(weight))
+        return matrix / total, right / total
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
         """See `SpectrumRecord`; by sums over the samples."""
-        weight = None if window is None else window.values(np.arange(self.x.size) / self.x.size)
-        return project(self.time, self.x, frequency_hz, weight)
+        return project(self.time, self.x, frequency_hz) if window is None else _on_slope(self, frequency_hz, window)
 
     def residual(self, frequency_hz: Floats) -> float:
         """See `SpectrumRecord`."""
@@ -300,39 +313,121 @@ class MotionRecord:
         rest = seen[1:] - mean * window.transform(omega, self.duration)
         return mean, np.abs(rest) * (2.0 / total)
 
-    def refined(self, frequency_hz: float, window: Window) -> float:
-        """See `SpectrumRecord`; of the continuous motion."""
-        place = frequency_hz * self.duration
-        for width in (0.1, 0.01):  # of a parabola, over one over the duration
-            around = place + width * np.array([-1.0, 0.0, 1.0])
-            place += width * parabola_top(self._seen(window, 2.0 * np.pi / self.duration * around)[1])
-        return place / self.duration
+    def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
+        """See `SpectrumRecord`; by integrals."""
+        omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
+        matrix, total = _normal_equations(window, omega.tobytes(), self.duration)
+        moved = window.weigh(lambda nu: self.part.integrals(nu, self.column), np.append(0.0, omega), self.duration)
+        return matrix, np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real]) / total
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
         """See `SpectrumRecord`; by integrals."""
-        omega, (fit, _) = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float), self._fit(frequency_hz, window)
-        c = fit[1 : 1 + omega.size] + 1j * fit[1 + omega.size :]
-        return float(fit[0]), c * np.exp(-1j * omega * self.start)
-
-    def _fit(self, frequency_hz: Floats, window: Window | None) -> tuple[Floats, Floats]:
-        """(2 k + 1,) factors of 1, sines and cosines since the start of the record, and what they are fitted to."""
-        window, omega = window or RECTANGULAR, 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
-        gram, total = _normal_equations(window, omega.tobytes(), self.duration)
-        moved = window.weigh(lambda nu: self.part.integrals(nu, self.column), np.append(0.0, omega), self.duration)
-        right = np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real]) / total
-        return np.asarray(np.linalg.lstsq(gram, right, rcond=None)[0]), np.asarray(
-            right
-        )  # of least norm where two lines have one frequency
+        if window is not None:
+            return _on_slope(self, frequency_hz, window)
+        fit = _solved(*self.normal_equations(frequency_hz, RECTANGULAR))
+        return float(fit[0]), _complex(fit[1:], frequency_hz, self.start)
 
     def residual(self, frequency_hz: Floats) -> float:
         """See `SpectrumRecord`."""
-        fit, right = self._fit(frequency_hz, None)
-        return float(np.sqrt(max(self.part.mean_squares[self.column] - fit @ right, 0.0)))
+        matrix, right = self.normal_equations(frequency_hz, RECTANGULAR)
+        return float(np.sqrt(max(self.part.mean_squares[self.column] - _solved(matrix, right) @ right, 0.0)))
 
     def halves(self) -> tuple[MotionRecord, MotionRecord]:
         """See `SpectrumRecord`."""
         early, late = self.part.halves
         return replace(self, part=early, size=self.size // 2), replace(self, part=late, size=self.size // 2)
+
+
+def refined(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: Window) -> Floats:
+    r"""Frequencies of lines, with which a mean, a slope and their sinusoids together fit a record best.
+
+    The maximum of a curve is not the frequency of a line: the lines near it, its own image at the negative frequency,
+    a drift, and in one half of a window the jump at the beginning shift it. A fit of all lines together is exact for a
+    sum of sinusoids and a slope, however few periods there are. It is found by Newton's method from the maxima: with
+    the derivative of each sinusoid by its frequency among the functions of the fit, the factor of this derivative is
+    the correction. In one half of a window, which is for what decays, the amplitude of each line may also change
+    linearly in time; a pure change of the amplitude is no change of the frequency.
+
+    Parameters
+    ----------
+    record : with the lines.
+    frequency_hz : (k,) Hz, of all its lines.
+    free : (k,) whether a frequency is to be found; the others are known.
+    window : weight of the fit.
+
+    Returns
+    -------
+    (k,) Hz; as it was where the fit takes a line far from its maximum or to another line.
+    """
+    start, fixed = np.asarray(frequency_hz, dtype=float), ~np.asarray(free, dtype=bool)
+    reach = (1.5 if window.one_sided else 0.5) / record.duration  # lines that decay are broad, and their maxima shifted
+    while not fixed.all():
+        place = start.copy()
+        for _ in range(_MOST_STEPS):
+            step = _correction(record, place, np.flatnonzero(~fixed), window) / record.duration
+            place[~fixed] += step
+            astray = ~(np.abs(place - start) <= reach) | _close(place, _NEAREST / record.duration)
+            if astray.any() or float(np.abs(step).max()) * record.duration < _AT_REST:
+                break
+        else:
+            astray = np.ones_like(fixed)
+        if not (astray & ~fixed).any():
+            return place
+        fixed |= astray
+    return start
+
+
+def _close(frequency_hz: Floats, least: float) -> Bools:
+    """(k,) whether another frequency is nearer than the least distance."""
+    distance = np.abs(np.subtract.outer(frequency_hz, frequency_hz))
+    np.fill_diagonal(distance, np.inf)
+    return np.asarray((distance < least).any(axis=0))
+
+
+def _correction(record: SpectrumRecord, frequency_hz: Floats, moving: Ints, window: Window) -> Floats:
+    """Changes, over one over the duration, of the frequencies with these indices, see `refined`."""
+    k, n, turn = frequency_hz.size, moving.size, 2.0 * np.pi * _DIFFERENCE
+    shift, lines = _DIFFERENCE / record.duration, frequency_hz[moving]
+    plain = np.concatenate([[shift], frequency_hz, lines + shift, lines - shift])
+    matrix, right = record.normal_equations(plain, window)
+    unit = np.eye(right.size)
+    sines, cosines = unit[1 : 1 + plain.size], unit[1 + plain.size :]
+    linear = np.concatenate([unit[:1], sines[:1] / turn, sines[1 : 1 + k], cosines[1 : 1 + k]])  # the second is a slope
+    fit = _solved(linear @ matrix @ linear.T, linear @ right)[2:]
+    by_sine, by_cosine = ((of[1 + k : 1 + k + n] - of[1 + k + n :]) / (2.0 * turn) for of in (sines, cosines))
+    sine, cosine = fit[:k][moving, None], fit[k:][moving, None]
+    functions = [linear, sine * by_sine + cosine * by_cosine]
+    if window.one_sided:
+        functions.append(cosine * by_sine - sine * by_cosine)  # the sinusoids times the time
+    all_of_them = np.concatenate(functions)
+    fit = _solved(all_of_them @ matrix @ all_of_them.T, all_of_them @ right)[2:]
+    c, turning = fit[:k][moving] + 1j * fit[k : 2 * k][moving], fit[2 * k : 2 * k + n]
+    swelling = fit[2 * k + n :] if window.one_sided else np.zeros(n)
+    by_time = (sine[:, 0] + 1j * cosine[:, 0]) * (1j * turning - swelling)
+    size = np.maximum(np.abs(c) ** 2, np.finfo(float).tiny)
+    return np.asarray((np.conj(c) * by_time).imag / size / (2.0 * np.pi))
+
+
+def _on_slope(record: SpectrumRecord, frequency_hz: Floats, window: Window) -> tuple[float, Complexes]:
+    """Weighted mean and complex amplitudes (k,) of sinusoids (k,), fitted together with a slope."""
+    turn = 2.0 * np.pi * _DIFFERENCE
+    matrix, right = record.normal_equations(np.append(_DIFFERENCE / record.duration, frequency_hz), window)
+    kept = np.delete(np.eye(right.size), 2 + np.size(frequency_hz), axis=0)  # a sine of no frequency is a slope
+    kept[1] /= turn
+    matrix = kept @ matrix @ kept.T
+    fit = _solved(matrix, kept @ right)
+    return float(fit[0] + matrix[0, 1] * fit[1]), _complex(fit[2:], frequency_hz, record.start)
+
+
+def _solved(matrix: Floats, right: Floats) -> Floats:
+    """Solution of normal equations, of least norm where two lines have one frequency."""
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
+
+
+def _complex(fit: Floats, frequency_hz: Floats, start: float) -> Complexes:
+    """(k,) complex amplitudes in the run's own time from factors (2 k,) of sines and cosines since the start, s."""
+    sines, cosines = np.split(fit, 2)
+    return np.asarray((sines + 1j * cosines) * np.exp(-2j * np.pi * np.asarray(frequency_hz) * start))
 
 
 def parabola_top(around: Floats) -> float:
@@ -383,16 +478,19 @@ def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None
     mean, c : the mean and (k,) complex amplitudes in the unit of x.
     """
     frequency = np.asarray(frequency_hz, dtype=float)
-    size = 1 + 2 * frequency.size
-    gram = np.zeros((size, size))
-    right = np.zeros(size)
+    fit = _solved(*_sums(time - time[0], x, frequency, weight))
+    return float(fit[0]), _complex(fit[1:], frequency, float(time[0]))
+
+
+def _sums(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None) -> tuple[Floats, Floats]:
+    """Normal equations of 1, sines and cosines at times from zero (n,), s, as weighted sums over samples (n,)."""
+    size = 1 + 2 * np.size(frequency_hz)
+    matrix, right = np.zeros((size, size)), np.zeros(size)
     block = max(1, 4_000_000 // size)  # bounds the memory of a long record
     for first in range(0, x.size, block):
-        angle = 2.0 * np.pi * (time[first : first + block, None] - time[0]) * frequency
+        angle = 2.0 * np.pi * time[first : first + block, None] * frequency_hz
         basis = np.concatenate([np.ones((angle.shape[0], 1)), np.sin(angle), np.cos(angle)], axis=1)
         weighted = basis if weight is None else basis * weight[first : first + block, None]
-        gram += weighted.T @ basis
+        matrix += weighted.T @ basis
         right += weighted.T @ x[first : first + block]
-    fit = np.linalg.lstsq(gram, right, rcond=None)[0]
-    c = fit[1 : 1 + frequency.size] + 1j * fit[1 + frequency.size :]
-    return float(fit[0]), c * np.exp(-2j * np.pi * frequency * time[0])
+    return matrix, right

@@ -8,7 +8,14 @@ from fractions import Fraction
 import numpy as np
 
 from beamsim.analyses.run.motion import RunMotion
-from beamsim.analyses.run.records import MotionRecord, SampledRecord, SpectrumRecord, Window, parabola_top
+from beamsim.analyses.run.records import (
+    MotionRecord,
+    SampledRecord,
+    SpectrumRecord,
+    Window,
+    parabola_top,
+    refined,
+)
 from beamsim.analyses.run.result import SpectralLine, Spectrum
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import MotionPart, Observed
@@ -25,6 +32,7 @@ MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
 FLOOR_LINES = 16  # beyond the highest content: a line is told by what lies beside it
 FEWEST_SAMPLES = 256
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
+LASTING = 0.8  # the same after a shock, from which on the motion lasts, as stick and slip on a belt that was started
 FLOOR_DB = -400.0  # what stands for the level of a zero amplitude, far below round-off (about -310 dB)
 # The rule for a line, see `spectrum_of`.
 WORTH_LISTING = 1e-3  # of the largest line: 60 dB
@@ -174,12 +182,11 @@ def _highest_content(system: StructuralSystem, trajectory: Trajectory, duration:
 
 
 def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
-    """Hann for a motion that lasts, ``decaying`` for a shock and for what dies away, of which the beginning counts."""
-    if scenario.excitation.shock:
-        return "decaying"
-    if scenario.excitation.highest_frequency_hz == 0.0:  # none, or records
+    """Hann for a motion that lasts, ``decaying`` after a shock and for what dies away: its beginning counts."""
+    shock = scenario.excitation.shock
+    if shock or scenario.excitation.highest_frequency_hz == 0.0:  # the others: none, or records
         first, last = record.deviations_of_quarters()
-        if last < DECAYED * first:
+        if last < (LASTING if shock else DECAYED) * first:
             return "decaying"
     return "hann"
 
@@ -290,13 +297,16 @@ def found_again(record: SpectrumRecord, known: Spectrum) -> tuple[Floats, Floats
     frequency = np.array([line.frequency_hz for line in lines])
     free = [k for k, line in enumerate(lines) if line.kind in ("other", "residual")]
     if free and examined is not None:
+        found = np.zeros(frequency.size, dtype=bool)
         amplitude = record.amplitudes(examined)
         bins = frequency * record.duration
         between = np.concatenate([[-np.inf], 0.5 * (bins[1:] + bins[:-1]), [np.inf]])  # lines are in order of frequency
         for k in free:
             j = _nearby_peak(amplitude, bins[k], lines[k].amplitude, between[k], between[k + 1])
+            found[k] = j is not None
             if j is not None:
-                frequency[k] = record.refined(_peak_hz(record, amplitude, j), examined)
+                frequency[k] = _peak_hz(record, amplitude, j)
+        frequency = refined(record, frequency, found, examined)
     mean, c = record.project(frequency, examined)
     return np.append(0.0, frequency), np.append(abs(mean), np.abs(c))
 
@@ -334,10 +344,6 @@ class _Candidate:
     frequency_hz: float  # exact for an order, interpolated otherwise
     peak_hz: float  # interpolated
 
-    def refined(self, record: SpectrumRecord, window: Window) -> _Candidate:
-        """With the frequency at which the amplitude of the record under the window is largest."""
-        return replace(self, frequency_hz=record.refined(self.frequency_hz, window))
-
 
 def _lines(
     record: SpectrumRecord,
@@ -374,7 +380,9 @@ def _lines(
         candidates = _peaks(record, window, excitation_hz, peak)
         if forced and candidates:
             candidates = _only_locked(record, candidates)
-        candidates = [c if c.order is not None else c.refined(record, window) for c in candidates]
+        free = np.array([c.order is None for c in candidates], dtype=bool)
+        frequency = refined(record, np.array([c.frequency_hz for c in candidates]), free, window)
+        candidates = [replace(c, frequency_hz=float(f)) for c, f in zip(candidates, frequency, strict=True)]
     candidates = sorted(_with_chosen(candidates, chosen_hz, record), key=lambda c: c.frequency_hz)
     window = window if candidates else None
     mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)

@@ -1,0 +1,88 @@
+"""Frequencies and amplitudes of spectral lines of sums of sinusoids, which are known in closed form.
+
+Masses on springs of their own, undamped, move as sinusoids; a chain that is held nowhere drifts besides. Half a window,
+for what decays, jumps at its beginning, so that its maxima lie off the lines by up to some percent.
+"""
+
+import numpy as np
+import pytest
+
+import beamsim
+
+WINDOWS = ["hann", "decaying", "flattop"]
+
+
+def lines_of_mass(scenario, window, quantity="displacement", probe="m1"):
+    run = {**scenario["run"], "spectrum": {"window": window}, "convergence": "off"}
+    result = beamsim.run(beamsim.load_scenario({**scenario, "run": run, "probes": [{"name": "m1", "mass": 1}]}))
+    spectrum = result.spectra[probe, quantity]
+    return np.array([(line.frequency_hz, line.amplitude) for line in spectrum.lines if line.kind == "other"])
+
+
+def two_coupled(own_hz, split_hz):
+    """Two equal masses, the first deflected by 2 mm: 1 mm each at both natural frequencies."""
+    outer = (2 * np.pi * own_hz) ** 2
+    inner = 0.5 * ((2 * np.pi * (own_hz + split_hz)) ** 2 - outer)
+    return {"masses": [1.0, 1.0], "springs": [outer, inner, outer]}
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("periods", [3.0, 3.4, 4.9, 7.83, 20.6])
+@pytest.mark.parametrize("offset", [0.0, 1.0])
+def test_one_sinusoid_of_few_periods_beside_an_offset(window, periods, offset):
+    """A mass under its weight swings by 20 mm about a deflection of 0 or 248 mm."""
+    k = (2 * np.pi) ** 2
+    weight = 9.81 * offset
+    case = {
+        "chain": {"masses": [1.0], "springs": [k, 0.0]}, "gravity": weight or None,
+        "run": {"duration": periods, "start": {"displacement": [0.02 - weight / k]}},
+    }  # fmt: skip
+    lines = lines_of_mass({key: value for key, value in case.items() if value is not None}, window)
+    np.testing.assert_allclose(lines, [[1.0, 0.02]], rtol=1e-8)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("bins", [3.0, 3.7, 5.0, 9.3])
+def test_two_close_lines(window, bins):
+    """Two sinusoids of 1 mm at 10 Hz and some multiples of one over the duration above it, within 5 s."""
+    case = {"chain": two_coupled(10.0, bins / 5.0), "run": {"duration": 5.0, "start": {"displacement": [2e-3, 0.0]}}}
+    np.testing.assert_allclose(lines_of_mass(case, window), [[10.0, 1e-3], [10.0 + bins / 5.0, 1e-3]], rtol=1e-8)
+
+
+@pytest.mark.parametrize(("window", "periods"), [("hann", 5.3), ("flattop", 5.3), ("hann", 10.2)])
+def test_a_sinusoid_beside_a_drift(window, periods):
+    """Two masses joined by a spring, one of them pushed off: each drifts, and swings about the drift at 1 Hz."""
+    case = {
+        "chain": {"masses": [1.0, 1.0], "springs": [0.0, 0.5 * (2 * np.pi) ** 2, 0.0]},
+        "run": {"duration": periods, "start": {"velocity": [0.2, 0.0]}},
+    }
+    np.testing.assert_allclose(lines_of_mass(case, window), [[1.0, 0.1 / (2 * np.pi)]], rtol=2e-6)
+
+
+@pytest.mark.parametrize("ratio", [0.003, 0.01])
+def test_the_frequency_of_a_decaying_line(ratio):
+    """The falling half of a window sees 12 periods of a motion that decays; a maximum lies off by up to some 1e-3."""
+    own = 1.0 / np.sqrt(1.0 - ratio**2)
+    chain = {"masses": [1.0], "springs": [(2 * np.pi * own) ** 2, 0.0], "damping": {"kind": "modal", "ratio": ratio}}
+    case = {"chain": chain, "run": {"duration": 12.0, "start": {"displacement": [0.02]}}}
+    lines = lines_of_mass(case, "decaying")
+    assert lines[:, 0] == pytest.approx([1.0], abs=2e-4)
+
+
+def test_the_line_of_stick_and_slip_is_its_rate(pytestconfig):
+    """The shipped block on a belt in 4 s: eight periods, of which the first starts from rest.
+
+    Its acceleration is periodic afterwards, at the rate at which the block comes to rest on the belt.
+    """
+    config = pytestconfig.rootpath / "configs" / "stick_slip.yaml"
+    result = beamsim.run(beamsim.load_scenario(config, {"run.sample_rate": "20 kHz", "run.convergence": "off"}))
+    sticks = result.time[1:][np.diff(np.asarray(result.friction["belt"].stuck, dtype=int)) > 0]
+    rate = (sticks.size - 2) / (sticks[-1] - sticks[1])
+    for quantity in ("absolute_acceleration", "displacement"):
+        spectrum = result.spectra["block", quantity]
+        assert spectrum.window == "hann"
+        first = next(line for line in spectrum.lines if line.kind == "other")
+        assert first.frequency_hz == pytest.approx(rate, rel=1e-4)
+    lines = [line for line in result.spectra["block", "absolute_acceleration"].lines if line.kind == "other"]
+    orders = np.array([line.frequency_hz for line in lines]) / rate
+    np.testing.assert_allclose(orders, np.arange(1, orders.size + 1), rtol=2e-4)
