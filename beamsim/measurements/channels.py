@@ -20,6 +20,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.quantities import level_unit, meant, motion_dimension
+from beamsim.scenario.records import RecordPreparation
 from beamsim.scenario.studies import SteadyTest, TransientTest
 
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
@@ -27,7 +28,7 @@ AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an ax
 
 def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSignal]:
     """The signal of every test of ``identify_stiffness.nonlinear`` that is used and has a file, in SI units; paths are
-    relative to a folder.
+    relative to a folder. A transient is not filtered yet: the part that is compared is, together with the motion.
 
     Raises
     ------
@@ -50,7 +51,9 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
             signal = channel_named(channels, name, test.quantity, path, required=required, at=f"{at}.channel")
             signal = _usable_in(test, signal, scenario, f"{at}.level")
             signal = in_si(signal, test.unit, motion_dimension(test.quantity), f"{at}.unit")
-            signals.append(conditioned(signal, test))
+            filtered_later = isinstance(test, TransientTest)  # with the motion, in the part that is compared
+            how = RecordPreparation(factor=test.factor) if filtered_later else test
+            signals.append(conditioned(signal, how))
         except MeasurementError as fault:
             problems.append(Problem(f"{at}.file", f"= {test.file} {fault.message}", fault.remedy))
         except ScenarioError as error:

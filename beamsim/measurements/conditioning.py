@@ -179,11 +179,25 @@ def conditioned(signal: MeasuredSignal, how: RecordPreparation, resample: float 
         signal = replace(signal, y=how.factor * signal.y, scaling=(*signal.scaling, f"times {how.factor:g}"))
     if (how.remove or how.high_pass or resample) and (signal.of_frequency or np.iscomplexobj(signal.y)):
         raise MeasurementError("is no time history, which could be filtered", "leave out remove and high_pass")
+    given = signal
     if how.remove is not None:
         signal = _without(signal, how.remove)
     if resample is not None:
         signal = resampled(signal, resample)
-    return signal if how.high_pass is None else high_passed(signal, how.high_pass)
+    if how.high_pass is not None:
+        signal = high_passed(signal, how.high_pass)
+    if signal.unit != units.ACCELERATION.unit or (how.remove is None and how.high_pass is None):
+        return signal
+    (speed, way), (left, short) = _ends_of_motion(given), _ends_of_motion(signal)
+    text = f"from rest it ends at {left:.3g} m/s and {short:.3g} m, without this at {speed:.3g} m/s and {way:.3g} m"
+    return replace(signal, scaling=(*signal.scaling, text))
+
+
+def _ends_of_motion(acceleration: MeasuredSignal) -> tuple[float, float]:
+    """Velocity, m/s, and displacement, m, at the end of an acceleration in m/s^2 that is linear between its samples."""
+    y, steps = np.asarray(acceleration.y, dtype=float), np.diff(acceleration.x)
+    velocity = np.concatenate([[0.0], np.cumsum(0.5 * steps * (y[1:] + y[:-1]))])
+    return float(velocity[-1]), float(np.sum(steps * (velocity[:-1] + steps * (2.0 * y[:-1] + y[1:]) / 6.0)))
 
 
 def _without(signal: MeasuredSignal, what: str) -> MeasuredSignal:

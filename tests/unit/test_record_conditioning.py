@@ -312,9 +312,15 @@ def test_keys_of_a_test_of_an_identification_prepare_its_record(tmp_path):
         "snubber": "stop", "nonlinear": {"estimate": ["chain.snubbers.stop.gap"], "tests": [test]},
     }  # fmt: skip
     (read,) = beamsim.read_tests(load_scenario(given), tmp_path)
+    np.testing.assert_allclose(read.y, np.sin(2 * np.pi * 20 * t) - 9.81, atol=1e-7)
+    assert read.scaling == ("times -1",)  # what is taken away from a transient is taken away from the motion as well
+    test["high_pass"] = "0.5 Hz"
+    with pytest.raises(ScenarioError, match=r"tests\[0\]\.file = m\.csv lasts 0\.899 s .*high_pass"):
+        beamsim.identify_stiffness(load_scenario(given), [read])
+    given["excitation"] = {"kind": "harmonic", "applied_to": "base", "level": "1 g", "frequency": "20 Hz"}
+    steady = {"file": "m.csv", "kind": "steady", "factor": -1, "remove": "mean", "frequency": "20 Hz"}
+    given["identify_stiffness"]["nonlinear"]["tests"] = [steady]
+    (read,) = beamsim.read_tests(load_scenario(given), tmp_path)
     np.testing.assert_allclose(read.y, np.sin(2 * np.pi * 20 * t), atol=1e-7)
     assert read.scaling[0] == "times -1"
     assert read.scaling[1].startswith("mean of -9.81")
-    test["high_pass"] = "0.5 Hz"
-    with pytest.raises(ScenarioError, match=r"tests\[0\]\.file = m\.csv lasts 0\.999 s .*high_pass"):
-        beamsim.read_tests(load_scenario(given), tmp_path)

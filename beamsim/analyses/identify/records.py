@@ -42,6 +42,7 @@ from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow, motion_on
+from beamsim.measurements.conditioning import PERIODS_OF_FILTER, conditioned
 from beamsim.measurements.read import ending_of
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, split_heading
 from beamsim.measurements.tables import read_named_columns
@@ -53,6 +54,7 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.loading import describe
 from beamsim.scenario.quantities import level_unit
+from beamsim.scenario.records import RecordPreparation
 from beamsim.scenario.run import Run
 from beamsim.scenario.studies import NonlinearFit, SweepTest, TransientTest
 from beamsim.system.build import build_system
@@ -139,8 +141,8 @@ class Test:
 class Transient(Test):
     """A record of a motion that begins at t = 0."""
 
-    time: Floats  # (n,) s, since the stated begin
-    measured: Floats  # (n,) in SI units
+    record: MeasuredSignal  # of n samples, over s since the stated begin
+    preparation: RecordPreparation  # of the record, and of the motion that is compared with it
     sigma: float
     stated: bool  # whether the noise is
     duration: float  # s, of the run
@@ -153,7 +155,7 @@ class Transient(Test):
         Parameters
         ----------
         number : of the test in the list of the scenario.
-        test, signal : what is said of it, and the record in SI units.
+        test, signal : what is said of it, and the record in SI units, unfiltered.
         probe : where it was measured.
 
         Returns
@@ -163,7 +165,7 @@ class Transient(Test):
         Raises
         ------
         MeasurementError
-            If there is no record over time, or too little of it.
+            If there is no record over time, too little of it, or a filter does not suit it.
         """
         if signal.of_frequency:
             raise MeasurementError("is a spectrum", "give the record over time")
@@ -175,25 +177,47 @@ class Transient(Test):
         free, duration = test.phase == "free", float(time[part][-1])
         reach = SOUGHT_SHARE * duration if free else 0.0
         part &= time <= duration - reach  # the run lasts as long as the record, which may have begun sooner
-        measured = np.asarray(signal.y, dtype=float)
-        scatter = float(np.sqrt(np.median(np.diff(measured, 6) ** 2) / (0.4549 * 924)))  # median of chi^2, see above
-        largest = float(np.ptp(measured[part]))
+        preparation = RecordPreparation(remove=test.remove, high_pass=test.high_pass)
+        values = np.asarray(signal.y, dtype=float)
+        prepared = conditioned(record := replace(signal, x=time[part], y=values[part]), preparation)
+        measured = prepared.y
+        scatter = float(np.sqrt(np.median(np.diff(values, 6) ** 2) / (0.4549 * 924)))  # median of chi^2, see above
+        largest = float(np.ptp(measured))
         # 1e-6: least scatter of a record without noise, over its range
         sigma = max(scatter, 1e-6 * largest)
         if test.noise is not None:
-            sigma = test.noise * float(np.abs(measured[part]).max())
+            sigma = test.noise * float(np.abs(measured).max())
         if largest == 0.0:
             raise MeasurementError("does not change", "check channel, begin and duration")
         return cls(
-            number, test.label, probe, test.quantity, True, free, "; ".join(signal.scaling), time[part], measured[part],
+            number, test.label, probe, test.quantity, True, free, "; ".join(prepared.scaling), record, preparation,
             sigma, test.noise is not None, duration, reach,
         )  # fmt: skip
 
+    @property
+    def time(self) -> Floats:
+        """(n,) s, since the stated begin."""
+        return self.record.x
+
+    @cached_property
+    def measured(self) -> Floats:
+        """(n,) of the record, filtered."""
+        return self.prepared(np.asarray(self.record.y, dtype=float))
+
+    def prepared(self, values: Floats) -> Floats:
+        """Values (n,) through the filter of the record: a linear operation, the same on measurement and motion."""
+        return np.asarray(conditioned(replace(self.record, y=values), self.preparation).y)
+
     def first(self, share: float) -> Self:
-        """The first part of the record."""
-        count = max(int(share * self.time.size), min(FEWEST, self.time.size))
+        """The first part of the record, not shorter than its filter."""
+        least = FEWEST
+        if self.preparation.high_pass is not None:
+            interval = float(self.time[-1] - self.time[0]) / (self.time.size - 1)
+            least = max(least, int(PERIODS_OF_FILTER / (self.preparation.high_pass * interval)) + 3)
+        count = max(int(share * self.time.size), min(least, self.time.size))
         cut = float(self.time[-1] - self.time[count - 1])
-        return replace(self, time=self.time[:count], measured=self.measured[:count], duration=self.duration - cut)
+        record = replace(self.record, x=self.time[:count], y=self.record.y[:count])
+        return replace(self, record=record, duration=self.duration - cut)
 
     def sharpened(self, misfit: float, parameters: int) -> Self:
         """With the noise that a fit of so many parameters leaves, where the record alone does not tell it as well."""
@@ -272,14 +296,14 @@ class Transient(Test):
             return gain * np.where((times < 0.0) & (self.quantity != "displacement"), 0.0, found)
 
         def residuals(predicted: Floats) -> Floats:
-            difference = (predicted - self.measured) / self.sigma
+            difference = (self.prepared(predicted) - self.measured) / self.sigma
             return np.asarray(difference - difference.mean())
 
         interval = float(np.median(np.diff(self.time)))
         step = 1e-4 * interval
 
         def slopes(late: float) -> Floats:
-            change = values(late + step) - values(late - step)
+            change = self.prepared(values(late + step) - values(late - step))
             return np.asarray((change - change.mean()) / (2.0 * step * self.sigma))
 
         def rest(samples: Floats) -> Floats:
@@ -300,11 +324,10 @@ class Transient(Test):
             found = least_squares(rest, [delay / interval], slope, xtol=1e-9, ftol=1e-12, gtol=None)
             delay = float(found.x[0]) * interval
         predicted = values(delay)
-        zero, by_delay = (
-            float(np.mean(self.measured - predicted)),
-            slopes(delay) if self.free_phase else predicted * 0.0,
-        )
-        return Compared(predicted + zero, delay, residuals(predicted), by_delay)
+        shown = self.prepared(predicted)
+        zero = float(np.mean(self.measured - shown))
+        by_delay = slopes(delay) if self.free_phase else shown * 0.0
+        return Compared(shown + zero, delay, residuals(predicted), by_delay)
 
     def fitted(self, part: Misfit, before: Compared, found: Compared) -> TransientFit:
         """The result: its part of the misfit, and the comparison with the scenario's and with the estimated values."""
