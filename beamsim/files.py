@@ -29,8 +29,8 @@ def replacing(path: Path | str) -> Iterator[Path]:
     NotWrittenError
         When it could be, and then is full or fails.
     """
+    check_writable(path)
     target = Path(path).resolve()
-    check_writable(target)
     temporary = target.with_name(f".beamsim-{secrets.token_hex(6)}.tmp")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -71,9 +71,16 @@ def check_writable(path: Path | str) -> None:
     ResultFileError
         When it could not: a folder of that name, a folder without permission, a file where a folder should be.
     """
-    target = Path(path).resolve()
     try:
-        _check_writable(target, path)
+        _check_writable(Path(path).resolve(), path)
+    except RuntimeError as error:  # of Python before 3.13, where links lead back to each other
+        raise ResultFileError(
+            f"cannot write {path}: its links lead back to each other; choose another path with -o"
+        ) from error
+    except ValueError as error:  # a NUL in it, or a character that the file system's encoding lacks
+        raise ResultFileError(
+            f"cannot write {str(path)!a}: no file can have this name; choose another path with -o"
+        ) from error
     except OSError as error:
         raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
 

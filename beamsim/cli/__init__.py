@@ -20,6 +20,9 @@ from beamsim.errors import CacheWarning
 
 __all__ = ["main"]
 
+LEAST_ADDRESS_SPACE = 1_000_000 * 1024
+"""Bytes that the libraries and a small case take, of which compiled code is the largest part."""
+
 
 def main() -> None:
     """Entry point of ``beamsim``; raises `SystemExit` with one of `beamsim.outcomes.ExitCode`."""
@@ -28,6 +31,11 @@ def main() -> None:
     for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(library, "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for them reads every installed package
+    os.environ["MPLBACKEND"] = "agg"  # nothing is shown on a screen, and an unknown backend would stop the import
+    open_closed_streams()
+    if obstacle := unusable_surroundings():
+        print(f"beamsim: {obstacle}", file=sys.stderr)
+        sys.exit(2)
 
     def stop(number: int, _frame: object) -> None:
         sys.exit(128 + number)  # an exception, so that temporary files are removed
@@ -35,8 +43,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, stop)
     show_notices()
     warnings.showwarning = show_warning
-    if sys.platform == "win32":
-        use_utf8(sys.stdout, sys.stderr)
+    print_any_text(sys.stdout, sys.stderr)
     try:
         from beamsim.cli.app import app
 
@@ -77,8 +84,40 @@ def show_warning(
     )
 
 
-def use_utf8(*streams: Any) -> None:
-    """Switch streams to UTF-8, which is not the default of consoles and pipes on Windows."""
+def print_any_text(*streams: Any) -> None:
+    """Let streams escape characters that their encoding lacks; on Windows, use UTF-8, not the default there."""
     for stream in streams:
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(encoding="utf-8")
+            stream.reconfigure(encoding="utf-8" if sys.platform == "win32" else None, errors="backslashreplace")
+
+
+def open_closed_streams() -> None:
+    """Open standard streams that the caller closed (``2>&-``) on the null device.
+
+    The next files that are opened would take their descriptors, and messages would be written into results.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free descriptor, which is this one
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - until the end
+
+
+def unusable_surroundings() -> str:
+    """What keeps every command from working, with its remedy: a lost current folder, too little memory; else empty."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        return f"the current folder cannot be used ({error.strerror}); change to one that exists"
+    if sys.platform == "win32":
+        return ""
+    import resource
+
+    allowed = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if allowed == resource.RLIM_INFINITY or allowed >= LEAST_ADDRESS_SPACE:
+        return ""
+    least = LEAST_ADDRESS_SPACE // 1024
+    return f"the address space is limited to {allowed / 1e6:.0f} MB, which is too little; allow more: ulimit -v {least}"

@@ -160,8 +160,16 @@ def _table(records: Sequence[Mapping[str, Any]], change: Callable[[str], str]) -
 
 
 def print_json(values: Mapping[str, Any]) -> None:
-    """One JSON object on standard output; non-finite numbers are null."""
-    print(dumps(plain(values), ensure_ascii=False, allow_nan=False))
+    """One JSON object on standard output; non-finite numbers are null.
+
+    Where the encoding of the output lacks a character, JSON's own escapes stand for all that are not ASCII.
+    """
+    text = dumps(plain(values), ensure_ascii=False, allow_nan=False)
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        text = dumps(plain(values), allow_nan=False)
+    print(text)
 
 
 def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> None:

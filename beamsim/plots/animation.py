@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from beamsim.analyses.run.animation import Frames
 from beamsim.files import replacing
 from beamsim.outcomes import tell
+from beamsim.plots.drawing import in_lines, plain_text
 from beamsim.plots.sketch import BODY, HEIGHT, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
 from beamsim.plots.style import amount, round_length
 from beamsim.structures.places import Place, ends_of
@@ -126,22 +127,23 @@ def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None 
     """
     from PIL import Image
 
-    figure = Figure(figsize=(8.0, 1.3 + 1.9 * scene.count), dpi=90, layout="constrained")
-    canvas: Any = FigureCanvasAgg(figure)
-    update = _drawing(scene, figure.subplots())
+    with plain_text():
+        figure = Figure(figsize=(8.0, 1.3 + 1.9 * scene.count), dpi=90, layout="constrained")
+        canvas: Any = FigureCanvasAgg(figure)
+        update = _drawing(scene, figure.subplots())
 
-    def picture(k: int) -> Any:
-        update(k)
-        canvas.draw()
-        figure.set_layout_engine("none")  # that of the first one stays
-        return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        def picture(k: int) -> Any:
+            update(k)
+            canvas.draw()
+            figure.set_layout_engine("none")  # that of the first one stays
+            return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
-    forces = np.sum([stop.force for stop in scene.stops], axis=0) if scene.stops else np.zeros(1)
-    palette = picture(int(np.argmax(forces))).quantize(64)  # it has the colour of contact
-    pictures = []
-    for k in range(scene.time.size):
-        pictures.append(picture(k).quantize(palette=palette, dither=Image.Dither.NONE))
-        tell(progress, (k + 1) / scene.time.size)
+        forces = np.sum([stop.force for stop in scene.stops], axis=0) if scene.stops else np.zeros(1)
+        palette = picture(int(np.argmax(forces))).quantize(64)  # it has the colour of contact
+        pictures = []
+        for k in range(scene.time.size):
+            pictures.append(picture(k).quantize(palette=palette, dither=Image.Dither.NONE))
+            tell(progress, (k + 1) / scene.time.size)
     with replacing(path) as temporary:
         pictures[0].save(
             temporary, format="GIF", save_all=True, append_images=pictures[1:], duration=MILLISECONDS, loop=0
@@ -154,7 +156,7 @@ def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
     left, right, low, high = scene.limits
     ax.set(xlim=(left, right), ylim=(low, high), yticks=[])
     ax.spines[["top", "right", "left"]].set_visible(False)
-    ax.set_title(scene.title, fontsize="medium", loc="left")
+    ax.set_title(in_lines(scene.title, ax.bbox.width), fontsize="medium", loc="left")
     if all(line.dots for line in scene.lines):
         ax.set_xticks([])
     else:

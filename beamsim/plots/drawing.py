@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +16,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from beamsim.files import replacing
@@ -177,10 +180,20 @@ class Picture(NamedTuple):
             for ax in axes[: -self.columns]:
                 ax.set_xlabel("")
         if self.title:
-            figure.suptitle(self.title, x=0.012, ha="left", fontsize="medium", color="0.3")
+            figure.suptitle(in_lines(self.title, figure.bbox.width), x=0.012, ha="left", fontsize="medium", color="0.3")
         if self.legend_below:
             _legend_below(figure)
         return figure
+
+
+def in_lines(title: str, width: float) -> str:
+    """A title in lines that fit into so many pixels, at most three; what is left out is marked by dots."""
+    lines = title.split("\n")
+    return "\n".join(
+        part
+        for line in lines
+        for part in textwrap.wrap(line, max(int(width / 7.0), 20), max_lines=3, placeholder=" …") or [line]
+    )
 
 
 def curve_style(index: int) -> dict[str, Any]:
@@ -207,6 +220,9 @@ def draw(ax: Axes, chart: Chart) -> None:
         if ends != (None, None):
             set_ends(*(None if end is None else end * scale.factor for end in ends))
     for letter in chart.log:
+        axis = ax.xaxis if letter == "x" else ax.yaxis
+        axis.set_major_formatter(PowersOfTen())
+        axis.set_minor_formatter(PowersOfTen())
         _plain_logarithmic(ax.xaxis if letter == "x" else ax.yaxis)
     finish(ax, with_unit(chart.across[0], x), with_unit(chart.up[0], y))
     ax.set_title(chart.title, fontsize="small", loc="left")
@@ -401,6 +417,36 @@ def write(picture: Picture, target: Any, form: str = "png") -> None:
     """
     # a sixth of the time less than the default
     packed: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}} if form == "png" else {}
-    # logarithmic axes have 0.01, 0.6 and 200 in place of powers of ten; letters are as wide as in PDF and SVG
-    with rc_context({"axes.formatter.min_exponent": 4, "text.hinting": "none"}):
+    # letters are as wide as in PDF and SVG
+    with rc_context({"text.hinting": "none"}), plain_text():
         picture.figure().savefig(target, format=form, dpi=150.0, **packed)
+
+
+@contextmanager
+def plain_text() -> Iterator[None]:
+    """Draw texts as they are written, whatever the user's settings: no dollar begins mathematics.
+
+    A character that the font lacks is drawn as a box, without a warning.
+    """
+    literal: Any = {"text.parse_math": False, "text.usetex": False, "axes.formatter.use_mathtext": False}
+    with rc_context(literal), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from", UserWarning)
+        warnings.filterwarnings("ignore", r".*Matplotlib currently does not support .* natively", UserWarning)
+        yield
+
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+class PowersOfTen(LogFormatterSciNotation):
+    """Numbers of a logarithmic axis: 0.01, 0.6 and 200, and from 10⁴ and 10⁻⁴ on powers of ten as plain text."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """The text of a tick; empty where ticks are too close for one."""
+        if not super().__call__(x, pos):
+            return ""
+        exponent = math.floor(math.log10(x) + 1e-9) if x > 0.0 else 0
+        if abs(exponent) < 4:
+            return f"{x:g}"
+        factor = f"{x / 10.0**exponent:.3g}"
+        return ("" if factor == "1" else f"{factor}×") + f"10{str(exponent).translate(_SUPERSCRIPTS)}"

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from beamsim.analyses.result import Result
 from beamsim.kinds import KINDS, kind_of_class, named
+from beamsim.plots.drawing import plain_text
 from beamsim.plots.style import shown_in
 
 
@@ -22,6 +23,6 @@ def figures_of(result: Result) -> dict[str, Figure]:
     shell = None if ipython is None else ipython.get_ipython()
     if shell is not None:
         import_module("IPython.core.pylabtools").select_figure_formats(shell, {"png"})
-    with shown_in(result.scenario.display_scales):
+    with shown_in(result.scenario.display_scales), plain_text():
         pictures = named(KINDS[kind_of_class(type(result))].figures)(result)
         return {name: picture.figure() for name, picture in pictures.items()}

@@ -39,6 +39,7 @@ from beamsim.plots.drawing import (
     Guide,
     HeatMap,
     Picture,
+    PowersOfTen,
     beside,
     curve_style,
     finish,
@@ -255,7 +256,9 @@ def phase_density(result: RunResult, place: SnubberHistory | ProbeHistory, start
         of_edges = [edge * scale.factor for edge, scale in zip(edges, scales, strict=True)]
         for colours, where in (("Reds", contact.T), ("Greys", ~contact.T)):
             mesh = ax.pcolormesh(*of_edges, np.where(where, share, np.nan), cmap=colours, norm=norm, rasterized=True)
-        ax.figure.colorbar(mesh, ax=ax, label="Share of the time (%)" + "; red: in contact" * bool(contact.any()))
+        label = "Share of the time (%)" + "; red: in contact" * bool(contact.any())
+        bar = ax.figure.colorbar(mesh, ax=ax, label=label, format=PowersOfTen())
+        bar.minorformatter = PowersOfTen()
         finish(ax, with_unit(*across), with_unit(*up))
 
     x, y = (0.5 * (edge[1:] + edge[:-1]) for edge in edges)

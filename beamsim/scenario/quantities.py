@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from typing import Annotated, Any, ClassVar, Literal
@@ -422,6 +423,29 @@ def blended(seed: int | str) -> list[tuple[int, float]]:
         raise UnitError("is no seed", "write a whole number, or shares of several: 0.8*4 + 0.6*7") from None
 
 
+LONGEST_TEXT = 1000
+"""Characters of a text; a longer one fits on no plot and on no line of a screen."""
+LONGEST_NAME = 100
+"""Characters of a name, of which there are several in a legend and in a line of a table."""
+
+
+def printable(text: str, longest: int) -> str:
+    """Text in one line that can be printed, drawn and stored: its line breaks and tabs become spaces.
+
+    Raises
+    ------
+    UnitError
+        If it is too long or has a control character, half of a surrogate pair, or what is no character.
+    """
+    if len(text) > longest:
+        raise UnitError(f"has {len(text)} characters", f"write at most {longest}")
+    line = re.sub(r"[\t\n\r\x0b\x0c\x85\u2028\u2029]+", " ", text).strip() if not text.isprintable() else text
+    for character in line:
+        if unicodedata.category(character) in ("Cc", "Cs") or ord(character) & 0xFFFE == 0xFFFE:
+            raise UnitError(f"contains U+{ord(character):04X}, which cannot be printed or stored", "remove it")
+    return line
+
+
 @dataclass(frozen=True)
 class TextType(FieldType):
     """Text; ``name`` restricts it to valid names of datasets and columns."""
@@ -438,7 +462,7 @@ class TextType(FieldType):
         """Return the text; a number is taken as it is written."""
         if isinstance(value, bool) or not isinstance(value, (str, int, float)):
             raise UnitError("must be text", "put the value in quotes")
-        text = str(value)
+        text = printable(str(value), LONGEST_NAME if self.name else LONGEST_TEXT)
         if self.name and not re.fullmatch(r"\w(?:[\w .+-]*[\w+-])?", text):
             raise UnitError(
                 "is not a usable name", "use letters, digits, spaces and - _ + . (it names datasets and columns)"

@@ -32,8 +32,9 @@ from beamsim.scenario.body import DEFAULT_NAMES
 MOST_CHARACTERS = 1_000_000
 """A longer document is refused: reading it would take seconds."""
 _KEEP_APART = "keep measured data in files of their own"
-MOST_NODES = 200_000
-"""A file that unfolds to more values than this (aliases of aliases) is refused."""
+MOST_VALUES = 25_000
+"""A document of more keys and values than this, as written or with its aliases unfolded, is refused: of more, PyYAML
+would take longer than two seconds."""
 
 
 Mark = tuple[str | None, int | None]
@@ -91,8 +92,21 @@ def located_problem(root: Any, problem: Problem) -> Problem:
     return replace(problem, file=file, line=line)
 
 
+class _TooLong(Exception):
+    """A document has more values than allowed; with the line of the first that is too many."""
+
+
 class _Loader(yaml.SafeLoader):
-    """Resolves plain scalars as YAML 1.2 does."""
+    """Resolves plain scalars as YAML 1.2 does, and ends at `MOST_VALUES`."""
+
+    composed = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Compose the next value, unless it is one too many."""
+        self.composed += 1
+        if self.composed > MOST_VALUES:
+            raise _TooLong(self.line + 1)
+        return super().compose_node(parent, index)
 
 
 _Loader.yaml_implicit_resolvers = {}
@@ -119,6 +133,11 @@ def parse(text: str, file: str | None = None) -> Any:
     """
     try:
         document = yaml.compose(text, Loader=_Loader)
+    except _TooLong as error:
+        message = f"has more than {MOST_VALUES} keys and values"
+        raise ScenarioError(
+            Problem("", message, "keep measured data in files of their own", file, error.args[0])
+        ) from None
     except yaml.MarkedYAMLError as error:
         raise ScenarioError(_syntax_problem(error, text, file)) from None
     except yaml.reader.ReaderError as error:
@@ -199,9 +218,9 @@ class _Reader:
 
     def data(self, node: yaml.Node, path: Path) -> Any:
         self.count += 1
-        if self.count > MOST_NODES:
+        if self.count > MOST_VALUES:
             raise ScenarioError(
-                Problem("", f"unfolds to more than {MOST_NODES} values", "use fewer aliases", self.file)
+                Problem("", f"unfolds to more than {MOST_VALUES} values", "use fewer aliases", self.file)
             )
         if id(node) in self.open:
             self._problem(path, "contains itself through an alias", "remove the alias", node)

@@ -12,7 +12,7 @@ import pytest
 from beamsim import files
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.parallel import default_workers
-from beamsim.cli import use_utf8
+from beamsim.cli import print_any_text
 from beamsim.cli.failures import broken_pipe, discard_output, interruptible
 from beamsim.errors import ResultFileError
 from beamsim.store.studies import LOCKED_BYTE, opened_journal
@@ -125,6 +125,8 @@ def test_a_signal_that_another_language_handles_is_left_alone(monkeypatch):
 
 def test_streams_hold_every_character():
     stream = io.TextIOWrapper(io.BytesIO(), encoding="cp1252")
-    use_utf8(stream, io.StringIO(), None)
-    stream.write("k ≥ 1 ∕ s")
-    assert stream.encoding == "utf-8"
+    print_any_text(stream, io.StringIO(), None)
+    print("k ≥ 1 ∕ s, Größe, \ud800", file=stream, flush=True)
+    written = stream.buffer.getvalue().decode(stream.encoding)
+    assert r"\ud800" in written
+    assert written.startswith("k")

@@ -1,0 +1,104 @@
+"""Texts that cannot be drawn, stored or printed, and surroundings in which a command cannot work as usual."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from beamsim.cli.printing import print_json
+from beamsim.errors import ResultFileError, ScenarioError
+from beamsim.files import check_writable
+from beamsim.plots.drawing import Chart, Curve, Picture, write
+from beamsim.scenario import load_scenario
+from beamsim.scenario.loading import template
+
+
+def titled(title):
+    return load_scenario(template(), {"title": title}).title
+
+
+@pytest.mark.parametrize(
+    "text", ["\ud800", "a\0b", "\x1b[31mred", "bell\x07", "\ufffe", "a\x7f", "\x9b2J", "x" * 10_000]
+)
+def test_unprintable_text_is_refused(text):
+    with pytest.raises(ScenarioError, match=r"title .*(U\+|10000 characters)"):
+        titled(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("two\nlines\n", "two lines"),
+        ("a\tb", "a b"),
+        ("a\u2028b", "a b"),
+        ("Größe 試験 שלום 👩‍🚀", "Größe 試験 שלום 👩‍🚀"),
+        ("$\\frac{1}{$", "$\\frac{1}{$"),
+    ],
+)
+def test_text_is_one_line(text, line):
+    assert titled(text) == line
+
+
+@pytest.mark.parametrize("text", ["cost $\\frac{1}{$", "a\\$b$c", "$x$", "Größe 👩‍🚀 試験", "x^2^"])
+def test_titles_are_never_mathematics(text, tmp_path):
+    x = np.geomspace(1e-7, 1e7, 9)
+    chart = Chart((text, "s"), (text, "N"), [Curve(text, x, x)], log="xy", title=text, note=text, legend=text)
+    write(Picture(text, [chart]), tmp_path / "drawn.svg", "svg")
+    drawn = (tmp_path / "drawn.svg").read_text(encoding="utf-8")
+    assert f"<!-- {text[:4]}" in drawn  # the backend names the text that it draws
+    assert "mathdefault" not in drawn
+    assert "<!-- 10⁻⁶ -->" in drawn
+
+
+def test_a_long_title_leaves_room_for_the_curves(tmp_path):
+    chart = Chart(("Time", "s"), ("Force", "N"), [Curve("tip", np.arange(3.0), np.arange(3.0))])
+    write(Picture("long title " * 90, [chart]), tmp_path / "drawn.svg", "svg")
+    assert " …" in (tmp_path / "drawn.svg").read_text(encoding="utf-8")
+
+
+def test_json_for_an_ascii_terminal(monkeypatch, tmp_path):
+    with open(tmp_path / "out", "w", encoding="ascii", errors="backslashreplace") as stream:
+        monkeypatch.setattr(sys, "stdout", stream)
+        print_json({"title": "Größe \ud800"})
+    assert json.loads((tmp_path / "out").read_text()) == {"title": "Größe \ud800"}
+
+
+def test_output_path_that_no_file_can_have(tmp_path):
+    (tmp_path / "loop.h5").symlink_to("loop.h5")
+    for path in (tmp_path / "loop.h5", tmp_path / "loop.h5" / "x.h5", tmp_path / "a\0.h5", tmp_path / "\ud800.h5"):
+        with pytest.raises(ResultFileError, match="cannot write"):
+            check_writable(path)
+
+
+@pytest.mark.parametrize("text", ["a: [" + "1," * 30_000 + "]\n", "- 1\n" * 30_000])
+def test_yaml_of_too_many_values(text):
+    with pytest.raises(ScenarioError, match="has more than 25000 keys and values; keep measured data in files"):
+        load_scenario(text)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="commands of a shell")
+@pytest.mark.parametrize(
+    ("before", "after", "code", "says"),
+    [
+        ("", "2>&-", 0, ""),
+        ("", ">&-", 0, ""),
+        ("", "<&- >&- 2>&-", 0, ""),
+        ("export MPLBACKEND=foo;", "", 0, ""),
+        ("mkdir lost; cd lost; rmdir ../lost;", "", 2, "the current folder cannot be used"),
+        ("ulimit -v 500000;", "", 2, "ulimit -v 1000000"),
+        ("export LC_ALL=C PYTHONIOENCODING=ascii PYTHONUTF8=0;", "", 0, ""),
+    ],
+)
+def test_surroundings(before, after, code, says, tmp_path):
+    case = tmp_path / "case.yaml"
+    case.write_text("title: Größe\n" + template().replace("title:", "# title:", 1), encoding="utf-8")
+    done = subprocess.run(
+        f"{before} {sys.executable} -c 'from beamsim.cli import main; main()' validate {case} {after}",
+        shell=True, cwd=tmp_path, capture_output=True, check=False, env=os.environ | {"PYTHONSAFEPATH": "1"},
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    assert says in done.stderr.decode()
