@@ -1,13 +1,25 @@
-"""HDF5 files as they are opened for reading: of themselves alone, without links to other files."""
+"""HDF5 files as they are opened for reading: of themselves alone, and no more than they can hold.
+
+A file of two kilobytes can claim data sets of gigabytes, have them filled with a constant, or point to other files. All
+of that is found in its headers, before HDF5 makes room for anything.
+"""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Any
 
 import h5py
+import numpy as np
 
 from beamsim.errors import InputFileError
-from beamsim.input_files import open_input
+from beamsim.input_files import bytes_text, demand_memory, no_memory, open_input
+
+MOST_UNPACKED = 1100.0
+"""Bytes of values for a stored byte: deflate, the densest compression in use, reaches 1032."""
+ALWAYS_READ = 100_000_000
+"""Bytes of values that may be filled with a constant, which takes no room in a file."""
 
 
 def open_hdf5(path: Path | str) -> h5py.File:
@@ -41,3 +53,61 @@ def open_hdf5(path: Path | str) -> h5py.File:
 def _external(name: bytes, link: h5py.h5l.LinkInfo) -> bytes | None:
     """The name of a link if it is none within the file, which ends the visit."""
     return None if link.type in (h5py.h5l.TYPE_HARD, h5py.h5l.TYPE_SOFT) else name
+
+
+def read_array(dataset: h5py.Dataset) -> Any:
+    """The values of a data set, if they are in the file and have room in memory.
+
+    Parameters
+    ----------
+    dataset : of an open file.
+
+    Returns
+    -------
+    numpy.ndarray
+        Of the shape of the data set.
+
+    Raises
+    ------
+    InputFileError
+        If it has no values, they are in another file, or they claim more memory than there is, or than what is stored
+        can stand for.
+    """
+    path, name = dataset.file.filename, dataset.name
+    demand_plausible(dataset)
+    size = values_size(dataset)
+    demand_memory(path, size + _chunk_size(dataset), f"for the values of {name}")
+    try:
+        return np.asarray(dataset[()])
+    except MemoryError:
+        raise no_memory(path, size) from None
+
+
+def values_size(dataset: h5py.Dataset) -> int:
+    """Bytes of the values of a data set."""
+    return math.prod(dataset.shape or ()) * int(dataset.dtype.itemsize)
+
+
+def _chunk_size(dataset: h5py.Dataset) -> int:
+    """Bytes of a chunk of a data set, which is unpacked as a whole; 0 where there are none."""
+    return math.prod(dataset.chunks) * int(dataset.dtype.itemsize) if dataset.chunks else 0
+
+
+def demand_plausible(dataset: h5py.Dataset) -> None:
+    """Refuse a data set without values, with values in other files, or with more than what is stored can stand for.
+
+    Raises
+    ------
+    InputFileError
+        If it is one.
+    """
+    path, name = dataset.file.filename, dataset.name
+    if dataset.shape is None:
+        raise InputFileError(path, f"has no values in {name}", "export it again")
+    if dataset.is_virtual or dataset.external:
+        raise InputFileError(path, f"has the values of {name} in another file", "export all of it to one file")
+    stored = int(dataset.id.get_storage_size())
+    for claimed, what in ((values_size(dataset), "values"), (_chunk_size(dataset), "a chunk")):
+        if claimed > max(ALWAYS_READ, MOST_UNPACKED * stored):
+            message = f"claims {bytes_text(claimed)} for {what} of {name}, of which {bytes_text(stored)} are stored"
+            raise InputFileError(path, message, "it is damaged, or its values were never written: export it again")

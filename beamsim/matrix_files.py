@@ -5,24 +5,37 @@ OP2, OP4, DMIG, Abaqus, MatrixMarket, Harwell-Boeing, MATLAB and NumPy. Never he
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from io import BytesIO, StringIO
+from io import StringIO
 from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 import h5py
 import numpy as np
-from scipy.sparse import coo_array, csc_array, load_npz, save_npz
+from scipy.sparse import coo_array, csc_array, save_npz
 
 from beamsim.errors import InputFileError, MethodError
 from beamsim.files import replacing
-from beamsim.hdf5 import open_hdf5
-from beamsim.input_files import open_input, read_input
+from beamsim.hdf5 import open_hdf5, read_array
+from beamsim.input_files import bytes_text, demand_memory, open_input, read_input
+from beamsim.matlab5 import checked_matlab5
+from beamsim.sparse_parts import (
+    MOST_ROWS,
+    from_blocks,
+    from_columns,
+    from_coordinates,
+    from_diagonals,
+    from_rows,
+    matrix_shape,
+    whole_numbers,
+)
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Directions of a node in the order of their numbers 1 to 6."""
@@ -287,15 +300,10 @@ def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
         number (MATRIX INPUT, LABELS), or row, column and number (COORDINATE). Coordinates without a node have a degree
         of freedom beyond 6.
     """
-    from scipy.io import mmread
-
     name = path.stem.lower()
     text = _text(path)
     if text[:14].lower() == "%%matrixmarket":
-        values: Any = mmread(BytesIO(text.encode("latin-1")), spmatrix=False)
-        if not isinstance(values, np.ndarray):
-            _demand_unique(values.row, values.col, lambda k: f"row {values.row[k] + 1}, column {values.col[k] + 1}")
-        return [file_matrix(name, values)]
+        return [file_matrix(name, _of_market(text))]
     lines = (line.replace(",", " ").upper().replace("D", "E") for line in text.splitlines())
     entries = np.loadtxt(lines, comments=("*", "%", "#"), ndmin=2)
     if entries.shape[1] == 5:
@@ -305,6 +313,65 @@ def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
     size = int(max(i.max(), j.max()))
     values = coo_array((numbers, (i.astype(int) - 1, j.astype(int) - 1)), shape=(size, size))
     return [file_matrix(name, values, one_triangle=True)]
+
+
+def _of_market(text: str) -> Any:
+    """The matrix of a text in MatrixMarket's format, with both triangles of a symmetric one.
+
+    SciPy's reader writes beyond its arrays where a dense symmetric matrix has more entries than its size says. Layout:
+    Boisvert, Pozo and Remington, The Matrix Market exchange formats, NISTIR 5935, 1996.
+
+    Raises
+    ------
+    ValueError
+        If its heading is unknown, an entry is none or outside the matrix, or there are not as many as it says.
+    """
+    heading, *lines = (line for line in text.splitlines() if line.strip())
+    lines = [line for line in lines if not line.lstrip().startswith("%")]
+    words = heading.lower().split()[1:]
+    layout, field, symmetry = words[1:] if words[:1] == ["matrix"] and len(words) == 4 else ("", "", "")
+    width = {"pattern": 0, "complex": 2, **dict.fromkeys(("real", "double", "integer", "unsigned-integer"), 1)}.get(
+        field
+    )
+    if width is None or layout not in ("array", "coordinate") or symmetry not in _OPPOSITE or not lines:
+        raise ValueError(f"its heading is {heading.strip()[:80]}")
+    sizes = [int(size) for size in lines[0].split()]
+    rows, columns = matrix_shape(sizes[:2])
+    if layout == "array":
+        places = _places_of_dense(rows, columns, symmetry)
+        count, width_of_line = places[0].size, width
+    else:
+        places = None
+        count, width_of_line = int(sizes[2]) if len(sizes) == 3 else -1, 2 + width
+    if len(lines) - 1 != count:
+        raise ValueError(f"it has {len(lines) - 1} lines of entries instead of {count}")
+    table = np.loadtxt(lines[1:], comments=None, ndmin=2) if count else np.empty((0, width_of_line))
+    if table.shape[1] != width_of_line:
+        raise ValueError(f"its lines have {table.shape[1]} numbers instead of {width_of_line}")
+    i, j = places or (whole_numbers("places", table[:, k]) - 1 for k in (0, 1))
+    numbers = table[:, -2] + 1j * table[:, -1] if width == 2 else table[:, -1] if width else np.ones(count)
+    if opposite := _OPPOSITE[symmetry]:
+        off = np.flatnonzero(i != j)
+        i, j = np.concatenate([i, j[off]]), np.concatenate([j, i[off]])
+        numbers = np.concatenate([numbers, opposite(numbers[off])])
+    matrix = from_coordinates(numbers, i, j, (rows, columns))
+    _demand_unique(i, j, lambda k: f"row {i[k] + 1}, column {j[k] + 1}")
+    return matrix
+
+
+_OPPOSITE: dict[str, Callable[[Any], Any] | None] = {
+    "general": None, "symmetric": np.positive, "skew-symmetric": np.negative, "hermitian": np.conj,
+}  # fmt: skip
+"""By symmetry what an entry stands for at the opposite place."""
+
+
+def _places_of_dense(rows: int, columns: int, symmetry: str) -> tuple[Any, Any]:
+    """Rows and columns of the entries of a dense matrix, column by column; of a symmetric one the lower triangle."""
+    if rows * columns > MOST_ROWS:
+        raise ValueError(f"it is a dense matrix of {rows} x {columns}")
+    j, i = np.divmod(np.arange(rows * columns), max(rows, 1))
+    lower = np.full(i.size, True) if symmetry == "general" else i > j if symmetry == "skew-symmetric" else i >= j
+    return i[lower], j[lower]
 
 
 def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
@@ -323,6 +390,7 @@ def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
     if not re.fullmatch("[RC].A", kind):
         raise ValueError(f"its type is {kind or 'missing'}; real and complex assembled matrices are read")
     rows, columns, entries = (int(shape[k : k + 14]) for k in (14, 28, 42))
+    matrix_shape((rows, columns))
     rest = iter(lines[5 if int(lengths[56:70] or 0) else 4 :])  # a line more where right-hand sides follow
     blocks, counts = [], (columns + 1, entries, entries * (2 if kind[0] == "C" else 1))
     for start, width, count in zip((14, 28, 42), re.findall(r"[IEFG](\d+)", formats), counts, strict=False):
@@ -330,12 +398,16 @@ def _harwell_boeing(path: Path, _: str | None) -> list[FileMatrix]:
         numbers = " ".join(block).split()
         if len(numbers) != count:  # no blanks between them
             numbers = [number for line in block for number in re.findall(f".{{1,{width}}}", line.rstrip())]
+        if len(numbers) != count:
+            raise ValueError(f"it has {len(numbers)} instead of {count} numbers in one of its parts")
         blocks.append(np.array(numbers, dtype=float))
-    pointers, indices = (block.astype(int) - 1 for block in blocks[:2])
+    if len(blocks) < len(counts):
+        raise ValueError("its line of formats is damaged")
+    pointers, indices = (whole_numbers("pointers and rows", block) - 1 for block in blocks[:2])
     values = blocks[2].view(complex) if kind[0] == "C" else blocks[2]
+    matrix = from_columns(values, indices, pointers, (rows, columns))
     column_of = np.repeat(np.arange(columns), np.diff(pointers))
     _demand_unique(indices, column_of, lambda k: f"row {indices[k] + 1}, column {column_of[k] + 1}")
-    matrix = csc_array((values, indices, pointers), shape=(rows, columns))
     return [file_matrix(path.stem.lower(), matrix, one_triangle=kind[1] in "SH")]
 
 
@@ -369,7 +441,7 @@ def matlab_variables(path: Path) -> Iterator[tuple[str, Any]]:
             yield from _hdf5_variables("", stored)
         return
     places: dict[str, int] = {}
-    content: Any = BytesIO(read_input(path))
+    content: Any = checked_matlab5(path)
     for place, (name, *_) in enumerate(whosmat(content), 1):
         if name in places:
             raise ValueError(f"the variable {name} occurs twice, as number {places[name]} and {place}")
@@ -415,11 +487,11 @@ def _hdf5_variables(name: str, item: Any, depth: int = 0) -> Iterator[tuple[str,
         return
     elif h5py.check_ref_dtype(item.dtype) is h5py.Reference:
         parent, _, field = name.rpartition(".")
-        references = [] if kind == "cell" or not parent else item[()].ravel(order="F")
+        references = [] if kind == "cell" or not parent else read_array(item).ravel(order="F")
         for number, reference in enumerate(references, 1):
             yield from _hdf5_variables(f"{parent}({number}).{field}", item.file[reference], depth + 1)
     elif kind == "char":
-        yield name, "".join(map(chr, item[()].ravel()))
+        yield name, "".join(map(chr, read_array(item).ravel()))
     else:
         yield name, _array(item).T
 
@@ -430,26 +502,75 @@ def _matlab(path: Path, _: str | None) -> list[FileMatrix]:
 
 def _hdf5_matrix(item: Any) -> Any:
     """A sparse matrix is a group of three arrays."""
-    pointers = item["jc"][()]
+    pointers = read_array(item["jc"])
     numbers, rows = (_array(item[key]) if key in item else [] for key in ("data", "ir"))
-    return csc_array((numbers, rows, pointers), shape=(int(item.attrs["MATLAB_sparse"]), len(pointers) - 1))
+    return from_columns(numbers, rows, pointers, (int(item.attrs["MATLAB_sparse"]), pointers.size - 1))
 
 
 def _array(item: Any) -> Any:
     """Numbers of a data set; complex ones have two fields."""
-    values = np.asarray(item[()])
+    values = read_array(item)
     return values["real"] + 1j * values["imag"] if values.dtype.names else values
 
 
 def _numpy(path: Path, _: str | None) -> list[FileMatrix]:
     """Arrays by name, or the sparse matrix of `scipy.sparse.save_npz`."""
-    with open_input(path) as file, np.load(file, allow_pickle=False) as stored:
-        if len(set(stored.files)) < len(stored.files):
+    arrays = _arrays_of_archive(path)
+    if not {"format", "shape", "data"} <= arrays.keys():
+        return _named(arrays.items())
+    called, shape, values = arrays["format"], arrays["shape"], arrays["data"]
+    layout = called.item() if called.size == 1 else ""
+    layout = layout.decode("latin-1") if isinstance(layout, bytes) else str(layout)
+    builders: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
+        "csc": (from_columns, ("indices", "indptr")), "csr": (from_rows, ("indices", "indptr")),
+        "bsr": (from_blocks, ("indices", "indptr")), "coo": (from_coordinates, ("row", "col")),
+        "dia": (from_diagonals, ("offsets",)),
+    }  # fmt: skip
+    if layout not in builders:
+        raise ValueError(f"its sparse format is {layout!r}; known are {', '.join(builders)}")
+    build, keys = builders[layout]
+    if missing := [key for key in keys if key not in arrays]:
+        raise ValueError(f"it lacks the array {missing[0]}")
+    return [file_matrix(path.stem.lower(), build(values, *(arrays[key] for key in keys), shape))]
+
+
+def _arrays_of_archive(path: Path) -> dict[str, Any]:
+    """The arrays of an NPZ archive by name.
+
+    Raises
+    ------
+    InputFileError
+        If they have no room in memory.
+    ValueError
+        If two have one name, or one is of objects, or is not as long as its header says.
+    """
+    with open_input(path) as file, ZipFile(file) as archive:
+        members = archive.infolist()
+        if len({member.filename for member in members}) < len(members):
             raise ValueError("it holds two arrays of one name")
-        if not {"format", "shape", "data"} <= set(stored.files):
-            return _named(stored.items())
-        file.seek(0)
-        return [file_matrix(path.stem.lower(), load_npz(file))]
+        demand_memory(path, 2 * sum(member.file_size for member in members), "for its arrays")
+        return {member.filename.removesuffix(".npy"): _array_of_member(archive, member) for member in members}
+
+
+def _array_of_member(archive: ZipFile, member: ZipInfo) -> Any:
+    """An array of an archive; its header is checked before there is room made for it."""
+    if member.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
+        raise ValueError(f"{member.filename} is compressed by a method that NumPy does not use")
+    with archive.open(member) as stream:
+        version = np.lib.format.read_magic(stream)
+        if version not in ((1, 0), (2, 0)):
+            raise ValueError(f"{member.filename} has the unknown version {version}")
+        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, fortran, kind = read_header(stream)
+        if kind.hasobject or kind.itemsize == 0:
+            raise ValueError(f"{member.filename} holds {kind}, no numbers")
+        size, rest = math.prod(shape) * kind.itemsize, member.file_size - stream.tell()
+        if min(shape, default=0) < 0 or size != rest:
+            raise ValueError(
+                f"{member.filename} claims {bytes_text(size)} for shape {shape}, and has {bytes_text(rest)}"
+            )
+        values = np.frombuffer(bytearray(stream.read()), dtype=kind)
+    return values.reshape(shape, order="F" if fortran else "C")
 
 
 def _named(items: Iterable[tuple[str, Any]]) -> list[FileMatrix]:

@@ -16,7 +16,8 @@ import h5py
 import numpy as np
 
 from beamsim.errors import InputFileError
-from beamsim.hdf5 import open_hdf5
+from beamsim.hdf5 import open_hdf5, read_array, values_size
+from beamsim.input_files import demand_memory
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
 from beamsim.measurements.signal import (
@@ -72,13 +73,16 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
             datasets[name] = item
 
     with file:
-        if any("MATLAB_class" in item.attrs for item in file.values()):
-            return read_matlab(path)
-        file.visititems(visit)
         try:
-            arrays = {name: _unpacked(name, item) for name, item in datasets.items()}
-        except ValueError as error:
-            raise MeasurementError(f"is damaged: {error}", "export the measurement again") from None
+            if any("MATLAB_class" in item.attrs for item in file.values()):
+                return read_matlab(path)
+            file.visititems(visit)
+            with opening_faults():
+                demand_memory(path, 3 * sum(map(values_size, datasets.values())), "for its channels")
+                arrays = {name: _unpacked(name, item) for name, item in datasets.items()}
+        except (ValueError, OSError, RuntimeError, LookupError, TypeError, ArithmeticError) as error:
+            reason = str(error.args[0] if isinstance(error, KeyError) and error.args else error).partition("\n")[0]
+            raise MeasurementError(f"is damaged: {reason}", "export the measurement again") from None
     return [_signal(name, label_of(name), arrays, path) for name in arrays]
 
 
@@ -160,7 +164,7 @@ def _unpacked(name: str, item: h5py.Dataset) -> _Array:
     unit = stated(next(iter(units), "")) or _heading(name)[1]
     again = "export the values in their unit"
     fault = (f"states several units of {name}: {', '.join(sorted(units))}", again) if len(units) > 1 else None
-    raw = np.asarray(item[()]).ravel()
+    raw = read_array(item).ravel()
     if raw.dtype.names:
         raw = raw["real"] + 1j * raw["imag"]
     missing = _missing(raw, given)
