@@ -7,6 +7,10 @@ of that is found in its headers, before HDF5 makes room for anything.
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -111,3 +115,50 @@ def demand_plausible(dataset: h5py.Dataset) -> None:
         if claimed > max(ALWAYS_READ, MOST_UNPACKED * stored):
             message = f"claims {bytes_text(claimed)} for {what} of {name}, of which {bytes_text(stored)} are stored"
             raise InputFileError(path, message, "it is damaged, or its values were never written: export it again")
+
+
+LONGEST_EXAMINATION_S = 15.0
+_EXAMINE = "import sys; from beamsim.hdf5 import examine; examine(sys.argv[1])"
+
+
+def demand_readable(path: Path | str) -> None:
+    """Refuse a file of another program that HDF5 does not survive: some damage ends the process or holds it for ever.
+
+    Everything in the file is read once by another process; a file that has not changed is examined once.
+
+    Raises
+    ------
+    InputFileError
+        As `beamsim.input_files.open_input`; also if that process ended unexpectedly, or did not end.
+    """
+    with open_input(path):
+        state = Path(path).stat()
+    if not _survived(str(path), state.st_mtime_ns, state.st_size):
+        raise InputFileError(path, "is damaged: the HDF5 library cannot read it to its end", "export it again")
+
+
+@lru_cache(maxsize=256)
+def _survived(path: str, modified: int, size: int) -> bool:
+    """Whether a process that reads the file ends by itself; exceptions are left to the reader, which locates them."""
+    del modified
+    limit_s = LONGEST_EXAMINATION_S + size / 1e7  # of 10 MB/s
+    try:
+        done = subprocess.run([sys.executable, "-c", _EXAMINE, path], capture_output=True, timeout=limit_s, check=False)
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode in (0, 1)  # 1: an exception
+
+
+def examine(path: str) -> None:
+    """Read all attributes and values of a file that may be damaged; for a process of its own."""
+    with open_hdf5(path) as file:
+
+        def visit(_: str, owner: h5py.Group | h5py.Dataset) -> None:
+            for key in owner.attrs:
+                with suppress(Exception):
+                    owner.attrs[key]
+            if isinstance(owner, h5py.Dataset):
+                with suppress(Exception):
+                    read_array(owner)
+
+        file.visititems(visit)

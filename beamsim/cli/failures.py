@@ -41,7 +41,8 @@ def verdict(error: BaseException) -> tuple[int, str]:
     if isinstance(error, BeamsimError):
         return error.exit_code, f"beamsim: {error}"
     if isinstance(error, MemoryError):
-        return ExitCode.USAGE, "beamsim: not enough memory; reduce run.duration or run.sample_rate"
+        reason = f" ({error})" if str(error) else ""
+        return ExitCode.USAGE, f"beamsim: not enough memory{reason}; reduce run.duration, run.sample_rate or the model"
     if isinstance(error, OSError) and error.filename is not None:
         return ExitCode.USAGE, f"beamsim: {error.filename}: {error.strerror}"
     if isinstance(error, OSError) and error.errno in OUTPUT_REFUSED:

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from beamsim.errors import InputFileError
-from beamsim.hdf5 import open_hdf5, read_array, values_size
+from beamsim.hdf5 import demand_readable, open_hdf5, read_array, values_size
 from beamsim.input_files import demand_memory
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
@@ -65,6 +65,7 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
         If it is not an HDF5 file, or damaged.
     """
     with opening_faults():
+        demand_readable(path)
         file = open_hdf5(path)
     datasets: dict[str, h5py.Dataset] = {}
 

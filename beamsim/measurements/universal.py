@@ -106,6 +106,7 @@ def _plain(block: bytes) -> bytes:
     """A data set as pyuff reads it: text in UTF-8, numbers with the exponent E, lines that end where it expects."""
     lines = block.splitlines(keepends=True)
     number, binary = (lines[1][:6].strip(), lines[1][6:7].lower() == b"b") if len(lines) > 1 else (b"", False)
+    _demand_values(number, lines, len(block))
     head, rest = b"".join(lines[:13]), b"".join(lines[13:])
     try:
         head.decode("utf-8")
@@ -119,6 +120,15 @@ def _plain(block: bytes) -> bytes:
         tag, *nodes = (head + rest).splitlines(keepends=True)
         return tag + b" ".join(nodes)
     return head + (_BLANKS.sub(b"", rest) if number in (b"55", b"58") else rest)
+
+
+def _demand_values(number: bytes, lines: list[bytes], size: int) -> None:
+    """Refuse a function (data set 58) that claims more values than its bytes can hold, for which room would be made."""
+    if number == b"58" and len(lines) > 8 and (claimed := re.match(rb"[ ]*\d+[ ]+(\d+)", lines[8][:20])):
+        values = int(claimed[1])
+        if values > size:
+            message = f"cannot be read as a universal file: a data set 58 claims {values} values in {size} bytes"
+            raise MeasurementError(message, "export it again")
 
 
 def _read(path: Path, lines: list[int]) -> Iterator[DataSet]:

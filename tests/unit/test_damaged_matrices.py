@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import pyuff
 import scipy.io
 import scipy.sparse as sp
 
@@ -253,3 +254,31 @@ def test_compressed_matrices_are_those_of_scipy():
     diagonals = MATRIX.todia()
     built = from_diagonals(diagonals.data, diagonals.offsets, diagonals.shape)
     np.testing.assert_array_equal(built.toarray(), MATRIX.toarray())
+
+
+def test_a_file_that_ends_the_process_of_hdf5_is_refused(tmp_path, monkeypatch):
+    for number, end in enumerate(("import os; os.abort()", "import time; time.sleep(60)", "raise OSError")):
+        with h5py.File(path := tmp_path / f"{number}.h5", "w") as file:
+            file["time"], file["a"] = np.arange(9.0), np.ones(9)
+        monkeypatch.setattr("beamsim.hdf5._EXAMINE", end)
+        monkeypatch.setattr("beamsim.hdf5.LONGEST_EXAMINATION_S", 1.5)
+        if "raise" in end:
+            assert len(read_file(path)) == 2
+        else:
+            with pytest.raises(MeasurementError, match="the HDF5 library cannot read it to its end"):
+                read_file(path)
+
+
+def test_a_universal_file_claims_no_more_values_than_it_can_hold(tmp_path):
+    time = np.arange(64) / 100
+    record = pyuff.prepare_58(
+        binary=0, func_type=1, rsp_node=1, rsp_dir=3, ref_dir=0, ref_node=0, data=np.sin(time), x=time, num_pts=64,
+        abscissa_spacing=1, abscissa_inc=0.01, abscissa_spec_data_type=17, ordinate_spec_data_type=12,
+        orddenom_spec_data_type=0, id1="a", ver_num=0, rsp_ent_name="a", ref_ent_name="b",
+    )  # fmt: skip
+    pyuff.UFF(str(tmp_path / "a.uff")).write_sets(record, "overwrite")
+    content = (tmp_path / "a.uff").read_bytes()
+    assert len(read_file(tmp_path / "a.uff")) == 1
+    (tmp_path / "a.uff").write_bytes(content.replace(b"        64", b" 999999999"))
+    with pytest.raises(MeasurementError, match="a data set 58 claims 999999999 values"):
+        read_file(tmp_path / "a.uff")
