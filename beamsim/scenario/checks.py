@@ -13,13 +13,23 @@ from beamsim.scenario.base import Path, Schema, Unfit, counted, path_parts, path
 from beamsim.scenario.body import AtPlace, BetweenPlaces, Body, Located, MovedStop, MovedSupport, OnSupport, Sited
 from beamsim.scenario.connections import HingeStop, PiecewiseLinearSpring, SpringToGround, placed
 from beamsim.scenario.distributed import DistributedLoad, TableShape
-from beamsim.scenario.excitation import Forces, Harmonic, Notch, ProfilePoint, not_harmonic, sine_problems
+from beamsim.scenario.excitation import (
+    Forces,
+    Harmonic,
+    MatchedInput,
+    Notch,
+    ProfilePoint,
+    RandomInput,
+    not_harmonic,
+    sine_problems,
+)
 from beamsim.scenario.files import CurveFile
 from beamsim.scenario.parameters import (
     bounds_of,
     case_count,
     choices_at,
     find_parameters,
+    inputs_with_seed,
     resolve_parameter,
     tolerances_of,
     value_at,
@@ -1160,28 +1170,30 @@ def _cases(scenario: ScenarioParts) -> Problems:
 
 
 def _reliability(scenario: ScenarioParts, vary: Reliability) -> Problems:
-    """Nothing or a whole number that scatters, no limit, a random excitation with a method for numbers alone."""
-    excitation: Any = scenario.excitation
-    random = excitation.kind == "random"
-    if not (vary.parameters or random):
+    """Nothing or a whole number that scatters, no limit, random inputs with a method for numbers alone."""
+    inputs = inputs_with_seed(scenario.excitation)
+    if not (vary.parameters or inputs):
         yield Problem("vary.parameters", "is empty, and the excitation is not random", "list the numbers that scatter")
     if scenario.limits is None:
         yield Problem("limits", "is missing, so that there is nothing to exceed", "add limits: {peak_force: 50 N}")
-    if random and vary.method in ("form", "importance_sampling"):
+    matched = any(isinstance(item, MatchedInput) for _, item in inputs)
+    if inputs and vary.method in ("form", "importance_sampling"):
         yield Problem(
             "vary.method", f"= {vary.method} is for numbers alone, and the excitation is random",
-            "write subset, or monte_carlo",
+            "write monte_carlo" if matched else "write subset, or monte_carlo",
         )  # fmt: skip
+    elif matched and vary.method == "subset":
+        message = "= subset takes small steps between realisations, and a matched record has none between two seeds"
+        yield Problem("vary.method", message, "write monte_carlo")
     for k, parameter in enumerate(vary.parameters):
         with suppress(Unfit):  # is reported with the parameter
             if resolve_parameter(scenario, parameter).whole:
                 message = f"= {parameter.path} is a whole number, which does not scatter"
                 yield problem(("vary", "parameters", k, "path"), message, "leave it out")
-    if any(force.kind == "random" for _, force in excitation.items) and not random:
-        message = "has a random one, of which every history would have the same realisation"
-        yield Problem("excitation.forces", message, "use one random excitation alone")
-    if random and getattr(excitation, "amplitudes", None) == "fixed":
-        yield Problem("excitation.amplitudes", "= fixed is no Gaussian process", "leave it out, or write random")
+    for at, item in inputs:
+        if isinstance(item, RandomInput) and item.amplitudes == "fixed":
+            place = ("excitation", *at, "amplitudes")
+            yield problem(place, "= fixed is no Gaussian process", "leave it out, or write random")
 
 
 def _parameter_problems(scenario: ScenarioParts, parameters: Sequence[Any], section: Path) -> Problems:

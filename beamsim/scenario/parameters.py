@@ -27,6 +27,7 @@ from beamsim.scenario.base import (
     suggestion,
     words_of,
 )
+from beamsim.scenario.excitation import Input, MatchedInput, RandomInput
 from beamsim.scenario.parts import ScenarioParts
 from beamsim.scenario.quantities import FieldType, LevelValue, PositionType, Share, meant
 from beamsim.scenario.studies import (
@@ -351,12 +352,18 @@ class VariedParameter:
 
 
 def varied_parameters(scenario: ScenarioParts) -> tuple[VariedParameter, ...]:
-    """The varied parameters of a scenario that passed its checks, of reliability also the realisation of its noise."""
+    """The varied parameters of a scenario that passed its checks; in a reliability study also the seeds of inputs."""
     assert scenario.study is not None
     numbers = tuple(resolve_parameter(scenario, parameter) for parameter in scenario.study.parameters)
-    if isinstance(scenario.study, Reliability) and scenario.excitation.kind == "random":
-        return (*numbers, _number(scenario, "excitation.seed", [("excitation", "seed")]))
-    return numbers
+    if not isinstance(scenario.study, Reliability):
+        return numbers
+    places = [("excitation", *at, "seed") for at, _ in inputs_with_seed(scenario.excitation)]
+    return (*numbers, *(_number(scenario, path_text(place), [place]) for place in places))
+
+
+def inputs_with_seed(excitation: Input) -> list[tuple[Path, RandomInput | MatchedInput]]:
+    """The inputs whose realisation follows from a seed, each with its path within the excitation."""
+    return [(at, item) for at, item in excitation.items if isinstance(item, RandomInput | MatchedInput)]
 
 
 def drawn_parameters(scenario: ScenarioParts, draws: Mapping[str, list[Any]]) -> tuple[VariedParameter, ...]:

@@ -270,15 +270,16 @@ Variation = Annotated[float, q.Quantity(replace(units.RATIO, example="10 %"), ab
 
 
 class Reliability(Schema):
-    """How likely it is that a limit is exceeded. A random excitation is another one in every history."""
+    """How likely it is that a limit is exceeded. Every history has other realisations of random and matched inputs."""
 
     section: ClassVar[str] = "vary"
 
     kind: Literal["reliability"] = "reliability"
     """The probability of exceeding limits."""
     method: Literal["monte_carlo", "form", "importance_sampling", "subset"] | None = None
-    """Monte Carlo; the first-order reliability method (FORM), which has no interval; importance sampling about the
-    design points, the default; or subset simulation, the default with a random excitation."""
+    """The first-order reliability method (FORM), which has no interval; importance sampling about the
+    design points, the default; subset simulation, the default with random inputs; or Monte Carlo, the default with a
+    matched record."""
     event: Literal["any_limit", "all_limits"] = "any_limit"
     """What is to be unlikely: that any limit is exceeded (a series system), or all of them are (a parallel one)."""
     coefficient_of_variation: Variation | None = None
@@ -291,7 +292,7 @@ class Reliability(Schema):
     seed: q.NotNegativeWhole = 0
     """Seed of the random generator."""
     parameters: tuple[RandomParameter, ...] = ()
-    """The numbers that scatter; none is needed with a random excitation."""
+    """The numbers that scatter; none is needed with a random or matched input."""
     correlations: tuple[Correlation, ...] = ()
     """Which of them go together; all others are independent."""
     responses: tuple[q.Text, ...] = ()

@@ -172,7 +172,7 @@ DEFAULTS = {
     "PadData.branches": "measurements: as few as fit nearly as well as any number",
     "PhaseResonance.levels": "level of the excitation",
     "_Study.responses": "all that the analysis computes",
-    "Reliability.method": "`importance_sampling`; with a random excitation `subset`",
+    "Reliability.method": "`importance_sampling`; with random inputs `subset`, with a matched record `monte_carlo`",
     "Reliability.coefficient_of_variation": "10 %, of a subset simulation 30 %; of the probability",
     "Optimise.responses": "the objectives and what limits are compared with",
     "Optimise.minimise": "the smallest margin of the limits, which is to be large",

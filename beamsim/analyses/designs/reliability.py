@@ -22,7 +22,8 @@ from beamsim.measurements.tables import read_csv
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Unfit, path_text
-from beamsim.scenario.parameters import VariedParameter, read_as
+from beamsim.scenario.excitation import MatchedInput, RandomInput
+from beamsim.scenario.parameters import VariedParameter, inputs_with_seed, read_as
 from beamsim.scenario.studies import LEAST_DATA, Measured, RandomParameter, Reliability, Scattered
 from beamsim.typing import Bools, Floats, of_kind
 
@@ -104,6 +105,20 @@ def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: Varied
     raise scenario.located(ScenarioError(found))
 
 
+def _default_method(inputs: list[RandomInput | MatchedInput]) -> str:
+    """The method where none is written: the realisations of matched records cannot be blended."""
+    if not inputs:
+        return "importance_sampling"
+    return "monte_carlo" if any(isinstance(item, MatchedInput) for item in inputs) else "subset"
+
+
+def _seed_of(parameter: VariedParameter, k: int, blend: sampling.Blend) -> int | str:
+    """The seed of random input ``k``: a blend as it is written, or a number where the field takes no blends."""
+    if parameter.whole:
+        return blend[0][0][k]
+    return " + ".join(f"{share:.6g}*{seeds[k]}" for seeds, share in blend)
+
+
 class Exceedance:
     """The limit state, not positive where the limits are exceeded, of histories that are asked for in batches.
 
@@ -119,12 +134,13 @@ class Exceedance:
     def __init__(self, plan: DesignPlan, evaluate: Evaluator) -> None:
         vary = of_kind(Reliability, plan.scenario.vary)
         self.plan, self.vary, self.scatter = plan, vary, Scatter(plan, vary)
-        self.noise = plan.scenario.excitation.kind == "random"
-        self.method = vary.method or ("subset" if self.noise else "importance_sampling")
+        inputs = [item for _, item in inputs_with_seed(plan.scenario.excitation)]
+        self.noise = bool(inputs)
+        self.method = vary.method or _default_method(inputs)
         self.target = vary.coefficient_of_variation or (0.3 if self.method == "subset" else 0.1)
         self.generator = np.random.default_rng(vary.seed)
         sampling.library().RandomGenerator.SetSeed(vary.seed)
-        self.origin = sampling.points_at(np.zeros((1, len(vary.parameters))), [0] if self.noise else [])
+        self.origin = sampling.points_at(np.zeros((1, len(vary.parameters))), np.zeros((1, len(inputs)), dtype=int))
         self.asked = 0  # histories whose outcomes are known
         self.rounds: list[Round] = []
         self.estimate = sampling.Estimate(math.nan, math.inf)
@@ -142,9 +158,10 @@ class Exceedance:
         return np.where(np.isfinite(beyond).all(axis=0), value, FAILED)
 
     def rows(self, points: sampling.Points) -> list[tuple[Any, ...]]:
-        """The values of the varied parameters at points; a blend as a seed is written."""
-        texts = [[" + ".join(f"{share:.6g}*{seed}" for seed, share in of)] if of else [] for of in points.blends]
-        return [(*x, *text) for x, text in zip(self.scatter.values(points.u).tolist(), texts, strict=True)]
+        """The values of the varied parameters at points; the seed of each random input as a blend is written."""
+        seeds = self.plan.study.varied[len(self.vary.parameters) :]
+        blended = [[_seed_of(parameter, k, of) for k, parameter in enumerate(seeds)] for of in points.blends]
+        return [(*x, *of) for x, of in zip(self.scatter.values(points.u).tolist(), blended, strict=True)]
 
     def kept(self, points: sampling.Points, values: Floats, weights: Floats) -> Bools:
         """Keep those of some samples that are beyond the limits, and say which these are."""

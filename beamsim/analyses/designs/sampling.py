@@ -26,14 +26,16 @@ STEP, NEAR = 1e-4, 1e-5  # of differences, and errors at which the search for th
 FOUND = 0.03  # distance from the limit, in standard deviations, from which the end of the search is no point of it
 
 
-class Points(NamedTuple):
-    """Samples of standard normal variables, and of realisations of a random process.
+Blend = tuple[tuple[tuple[int, ...], float], ...]
+"""Realisations that are blended: of each its seeds, one for each process, and its share; the squares of the shares add
+up to one."""
 
-    A realisation is a blend of those of several seeds: tuples of seed and share, whose squares add up to one.
-    """
+
+class Points(NamedTuple):
+    """Samples of standard normal variables, and of realisations of independent random processes."""
 
     u: Floats  # (n, d)
-    blends: NDArray[np.object_]  # (n,) of tuples, which are empty without a process
+    blends: NDArray[np.object_]  # (n,) of `Blend`
 
     def some(self, which: Any) -> Points:
         """Those with these numbers, or where it is true."""
@@ -51,15 +53,17 @@ class Estimate(NamedTuple):
     variation: float
 
 
-def points_at(u: Floats, seeds: Sequence[int] = ()) -> Points:
-    """Points of coordinates (n, d), with the realisations of seeds."""
-    blends: list[tuple[tuple[int, float], ...]] = [((seed, 1.0),) for seed in seeds] or [()] * len(u)
+def points_at(u: Floats, seeds: Ints | None = None) -> Points:
+    """Points of coordinates (n, d), with the realisations of seeds (n, processes)."""
+    rows: list[list[int]] = [[]] * len(u) if seeds is None else seeds.tolist()
+    blends: list[Blend] = [((tuple(row), 1.0),) for row in rows]
     return Points(u, np.fromiter(blends, dtype=object, count=len(u)))
 
 
 def drawn(generator: np.random.Generator, count: int, like: Points) -> Points:
-    """Independent samples of as many variables as points have, with a realisation where they have one."""
-    seeds = generator.integers(2**31, size=count if like.blends[0] else 0).tolist()
+    """Independent samples of as many variables as points have, with realisations of as many processes."""
+    processes = len(like.blends[0][0][0])
+    seeds = generator.integers(2**31, size=(count, processes))
     return points_at(generator.standard_normal((count, like.u.shape[1])), seeds)
 
 
@@ -96,7 +100,7 @@ def subset_levels(
     state : the limit state.
     generator : of all random numbers.
     count : samples of a level.
-    origin : a point with as many variables as there are, and with a realisation where there is a process.
+    origin : a point with as many variables as there are, and with realisations of as many processes.
 
     Yields
     ------
@@ -140,7 +144,7 @@ def _chains(
     for step in range(1, round(1.0 / KEPT)):
         stays, new = math.sqrt(1.0 - width**2), drawn(generator, count, points)
         blends = [
-            (*((seed, stays * share) for seed, share in old), *((seed, width * share) for seed, share in added))
+            (*((seeds, stays * share) for seeds, share in old), *((seeds, width * share) for seeds, share in added))
             for old, added in zip(points.blends, new.blends, strict=True)
         ]
         tried = Points(stays * points.u + width * new.u, np.fromiter(blends, dtype=object, count=count))
