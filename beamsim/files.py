@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import os
+import platform
 import secrets
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from functools import cache
+from hashlib import sha256
+from itertools import count
 from pathlib import Path
+from typing import IO
 
 from beamsim.errors import NotWrittenError, ResultFileError
 
@@ -31,7 +37,8 @@ def replacing(path: Path | str) -> Iterator[Path]:
     """
     check_writable(path)
     target = Path(path).resolve()
-    temporary = target.with_name(f".beamsim-{secrets.token_hex(6)}.tmp")
+    temporary = _temporary_in(target.parent)
+    _remove_abandoned(target.parent)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
@@ -42,6 +49,92 @@ def replacing(path: Path | str) -> Iterator[Path]:
         raise NotWrittenError(path, error.strerror or str(error)) from error
     finally:
         _remove(temporary)
+
+
+def move_aside(path: Path, file: IO[bytes] | None = None) -> Path:
+    """Rename a file to the first free name of ``path.1``, ``path.2``, ..., so that nothing in it is lost.
+
+    Parameters
+    ----------
+    path : of the file.
+    file : closed first, on systems that cannot rename open files.
+
+    Returns
+    -------
+    The new name.
+
+    Raises
+    ------
+    OSError
+        If it cannot be renamed.
+    """
+    if file is not None:
+        file.close()
+    free = next(aside for k in count(1) if not (aside := path.with_name(f"{path.name}.{k}")).exists())
+    os.rename(path, free)
+    return free
+
+
+@cache
+def _machine() -> str:
+    """What tells this machine, or this container, from others that write to the same folder."""
+    with suppress(OSError):  # process numbers are those of a container
+        return sha256(f"{platform.node()} {os.readlink('/proc/self/ns/pid')}".encode()).hexdigest()[:12]
+    return sha256(platform.node().encode()).hexdigest()[:12]
+
+
+def _temporary_in(folder: Path) -> Path:
+    """A name for a temporary file, which says which process of which machine writes it."""
+    return folder / f".beamsim-{_machine()}-{os.getpid()}-{secrets.token_hex(6)}.tmp"
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove the temporary files of processes of this machine that were killed; those of other machines stay."""
+    if sys.platform == "win32":  # which has no harmless way to ask for a process
+        return
+    with suppress(OSError):
+        for path in folder.glob(f".beamsim-{_machine()}-*-*.tmp"):
+            process = path.name.split("-")[2]
+            if process.isdecimal() and not _runs(int(process)):
+                _remove(path)
+
+
+def _runs(process: int) -> bool:
+    """Whether a process of this machine exists."""
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:  # it belongs to another user
+        return True
+    return True
+
+
+_PROTECTED: ContextVar[tuple[Path, ...] | None] = ContextVar("protected", default=None)
+
+
+@contextmanager
+def protecting(paths: Iterable[Path]) -> Iterator[None]:
+    """Refuse within the block to write over these files, and those of `protect`, by whatever name or link."""
+    before = _PROTECTED.set(tuple(paths))
+    try:
+        yield
+    finally:
+        _PROTECTED.reset(before)
+
+
+def protect(path: Path) -> None:
+    """Add a file that a command reads to those that `protecting` protects; without effect outside of its block."""
+    protected = _PROTECTED.get()
+    if protected is not None:
+        _PROTECTED.set((*protected, path.absolute()))
+
+
+def _refuse_protected(target: Path, path: Path | str) -> None:
+    for file in _PROTECTED.get() or ():
+        with suppress(OSError):
+            if target.exists() and target.samefile(file):
+                raise ResultFileError(f"cannot write {path}: this command reads that file; choose another path with -o")
 
 
 def _remove(path: Path) -> None:
@@ -89,12 +182,13 @@ def _check_writable(target: Path, path: Path | str) -> None:
     if target.exists() and not target.is_file():
         kind = "a folder" if target.is_dir() else "not a regular file"
         raise ResultFileError(f"cannot write {path}: it is {kind}; choose another path with -o")
+    _refuse_protected(target, path)
     folder = target.parent
     while not folder.exists():
         folder = folder.parent
     if not folder.is_dir():
         raise ResultFileError(f"cannot write {path}: {folder} is not a folder; choose another path with -o")
-    probe = folder / f".beamsim-{secrets.token_hex(6)}.tmp"
+    probe = _temporary_in(folder)
     try:  # permissions alone do not tell (administrators, network drives, read-only mounts)
         probe.touch()
     except OSError as error:

@@ -15,6 +15,7 @@ import typer
 
 from beamsim.cli.failures import guarded
 from beamsim.cli.options import OPTIONS, Case, Given, Stored
+from beamsim.files import protecting
 from beamsim.kinds import TemplateKind
 from beamsim.version import __version__
 
@@ -56,7 +57,9 @@ def command(first: Any, *names: str) -> Callable[[Callable[..., None]], Callable
         def called(**values: Any) -> None:
             values.pop("debug")
             given = Given(**{name: values.pop(name) for name in Given._fields if name in values})
-            function(given, **values)
+            read = [given.case, *(item for name, value in values.items() if name != "file" for item in _paths(value))]
+            with protecting(path for path in read if path != Path()):
+                function(given, **values)
 
         called.__name__, called.__doc__ = function.__name__, function.__doc__
         parameters = Signature([*arguments, *options, *shared.values(), debug])
@@ -65,6 +68,11 @@ def command(first: Any, *names: str) -> Callable[[Callable[..., None]], Callable
         return function
 
     return registered
+
+
+def _paths(value: Any) -> list[Path]:
+    """The files among the values of an option."""
+    return [item for item in (value if isinstance(value, list) else [value]) if isinstance(item, Path)]
 
 
 DecimalOption = Annotated[

@@ -20,7 +20,7 @@ from beamsim.outcomes import exit_code
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import scale_for, shown_in
 from beamsim.scenario import Scenario, load_scenario
-from beamsim.store.results import keep_result
+from beamsim.store.results import destination, keep_result
 
 _Result = TypeVar("_Result", bound=Result)
 Compute = Callable[[Progress, Interruption], _Result]
@@ -95,6 +95,7 @@ def conclude(
     VerdictError
         If the result is not complete or reliable, a signal left out its plots, or a limit that is checked is not met.
     """
+    target = destination(result, target)
     with shown_in(result.scenario.display_scales):
         files = [target, *others]
         if not given.no_plots and not interrupted():

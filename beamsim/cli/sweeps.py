@@ -20,12 +20,12 @@ from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
-from beamsim.files import replacing
+from beamsim.files import move_aside, replacing
 from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import plain
-from beamsim.store.results import holds, keep_result, open_result, write_result
+from beamsim.store.results import holds, is_partial, keep_result, open_result, partial_file, write_result
 from beamsim.store.studies import Journal, journal_path, opened_journal, stored_study
 from beamsim.trust import checked
 from beamsim.version import __version__
@@ -84,7 +84,15 @@ def _kind(scenario: Scenario) -> str:
 def _sweep_sine(scenario: Scenario, target: Path, given: Given, *, resume: bool) -> None:
     """Compute a swept or stepped sine, saving partial results."""
 
+    def keep_earlier() -> None:
+        if not resume and not begun and is_partial(target):
+            say(f"beamsim: warning: starting again; the partial sweep of before is kept in {move_aside(target)}")
+        begun.append(True)
+
+    begun: list[bool] = []
+
     def save(part: SweepResult) -> None:
+        keep_earlier()
         with suppress(NotWrittenError):  # the whole result is kept elsewhere if there is still no room
             write_result(part, target)
 
@@ -96,12 +104,13 @@ def _sweep_sine(scenario: Scenario, target: Path, given: Given, *, resume: bool)
             )  # fmt: skip
         if not result.curves:  # it was interrupted before its first cycle
             raise KeyboardInterrupt
+        keep_earlier()
         return result
 
     concluded("sweep", target, given, computed, "sweeping")
 
 
-def _earlier(path: Path | str, scenario: Scenario) -> SweepResult | None:
+def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
     """The partial result of an interrupted sweep of the same scenario; None if there is no file.
 
     Raises
@@ -109,14 +118,16 @@ def _earlier(path: Path | str, scenario: Scenario) -> SweepResult | None:
     ResultFileError
         If the file is of another scenario, or damaged.
     """
-    if not Path(path).exists():
-        return None
-    stored: SweepResult = open_result(path, "sweep")
-    if stored.scenario != scenario:
+    files = [file for file in (path, partial_file(path)) if file.exists()]
+    for file in files:
+        stored: SweepResult = open_result(file, "sweep")
+        if stored.scenario == scenario:
+            return stored
+    if files:
         raise ResultFileError(
             f"{path}: contains a sweep of another scenario; leave out --resume, or choose another path with -o"
         )
-    return stored
+    return None
 
 
 def continue_motions(
@@ -183,7 +194,7 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, *, resume: boo
         except BaseException as error:
             if isinstance(error, ResultFileError) or not journal.outcomes:
                 raise
-            kept = f"{len(journal.outcomes)} of {cases} cases are in {target}; --resume computes the others"
+            kept = f"{len(journal.outcomes)} of {cases} cases are kept in {path}; --resume computes the others"
             if isinstance(error, KeyboardInterrupt):
                 code = exit_code(COMPLETE, signal=interrupted.signal or SIGINT)
                 raise VerdictError(f"interrupted; {kept}", code) from None
@@ -210,9 +221,7 @@ def _finished(kind: str, target: Path, given: Given, **same: object) -> bool:
 
 def _say_known(journal: Journal, cases: str, given: Given) -> None:
     """What of the cases an earlier call has computed."""
-    if journal.dropped:
-        say(f"beamsim: warning: starting again; --resume would have kept {journal.dropped}{cases}")
-    elif journal.outcomes and not given.quiet:
+    if journal.outcomes and not given.quiet:
         say(f"beamsim: {len(journal.outcomes)}{cases} are already computed")
 
 

@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from beamsim.errors import ScenarioError
+from beamsim.files import protect
 from beamsim.scenario.base import (
     MEANT,
     Path,
@@ -85,7 +86,10 @@ def load_scenario(
     if overrides:
         root = apply_overrides(root, overrides)
     try:
-        return _validated(root).with_source(name, root)
+        scenario = _validated(root).with_source(name, root)
+        for at, file in named_files(scenario):
+            protect(scenario.folder_of(*at) / file)
+        return scenario
     except ScenarioError as error:
         unused = _unused(root, command)
         if not all(path_parts(found.path)[:1] and path_parts(found.path)[0] in unused for found in error.problems):

@@ -25,6 +25,7 @@ from typing import Any
 import yaml
 
 from beamsim.errors import InputFileError, Problem, ScenarioError
+from beamsim.files import protect
 from beamsim.input_files import read_input
 from beamsim.scenario.base import Path, Unfit, counted, path_parts, path_text, single_line, suggestion
 from beamsim.scenario.body import DEFAULT_NAMES
@@ -360,6 +361,7 @@ def read_file(path: FilePath) -> Any:
     ScenarioError
         If the file cannot be read, is too long, is not text, or is not YAML.
     """
+    protect(path)
     file = str(path)
     try:
         raw = read_input(path, 4 * MOST_CHARACTERS, _KEEP_APART)

@@ -53,6 +53,7 @@ def write_result(result: Result, path: Path | str) -> Path:
     ResultFileError
         If the file cannot be written (no permission, disk full, a folder of that name).
     """
+    path = destination(result, Path(path))
     items = items_of(result)
     items["/"].attributes |= {
         "schema_version": SCHEMA_VERSION,
@@ -61,7 +62,29 @@ def write_result(result: Result, path: Path | str) -> Path:
     }
     items["/summary"] = Item(encode_summary(result.summary))
     write_items(items, path)
-    return Path(path)
+    return path
+
+
+def destination(result: Result, path: Path) -> Path:
+    """Where a result is written: ``path``, or ``NAME_partial.h5`` if it is partial and the file there is complete."""
+    return partial_file(path) if result.outcome.cut_short and _is(path, partial=False) else path
+
+
+def partial_file(path: Path) -> Path:
+    """File of a partial result where a complete one is in the file ``path``."""
+    return path.with_name(f"{path.stem}_partial{path.suffix}")
+
+
+def is_partial(path: Path) -> bool:
+    """Whether a file is a result of which something requested was not computed."""
+    return _is(path, partial=True)
+
+
+def _is(path: Path, *, partial: bool) -> bool:
+    try:
+        return path.exists() and bool(open_result(path).outcome.cut_short) == partial
+    except ResultFileError:
+        return False
 
 
 def keep_result(result: Result, path: Path | str) -> None:

@@ -2,30 +2,35 @@
 
 Each case is written to a journal beside the file as soon as it is solved, so that a killed study can be resumed. The
 first line of the journal identifies the study, followed by a line of JSON for every case in the order of completion.
-Numbers are read back without loss. An incomplete last line, from a process that was killed, is cut off.
+Numbers are read back without loss. Lines that are damaged or incomplete are ignored and reported. Nothing is removed
+from a journal: one that is not continued is moved aside.
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import os
+import sys
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
-from beamsim.errors import ResultFileError
-from beamsim.files import check_writable
+from beamsim.errors import NotWrittenError, ResultFileError
+from beamsim.files import check_writable, move_aside
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
+from beamsim.scenario.base import counted
 from beamsim.store.results import keep_result, write_result
 from beamsim.trust.studies import design_study
 from beamsim.version import __version__
 
+_LOG = logging.getLogger(__name__)
 SAVED_EVERY_S = 30.0  # interval between updates of the result file
 
 
@@ -75,7 +80,8 @@ def stored_study(
             saved = clock.monotonic()
 
     def save() -> None:
-        write_result(gather(plan, journal.outcomes, clock.monotonic() - begin), target)
+        with suppress(NotWrittenError):  # every case is in the journal
+            write_result(gather(plan, journal.outcomes, clock.monotonic() - begin), target)
 
     try:
         result = design_study(
@@ -83,10 +89,10 @@ def stored_study(
             stop=stop,
         )  # fmt: skip
     except BaseException:
-        if journal.kept:
+        if journal.added:
             save()
         raise
-    if journal.kept:
+    if journal.added or result.finished:
         keep_result(result, target)
     if result.finished:
         journal.remove()
@@ -161,7 +167,10 @@ def journal_path(target: Path) -> Path:
 
 @contextmanager
 def opened_journal(path: Path, fingerprint: str, *, resume: bool) -> Iterator[Journal]:
-    """The journal of one study, for one process at a time; it goes with the block where nothing was solved.
+    """The journal of one study, for one process at a time; an empty one goes with the block.
+
+    Nothing that was solved is lost: a journal that is not continued stays as it is until the first case of the new
+    study is solved, and is then moved aside.
 
     Parameters
     ----------
@@ -181,39 +190,47 @@ def opened_journal(path: Path, fingerprint: str, *, resume: bool) -> Iterator[Jo
     """
     check_writable(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with open(path, "a+b") as file:
-        _lock(file, path)
-        journal = Journal(path, file, _line({"study": f"{fingerprint} by beamsim {__version__}"}), resume=resume)
-        try:
-            yield journal
-        finally:
-            if not journal.kept:
-                journal.remove()
+    journal = Journal(path, _line({"study": f"{fingerprint} by beamsim {__version__}"}), resume=resume)
+    try:
+        yield journal
+    finally:
+        journal.close()
 
 
 class Journal:
     """The cases of a study that are solved; see `opened_journal`."""
 
-    def __init__(self, path: Path, file: IO[bytes], header: bytes, *, resume: bool) -> None:
-        self.path, self._file = path, file
+    def __init__(self, path: Path, header: bytes, *, resume: bool) -> None:
+        self.path, self._header = path, header
         self.kept: list[CaseOutcome] = []  # in the order of completion; of some cases also with a comparison
-        self.dropped = 0  # solved cases of this study that are discarded without resume
-        file.seek(0)
-        lines = file.read().splitlines(keepends=True)
-        known, size = _outcomes(lines[1:]) if lines[:1] == [header] else ([], 0)
-        if not resume:
-            self.dropped = len({outcome.index for outcome in known})
-        elif lines[:1] == [header]:
-            self.kept = known
-            file.truncate(len(header) + size)
+        self.added = False  # whether a case was solved since it was opened
+        self._file = _opened_and_locked(path)
+        try:
+            self._read(resume=resume)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _read(self, *, resume: bool) -> None:
+        content = self._file.read()
+        lines = content.splitlines(keepends=True)
+        self._complete_line = content.endswith(b"\n")
+        self._to_move = bool(lines) and not resume
+        if not resume or not lines:
             return
-        elif lines and lines[0].endswith(b"\n"):
+        if lines[0] == self._header:
+            self.kept, damaged = _outcomes(lines[1:])
+            if damaged:
+                numbers = ", ".join(map(str, damaged[:20])) + (", ..." if len(damaged) > 20 else "")
+                text = "warning: %s: %s damaged and ignored, and solved again: line %s"
+                _LOG.warning(text, self.path, counted(len(damaged), "line is", "lines are"), numbers)
+        elif self._header.startswith(content):  # its writer was killed before any case was solved
+            self._to_move = True
+        else:
             raise ResultFileError(
-                f"{path}: belongs to another study (the scenario, its values or the version of beamsim differ); "
-                "leave out --resume to start again, or choose another path with -o"
+                f"{self.path}: belongs to another study (the scenario, its values or the version of beamsim differ); "
+                "leave out --resume to move it aside and start again, or choose another path with -o"
             )
-        file.truncate(0)
-        self._write(header)
 
     @property
     def outcomes(self) -> dict[int, CaseOutcome]:
@@ -221,36 +238,125 @@ class Journal:
         return {outcome.index: outcome for outcome in sorted(self.kept, key=lambda outcome: outcome.compared)}
 
     def add(self, outcome: CaseOutcome) -> None:
-        """Write one case."""
-        self.kept.append(outcome)
-        self._write(_line({**vars(outcome), "outcome": outcome.outcome.as_dict()}))
+        """Write one case.
 
-    def _write(self, line: bytes) -> None:
-        self._file.write(line)
-        self._file.flush()
+        Raises
+        ------
+        NotWrittenError
+            If there is no room for it.
+        """
+        line = _line({**vars(outcome), "outcome": outcome.outcome.as_dict()})
+        try:
+            if self._to_move:
+                self._move_aside()
+            if self._file.tell() == 0:
+                line = self._header + line
+            elif not self._complete_line:
+                line = b"\n" + line
+            _write(self._file, line)
+        except OSError as error:
+            remedy = f"the {counted(len(self.kept), 'case')} before are kept; make room and continue with --resume"
+            raise NotWrittenError(self.path, error.strerror or str(error), remedy) from error
+        self._complete_line = self.added = True
+        self.kept.append(outcome)
+
+    def _move_aside(self) -> None:
+        """Give the journal found here another name, and begin a new one."""
+        aside = move_aside(self.path, self._file if sys.platform == "win32" else None)
+        earlier, self._file = self._file, _opened_and_locked(self.path)
+        earlier.close()
+        self._to_move, self._complete_line = False, True
+        _LOG.warning("warning: starting again; the cases solved before are kept in %s", aside)
 
     def remove(self) -> None:
         """Remove the journal once everything is in the result file."""
         self._file.close()  # Windows cannot remove open files
-        self.path.unlink(missing_ok=True)
+        if not self._to_move:
+            self.path.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Close the journal; one without any content is removed."""
+        if self._file.closed:
+            return
+        empty = os.fstat(self._file.fileno()).st_size == 0
+        if empty and sys.platform != "win32":
+            self.path.unlink(missing_ok=True)  # before it is unlocked, so that no other process has it
+        self._file.close()
+        if empty and sys.platform == "win32":
+            self.path.unlink(missing_ok=True)
 
 
 def _line(values: object) -> bytes:
     return f"{json.dumps(values, ensure_ascii=False)}\n".encode()
 
 
-def _outcomes(lines: Iterable[bytes]) -> tuple[list[CaseOutcome], int]:
-    """The cases in lines up to the first that is incomplete, and their size in bytes."""
-    outcomes, size = list[CaseOutcome](), 0
-    for line in lines:
+def _write(file: IO[bytes], data: bytes) -> None:
+    """Write all bytes to an unbuffered file, which may take them in parts."""
+    rest = memoryview(data)
+    while rest:
+        rest = rest[file.write(rest) :]
+
+
+def _outcomes(lines: Iterable[bytes]) -> tuple[list[CaseOutcome], list[int]]:
+    """The cases in the lines after the first one, and the numbers of lines in the file that hold none."""
+    outcomes, damaged = list[CaseOutcome](), list[int]()
+    for number, line in enumerate(lines, 2):
         try:
-            case = json.loads(line if line.endswith(b"\n") else b"")
-            read = {name: tuple(case[name]) for name in ("given", "warnings")}
-            outcomes.append(CaseOutcome(**{**case, **read, "outcome": Outcome.from_dict(case["outcome"])}))
-        except (KeyError, TypeError, ValueError):
-            break
-        size += len(line)
-    return outcomes, size
+            outcomes.append(_outcome(json.loads(line)))
+        except (AttributeError, LookupError, TypeError, ValueError, RecursionError):
+            damaged.append(number)
+    return outcomes, damaged
+
+
+def _outcome(case: Any) -> CaseOutcome:
+    """The case that a line holds.
+
+    Raises
+    ------
+    AttributeError, LookupError, TypeError, ValueError
+        If it is damaged.
+    """
+    outcome = Outcome.from_dict(case["outcome"])
+    read = {name: tuple(case[name]) for name in ("given", "warnings")}
+    found = CaseOutcome(**{**case, **read, "outcome": outcome})
+    responses = [value for item in found.values.values() for value in (item if isinstance(item, list) else [item])]
+    margins = [value for margin in found.margins.values() for value in margin.values()]
+    right = (
+        type(found.index) is int and found.index >= 0 and type(found.compared) is bool
+        and all(map(_is_number, [*responses, found.processor_time_s]))
+        and isinstance(case["given"], list)
+        and isinstance(case["warnings"], list) and all(isinstance(text, str) for text in found.warnings)
+        and all(value is None or isinstance(value, str | bool) or _is_number(value) for value in margins)
+    )  # fmt: skip
+    if not right or not isinstance(outcome.text, str):
+        raise ValueError("not a case")
+    return found
+
+
+def _is_number(value: object) -> bool:
+    return type(value) in (int, float)
+
+
+def _opened_and_locked(path: Path) -> IO[bytes]:
+    """The file at a path, made if it is missing, locked for this process and at its beginning.
+
+    Raises
+    ------
+    ResultFileError
+        If another process has locked it.
+    """
+    while True:
+        file = open(path, "a+b", buffering=0)  # noqa: SIM115
+        try:
+            _lock(file, path)
+            file.seek(0)
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(file.fileno()), path.stat()):
+                    return file
+        except BaseException:
+            file.close()
+            raise
+        file.close()  # another process removed or moved it between opening and locking
 
 
 def _lock(file: IO[bytes], path: Path) -> None:

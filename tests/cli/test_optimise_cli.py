@@ -91,7 +91,7 @@ def test_an_interrupted_search_goes_on_where_it_was(monkeypatch, heeded):
     monkeypatch.setattr(CaseSolver, "__call__", solve)
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
     assert done.exit_code == 130, done.output
-    assert "24 of at most 60 cases are in case.h5; --resume computes the others" in done.output
+    assert "24 of at most 60 cases are kept in case.h5.partial; --resume computes the others" in done.output
     assert "has tried 24 of at most 60 designs" in beamsim.open_result("case.h5").status
     again = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--resume")
     assert again.exit_code == 0, again.output

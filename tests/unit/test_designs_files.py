@@ -1,5 +1,8 @@
 """Result file, journal, tables and pictures of design studies, from outcomes that no solver made."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from sampling import slow_after
@@ -8,6 +11,7 @@ from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
+from beamsim.files import protecting, replacing
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.drawing import save_figures
@@ -189,7 +193,7 @@ def test_a_journal_cut_anywhere_keeps_every_whole_line(tmp_path):
     for cut in sorted({*range(0, len(whole) + 1, 41), *ends, *(end - 1 for end in ends)}):
         path.write_bytes(whole[:cut])
         with opened_journal(path, "print", resume=True) as journal:
-            expected = max(0, sum(end <= cut for end in ends) - 1)
+            expected = max(0, sum(end - 1 <= cut for end in ends) - 1)  # a whole line may lack its end
             assert same(outcomes(expected), journal.outcomes.values())
             journal.add(outcomes(4)[3])  # the broken line is gone, so this one can be read
         with opened_journal(path, "print", resume=True) as journal:
@@ -204,9 +208,77 @@ def test_a_journal_of_another_study(tmp_path):
     with pytest.raises(ResultFileError, match="another study"), opened_journal(path, "two", resume=True):
         pass
     with opened_journal(path, "one", resume=False) as anew:
-        assert (anew.outcomes, anew.dropped) == ({}, 1)
+        assert (anew.outcomes, anew.added) == ({}, False)
     with opened_journal(path, "two", resume=False) as other:
-        assert (other.outcomes, other.dropped) == ({}, 0)
+        assert (other.outcomes, other.added) == ({}, False)
+
+
+DAMAGED = [
+    b"7",
+    b"[1]",
+    b"null",
+    b"{}",
+    b"[" * 100_000,
+    b'{"index": "x"}',
+    b"\0\0",
+    b"\xff\xfe",
+    b'"text"',
+    b"1" * 10_000,
+]
+
+
+@pytest.mark.parametrize("line", DAMAGED, ids=range(len(DAMAGED)))
+def test_damaged_lines_of_a_journal_are_dropped_and_reported(line, tmp_path, caplog):
+    path = tmp_path / "x.partial"
+    with opened_journal(path, "print", resume=False) as journal:
+        for item in outcomes(3):
+            journal.add(item)
+    lines = path.read_bytes().splitlines()
+    path.write_bytes(b"\n".join([*lines[:2], line, *lines[2:]]) + b"\n")
+    with opened_journal(path, "print", resume=True) as journal:
+        assert same(outcomes(3), journal.outcomes.values())
+    assert "line 3" in caplog.text
+
+
+def test_a_journal_is_kept_until_another_study_has_a_case(tmp_path):
+    path = tmp_path / "x.partial"
+    with opened_journal(path, "one", resume=False) as journal:
+        journal.add(outcomes(1)[0])
+    before = path.read_bytes()
+    with opened_journal(path, "two", resume=False):
+        pass
+    assert path.read_bytes() == before
+    with opened_journal(path, "two", resume=False) as journal:
+        journal.add(outcomes(2)[1])
+    assert (tmp_path / "x.partial.1").read_bytes() == before
+
+
+def test_temporary_files_of_killed_processes_are_removed(tmp_path):
+    """A process that has ended, one that runs (this one), and one of another machine."""
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    with replacing(tmp_path / "x") as temporary:
+        temporary.write_text("x")
+        begin, machine, own, *_ = temporary.name.split("-")
+        others = {
+            name: tmp_path / f"{begin}-{name}-0.tmp"
+            for name in (f"{machine}-{ended.pid}", f"{machine}-{own}", f"0-{ended.pid}")
+        }
+        for path in others.values():
+            path.touch()
+    with replacing(tmp_path / "y") as temporary:
+        temporary.write_text("y")
+    assert [path.exists() for path in others.values()] == [False, True, True]
+
+
+def test_a_file_that_is_read_is_not_written_over(tmp_path):
+    read, link, other = tmp_path / "a.h5", tmp_path / "b.h5", tmp_path / "c.h5"
+    read.touch()
+    link.symlink_to(read)
+    other.hardlink_to(read)
+    for target in (read, link, other):
+        with protecting([read]), pytest.raises(ResultFileError, match="reads that file"), replacing(target):
+            pass
 
 
 def test_a_journal_in_use_is_left_alone(tmp_path):
