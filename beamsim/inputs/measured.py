@@ -265,7 +265,7 @@ def read_profile(table: CurveFile, folder: Path, takes: tuple[str, ...]) -> tupl
 
 
 def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequency: Floats) -> Floats | None:
-    """A limit over frequency, straight between its points on logarithmic axes.
+    """A limit over frequency, straight between its points on logarithmic axes; the lower value at a step.
 
     Parameters
     ----------
@@ -288,11 +288,14 @@ def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequ
     if points is None:
         return None
     dimensions = Limits.curves[limit]
-    along, level, said = read_curve(points, scenario.folder_of(*at, "file"), at, dimensions)
+    along, level, said = read_curve(points, scenario.folder_of(*at, "file"), at, dimensions, steps=True)
     if (said or next(iter(dimensions))) != quantity:
         return None
     with np.errstate(divide="ignore"):
-        return on_curve(frequency, along, level, np.nan)
+        limits = on_curve(frequency, along, level, np.nan)
+    for k in np.flatnonzero(np.diff(along) == 0.0):
+        limits[np.isclose(frequency, along[k], rtol=1e-9, atol=0.0)] = level[k : k + 2].min()
+    return limits
 
 
 def on_curve(frequency: Floats | float, along: Floats, level: Floats, outside: float | None = None) -> Floats:
@@ -313,7 +316,12 @@ def on_curve(frequency: Floats | float, along: Floats, level: Floats, outside: f
 
 
 def read_curve(
-    given: tuple[tuple[float, float], ...] | CurveFile, folder: Path, at: Keys, dimensions: Mapping[str, Dimension]
+    given: tuple[tuple[float, float], ...] | CurveFile,
+    folder: Path,
+    at: Keys,
+    dimensions: Mapping[str, Dimension],
+    *,
+    steps: bool = False,
 ) -> tuple[Floats, Floats, str | None]:
     """Frequencies, Hz, and values in SI units of a curve, and the quantity of the values, where it is said.
 
@@ -323,6 +331,7 @@ def read_curve(
     folder : where its path begins.
     at : path of the key.
     dimensions : what the values may be, by quantity.
+    steps : whether two points within a file may have one frequency.
 
     Raises
     ------
@@ -330,7 +339,7 @@ def read_curve(
         If it is a file that cannot be read, or no table of frequencies and values.
     """
     if isinstance(given, CurveFile):
-        return _read_table(given, folder, path_text(at), dimensions)
+        return _read_table(given, folder, path_text(at), dimensions, steps=steps)
     frequency, value = np.transpose(given)
     return frequency, value, meant(given[0][1])
 

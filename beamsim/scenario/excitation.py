@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, TypeVar
@@ -639,6 +639,18 @@ class PsdPoint(Schema):
             raise Unfit("needs either density or slope", "give one of the two, for example density: 0.01 g^2/Hz")
 
 
+def _demand_rising_or_steps(frequency: Sequence[float], at: Callable[[int], Path]) -> None:
+    """Refuse frequencies, Hz, that fall, or stay other than at a step: two equal ones, not at an end of the list.
+
+    ``at`` is the path of a frequency, by its index.
+    """
+    remedy = "list them from the lowest to the highest; two points at one frequency within the band are a step"
+    for k, (before, here) in enumerate(pairwise(frequency), 1):
+        again = here == before and (k in (1, len(frequency) - 1) or frequency[k - 2] == here)
+        if here < before or again:
+            raise Unfit(f"= {here:g} Hz does not lie above the one before, {before:g} Hz", remedy, at(k))
+
+
 def density_table(points: Sequence[PsdPoint]) -> tuple[tuple[float, float], ...]:
     """Frequencies, Hz, and densities, SI, of a table with slopes and steps.
 
@@ -648,11 +660,8 @@ def density_table(points: Sequence[PsdPoint]) -> tuple[tuple[float, float], ...]
         If the frequencies fall, or are those of a point that follows from nothing, or a density is out of range.
     """
     frequency = [point.frequency for point in points]
+    _demand_rising_or_steps(frequency, lambda k: (k, "frequency"))
     for k, (before, here) in enumerate(pairwise(frequency), 1):
-        in_order = "list them from the lowest to the highest; two points at one frequency within the band are a step"
-        again = here == before and (k in (1, len(frequency) - 1) or frequency[k - 2] == here)
-        if here < before or again:
-            raise Unfit(f"= {here:g} Hz does not lie above the one before, {before:g} Hz", in_order, (k, "frequency"))
         if here == before and points[k].slope is not None:
             raise Unfit("is that of a line between two points at one frequency", "give the density", (k, "slope"))
     first = points[0].density
@@ -760,10 +769,10 @@ ShockCurve = Annotated[
 ]  # fmt: skip
 
 
-def check_curve(points: tuple[tuple[float, float], ...] | CurveFile, at: Path) -> None:
-    """Refuse points of a curve at a path that fall in frequency; a file is not read."""
+def check_limit_curve(points: tuple[tuple[float, float], ...] | CurveFile, at: Path) -> None:
+    """Refuse points of a limit at a path that fall in frequency, other than a step; a file is not read."""
     if not isinstance(points, CurveFile):
-        demand_rising((f for f, _ in points), "Hz", lambda k: (*at, k, 0))
+        _demand_rising_or_steps([f for f, _ in points], lambda k: (*at, k, 0))
 
 
 class MatchedInput(Driven):
@@ -792,7 +801,8 @@ class MatchedInput(Driven):
     def check(self) -> None:
         """Refuse a curve that is none, and what is no acceleration of the base along a line."""
         super().check()
-        check_curve(self.srs, ("srs",))
+        if not isinstance(self.srs, CurveFile):  # no record has a spectrum with a step
+            demand_rising((f for f, _ in self.srs), "Hz", lambda k: ("srs", k, 0))
         if not self.on_base or self.rotates or self.quantity != "acceleration":
             raise Unfit("is an acceleration of the base along a direction",
                         "write applied_to: base, without quantity or rotation", ("kind",))  # fmt: skip

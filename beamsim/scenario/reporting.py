@@ -10,7 +10,7 @@ from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants, within
 from beamsim.scenario.body import Body, Sited
-from beamsim.scenario.excitation import About, AtLeastTwo, ShockCurve, check_curve, point_of
+from beamsim.scenario.excitation import About, AtLeastTwo, ShockCurve, check_limit_curve, point_of
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
 from beamsim.scenario.units import Dimension
 
@@ -198,7 +198,7 @@ class Limits(Schema):
     srs: dict[q.Name, ShockCurve] | None = None
     """By probe, input or support that moves (support left) a curve that the maximax shock response spectrum (run.srs)
     must not exceed: pairs of frequency and acceleration, [[100 Hz, 20 g], [1 kHz, 90 g]], or a CSV file; log-log
-    interpolation between them."""
+    interpolation between them. Two points at one frequency are a step, in all curves; the lower one holds there."""
     psd: dict[q.Name, DensityCurve] | None = None
     """By probe, input or snubber a curve that the spectral density of a stationary input's response must not exceed:
     pairs of frequency and density, [[20 Hz, 0.01 g^2/Hz], [200 Hz, 0.1 g^2/Hz]], or a CSV file; that of a snubber's
@@ -218,7 +218,7 @@ class Limits(Schema):
         if not self.given:
             raise Unfit("limit nothing", "give for example limits: {peak_force: 50 N, bending_stress: 80 MPa}")
         for name, place, points in self.given_curves():
-            check_curve(points, (name, place))
+            check_limit_curve(points, (name, place))
 
     def named_in_addition(self) -> dict[str, object]:
         """Curves that may be of several quantities, with the units that say which."""

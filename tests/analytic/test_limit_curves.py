@@ -9,7 +9,8 @@ from scipy.signal import welch
 import beamsim
 from beamsim.analyses.values import limits_not_met
 from beamsim.errors import ScenarioError
-from beamsim.scenario import load_scenario
+from beamsim.inputs.measured import limit_curve
+from beamsim.scenario import load_scenario, units
 from beamsim.store.results import open_result, write_result
 
 G = 9.80665
@@ -59,6 +60,42 @@ def test_a_curve_from_a_file(tmp_path):
     item = beamsim.run(load_scenario(tmp_path / "case.yaml")).summary["margins"]["srs.input"]
     assert item["margin_db"] == pytest.approx(20.0 * math.log10(5.0 / 4.0), abs=2e-3)
     assert item["verdict"] == "ok"
+
+
+STEPS_DOWN = [("100 Hz", 10.0), ("200 Hz", 10.0), ("200 Hz", 3.0), ("400 Hz", 3.0)]
+STEPS_UP = [("0.1 kHz", 3.0), ("0.2 kHz", 3.0), ("200 Hz", 10.0), ("400 Hz", 10.0)]
+NOISE = (
+    MASS
+    + "excitation: {kind: random, applied_to: base, psd: [{frequency: 50, density: 1}, {frequency: 500, density: 1}]}"
+)
+
+
+@pytest.mark.parametrize("as_file", [False, True])
+@pytest.mark.parametrize(("steps", "before", "behind"), [(STEPS_DOWN, 10.0, 3.0), (STEPS_UP, 3.0, 10.0)])
+@pytest.mark.parametrize(
+    ("limit", "quantity", "unit", "size"),
+    [("srs", "acceleration", "g", G), ("psd", units.ACCELERATION_PSD.name, "g^2/Hz", G * G)],
+)
+def test_a_step_of_a_curve_at_one_frequency(limit, quantity, unit, size, steps, before, behind, as_file, tmp_path):
+    """Two points at one frequency, as random inputs have them; the lower one holds there."""
+    given = [[frequency, f"{level} {unit}"] for frequency, level in steps]
+    if as_file:
+        rows = [
+            f"{frequency},{level}" for frequency, level in zip([100, 200, 200, 400], [x for _, x in steps], strict=True)
+        ]
+        (tmp_path / "curve.csv").write_text("\n".join([f"frequency (Hz),limit ({unit})", *rows]) + "\n")
+        given = str(tmp_path / "curve.csv")
+    case = STEP if limit == "srs" else f"{NOISE}\nrun: {{duration: 2 s}}\n"
+    scenario = load_scenario(case, {"limits": {limit: {"input": given}}})
+    at = np.array([100.0, 199.999, 200.0, 200.0 * (1.0 + 1e-12), 200.001, 400.0])
+    found = limit_curve(scenario, limit, "input", quantity, at) / size
+    assert found == pytest.approx([before, before, 3.0, 3.0, behind, behind])
+
+
+@pytest.mark.parametrize("at", [(100, 100, 200), (100, 200, 200), (100, 200, 200, 200, 300), (100, 300, 200)])
+def test_a_step_is_within_a_curve_and_has_two_points(at):
+    with pytest.raises(ScenarioError, match=r"limits\.srs\.input\[\d\]\[0\] = .* does not lie above the one before"):
+        step(limits={"srs": {"input": [[f, "3 g"] for f in at]}})
 
 
 def test_a_curve_outside_of_the_spectrum_is_not_met():
