@@ -156,7 +156,8 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
     degrees = [part.coefficient.shape[2] for part in parts]
     columns = [np.ones((last - first, 1), dtype=complex), *(part.coefficient[:, 0] for part in parts)]
     power = np.concatenate([np.zeros(1, dtype=np.int64), *(np.arange(degree) for degree in degrees)])
-    longest = min(record.step + 4.0 * np.finfo(float).eps * duration, duration)  # with the round-off of the starts
+    endless = duration - (record.pieces - 1) * record.step  # s, of the last piece, which ends with the motion
+    longest = min(max(record.step, endless) + 4.0 * np.finfo(float).eps * duration, duration)  # round-off of the starts
     return Sources(
         record.start(first, last), np.ascontiguousarray(np.concatenate(columns, axis=1)), np.zeros(power.size, complex),
         power, np.repeat(np.arange(-1, len(parts)), [1, *degrees]), np.full(power.size, longest),

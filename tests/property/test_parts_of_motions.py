@@ -4,13 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.sliders import rigid_friction_law
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
-from beamsim.inputs.signal import Signal
+from beamsim.inputs.signal import CubicRecord, Signal, StreamedSignal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 
 
@@ -78,3 +79,42 @@ def test_nothing_is_known_outside(motion):
     with pytest.raises(ValueError, match="is not known at"):
         motion.states_at(np.array([motion.end + 1e-6]))
     assert motion.within(38.0, 99.0).end == motion.end
+
+
+# -- a record that is shorter than the motion: its last cubic goes on -----------------------------------------------
+
+STEP, AT_START = 0.2, np.array([0.03, 0.0])
+
+
+def forced_by(record, omega, times):
+    """(nt, 2) motion of a unit mass under piecewise cubics: each is the end of a chain of four integrators."""
+    out, ends = [], np.append(record.start[1:], np.inf)
+    chain = np.diag([1.0] * 5, 1)
+    chain[1, 0] = -(omega**2)
+    for t in times:
+        y = AT_START
+        for begin, end, cubic in zip(record.start, ends, record.coefficient[:, 0].real, strict=True):
+            if begin < t:
+                derivatives = cubic * np.array([1.0, 1.0, 2.0, 6.0])
+                y = (expm(chain * (min(end, t) - begin)) @ np.append(y, derivatives))[:2]
+        out.append(y)
+    return np.array(out)
+
+
+@pytest.mark.parametrize(
+    ("pieces", "omega", "duration"), [(5, 1.0, 3.0), (2, 5.0, 20.0), (3, 1.0, 50.0), (4, 30.0, 0.9)]
+)
+def test_a_motion_goes_on_under_the_last_cubic_of_a_short_record(pieces, omega, duration):
+    """Its response was a series that holds for one step of the record: after a hundred steps it was wrong by 1e15."""
+    samples = 10.0 * np.random.default_rng(pieces).normal(size=200)
+    record = StreamedSignal(CubicRecord(lambda number: samples[number + 40], STEP, pieces, (0.0, 0.0)), 0)
+    contacts = Contacts(np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool), ())
+    system = PiecewiseLinearSystem(np.array([omega**2]), np.zeros((1, 1)), contacts, np.zeros(1))
+    whole = simulate(ExactFlow(system, Forcing(np.ones((1, 1)), (record,)), duration), AT_START)
+    for begin, end in ((0.0, duration), (0.3 * duration, 0.8 * duration), (0.93 * duration, duration)):
+        part, times = whole.between(begin, end), np.linspace(begin, end, 7)
+        expected = forced_by(record, omega, times)
+        size = np.abs(expected).max(axis=0)
+        np.testing.assert_allclose(part.states_at(times) / size, expected / size, rtol=0, atol=1e-12)
+        assert (part.time[0], part.end) == (begin, end)
+        assert part.length.sum() == pytest.approx(end - begin, rel=1e-13)
