@@ -323,7 +323,8 @@ def _outcome(case: Any) -> CaseOutcome:
     margins = [value for margin in found.margins.values() for value in margin.values()]
     right = (
         type(found.index) is int and found.index >= 0 and type(found.compared) is bool
-        and all(map(_is_number, [*responses, found.processor_time_s]))
+        and all(_is_number(value) or isinstance(value, str) for value in responses)
+        and _is_number(found.processor_time_s)
         and isinstance(case["given"], list)
         and isinstance(case["warnings"], list) and all(isinstance(text, str) for text in found.warnings)
         and all(value is None or isinstance(value, str | bool) or _is_number(value) for value in margins)

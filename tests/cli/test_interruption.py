@@ -242,7 +242,7 @@ def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkey
     done = invoke("sweep", CONFIGS / "design_tolerances.yaml", *sets, "-o", target)
     assert done.exit_code == 130, done.output
     assert len(solved) == 2
-    assert "1 of 5 cases are in" in done.output
+    assert "1 of 5 cases are kept in" in done.output
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert beamsim.open_result(target).status == "1 of 5 cases computed"
     again = invoke("sweep", CONFIGS / "design_tolerances.yaml", *sets, "--resume", "-o", target)
