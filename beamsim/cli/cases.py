@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from beamsim.cli.failures import say
+from beamsim.cli.failures import say, show
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_json
 from beamsim.errors import ScenarioError
@@ -60,7 +60,7 @@ def validate(given: Given, *, sketch: bool) -> None:
         print_json({"valid": True, "title": title, "warnings": warnings, **read, **pictures})
     else:
         found = f"{case}: valid ({title})" if title else f"{case}: valid"
-        print(found, *(body.text for body in files), *drawn, sep="\n")
+        show(found, *(body.text for body in files), *drawn)
 
 
 def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
@@ -133,4 +133,4 @@ def write_template(path: Path, kind: TemplateKind, *, force: bool, as_json: bool
     if as_json:
         print_json({"files": [str(path), str(schema)]})
     else:
-        print(f"{path}: written; edit it and `beamsim {kind.command} {path}`")
+        show(f"{path}: written; edit it and `beamsim {kind.command} {path}`")

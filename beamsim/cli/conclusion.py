@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from beamsim.analyses.result import Result
 from beamsim.analyses.values import limits_not_met
-from beamsim.cli.failures import Interruption, interruptible, say
+from beamsim.cli.failures import Interruption, interruptible, say, show
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import Progress, progress_of
@@ -134,7 +134,7 @@ def _print(kind: str, result: Result, files: Sequence[Path], given: Given) -> No
         more = {"wall_time_s": result.wall_time_s, "files": [str(path) for path in files]}
         print_json({**about, **result.summary, **more})
     elif first:
-        print(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
+        show(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
     elif not given.quiet:
         written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
         print_table(result.title, [*all_rows(kind, result), *written])

@@ -19,7 +19,7 @@ from typing import ParamSpec
 
 import typer
 
-from beamsim.errors import BeamsimError, ScenarioError, VerdictError
+from beamsim.errors import BeamsimError, ScenarioError, VerdictError, visible
 from beamsim.outcomes import ExitCode
 
 Parameters = ParamSpec("Parameters")
@@ -73,7 +73,12 @@ def interruption_behind(error: BaseException) -> BaseException | None:
 
 def say(text: str) -> None:
     """Print a message on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    print(visible(text), file=sys.stderr, flush=True)
+
+
+def show(*texts: object) -> None:
+    """Print texts on standard output, a line each, with escapes in place of control characters from files."""
+    print(*(visible(str(text)) for text in texts), sep="\n")
 
 
 def broken_pipe(error: BaseException) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 
 from beamsim.analyses.pad import PadNumbers, option
 from beamsim.analyses.pad import pad as designed
+from beamsim.cli.failures import show
 from beamsim.cli.printing import print_json
 from beamsim.errors import Problem, ScenarioError
 from beamsim.plots.style import amount
@@ -57,7 +58,7 @@ def pad(texts: Mapping[str, str | None], curve: Mapping[str, Any], *, as_json: b
             {**vars(found), "maxwell": [vars(branch) for branch in found.maxwell], "snubber": "\n".join(lines) + "\n"}
         )
         return
-    print(*(f"# {line}" for line in _comments(found)), *lines, sep="\n")
+    show(*(f"# {line}" for line in _comments(found)), *lines)
 
 
 def _read_numbers(texts: Mapping[str, str]) -> dict[str, float]:

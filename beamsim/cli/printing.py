@@ -14,6 +14,7 @@ from json import dumps
 from pathlib import Path
 from typing import Any
 
+from beamsim.cli.failures import show
 from beamsim.fields import UNITS, plain, words
 from beamsim.outcomes import MOST_LISTED
 from beamsim.plots.style import amount, is_known, scale_for
@@ -169,7 +170,7 @@ def print_json(values: Mapping[str, Any]) -> None:
         text.encode(sys.stdout.encoding or "utf-8")
     except UnicodeEncodeError:
         text = dumps(plain(values), allow_nan=False)
-    print(text)
+    show(text)
 
 
 def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> None:
@@ -184,13 +185,13 @@ def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> No
     if json:
         print_json({"files": [str(path) for path in files]})
     elif not quiet:
-        print(*files, sep="\n")
+        show(*files)
 
 
 def print_table(title: str, rows: Sequence[tuple[str, str]]) -> None:
     """A title and aligned rows on standard output, wrapped to the width of a terminal."""
     terminal = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    print(table_text(title, rows, terminal))
+    show(table_text(title, rows, terminal))
 
 
 def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None = None) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from beamsim.cli.failures import say
+from beamsim.errors import visible
 
 SHOWN_AFTER_S = 2.0  # what takes less needs no report
 
@@ -23,7 +24,7 @@ class Progress:
     """
 
     def __init__(self, label: str, afterwards: str = "") -> None:
-        self._label = label
+        self._label = visible(label)
         self._afterwards = afterwards or label
         self._begin = clock.monotonic()
         self._first: tuple[float, float] | None = None  # time and fraction of the first call: what was resumed is known

@@ -7,6 +7,7 @@ from typing import cast
 
 from beamsim.analyses.check import FAILS
 from beamsim.analyses.check import check as checked
+from beamsim.cli.failures import show
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import progress_of
@@ -77,7 +78,7 @@ def export(given: Given, body: str | None, modes: int | None, units: str, *, bin
     if given.json:
         print_json({"files": [str(file) for file in files], "body": text})
     else:
-        print(*files, text, sep="\n")
+        show(*files, text)
 
 
 def exported(

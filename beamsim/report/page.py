@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.errors import MethodError
+from beamsim.errors import MethodError, visible
 from beamsim.plots.animation import Scene
 from beamsim.plots.drawing import Picture, write
 
@@ -124,7 +124,7 @@ def document(title: str, body: str, scripts: Iterable[str]) -> str:
     -------
     Text of the file.
     """
-    return "\n".join(
+    page = "\n".join(
         [
             "<!DOCTYPE html>",
             f'<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>',
@@ -133,6 +133,7 @@ def document(title: str, body: str, scripts: Iterable[str]) -> str:
             body, *scripts, "</body></html>", "",
         ]
     )  # fmt: skip
+    return visible(page)
 
 
 def player_html(scene: Mapping[str, Any], note: str) -> str:
@@ -207,7 +208,7 @@ def captioned(name: str, html: str) -> str:
 def embedded(data: Any) -> str:
     """JSON that may stand in a script element; arrays have five decimals."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=lambda array: np.round(array, 5).tolist())
-    return text.replace("</", "<\\/")
+    return text.replace("<", "\\u003c").replace(">", "\\u003e")  # no end or comment of a script, nor ]]>
 
 
 @cache

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from beamsim.errors import ScenarioError
+from beamsim.errors import Problem, ScenarioError
 from beamsim.files import protect
 from beamsim.scenario.base import (
     MEANT,
@@ -97,6 +97,21 @@ def load_scenario(
         kept = WrittenMapping({key: item for key, item in root.items() if key not in unused}, root.mark, root.marks)
         warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
         return _validated(kept).with_source(name, kept, warnings)
+
+
+def stored_scenario(text: str) -> Scenario:
+    """The scenario that a result file holds: its complete text, from which no other file is opened.
+
+    Raises
+    ------
+    ScenarioError
+        If it is no valid scenario, or extends another one.
+    """
+    root = parse(text, "<text>")
+    if isinstance(root, Mapping) and "extends" in root:
+        raise ScenarioError(Problem("extends", "is not accepted in a stored scenario, which is complete"))
+    root = resolve_extends(root, "<text>", FilePath())
+    return _validated(root).with_source("scenario", root)
 
 
 def _unused(root: WrittenMapping, command: str) -> frozenset[str]:

@@ -82,6 +82,7 @@ def _merged(sections: Iterable[Section]) -> list[Section]:
 def _root() -> str:
     rows = [
         Row("schema_version", "", "attribute", "version of the layout"),
+        Row("checksum", "", "attribute", "SHA-256 of attributes, texts, axes and all arrays of up to 1 MiB"),
         Row("command", "", "attribute", "command that wrote the file"),
         Row("scenario", "", "attribute", "the case as written, YAML in SI units; sufficient to run it again"),
     ]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from beamsim.fields import (
     JSON,
@@ -378,7 +379,7 @@ class Reader:
                 if item is None or name not in item.attributes:
                     raise Missing(f"{joined(here.path, name)} is missing")
                 if declared.codec is not None:
-                    return declared.codec.read(name, item.attributes)
+                    return _decoded(declared.codec.read(name, item.attributes), member)
                 return _of_type(item.attributes[name], member)
             case Group() as declared:
                 path = joined(here.path, declared.path)
@@ -475,13 +476,34 @@ class Reader:
         return item.values
 
 
+def _decoded(value: Any, member: Member) -> Any:
+    """A value from a text, checked where its type is one of texts or numbers."""
+    checked = _OF_JSON.get(member.type)
+    return value if checked is None else checked.validate_python(value, strict=True)
+
+
+_OF_JSON: dict[str, Any] = {
+    written: TypeAdapter(meant)
+    for written, meant in (
+        ("tuple[str, ...]", tuple[str, ...]), ("dict[str, str]", dict[str, str]), ("dict[str, float]", dict[str, float])
+    )
+}  # fmt: skip
+_KINDS = {float: "iufb", int: "iub", bool: "bu", str: "U"}  # of NumPy, that a scalar of this type is stored as
+
+
 def _of_type(value: Any, member: Member) -> Any:
-    """A number or text of the type of its field; several as a tuple where it is one."""
+    """A number or text of the type of its field; several as a tuple where it is one.
+
+    Raises
+    ------
+    ValueError
+        If it is of another type.
+    """
     if member.scalar is not None:
-        try:
-            return member.scalar(value)
-        except TypeError as error:
-            raise ValueError(f"{member.stored_name}: {error}") from None
+        kinds = _KINDS.get(member.scalar, "")  # type: ignore[call-overload]
+        if np.ndim(value) or np.asarray(value).dtype.kind not in kinds:
+            raise ValueError(f"{member.stored_name} is {type(value).__name__}, not {member.type}")
+        return member.scalar(value)
     if isinstance(value, np.ndarray):
         return tuple(value.tolist()) if member.type.startswith("tuple") else value
     return value.item() if isinstance(value, np.generic) else value

@@ -10,6 +10,7 @@ inside a list or an object read it back as NaN.
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import math
 import os
@@ -31,14 +32,16 @@ from beamsim.files import replacing
 from beamsim.hdf5 import open_hdf5
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.measurements.arrays import scale_along
-from beamsim.scenario import Scenario, load_scenario
+from beamsim.scenario import Scenario
+from beamsim.scenario.loading import stored_scenario
 from beamsim.scenario.scenario import SolvedFiles
 from beamsim.store.flat import Item, Items, Reader, items_of, last
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
+CHECKSUM = "checksum"
 JSON_ENCODED = "json_encoded"
 
 
@@ -61,6 +64,7 @@ def write_result(result: Result, path: Path | str) -> Path:
         "scenario": result.scenario.to_yaml(),
     }
     items["/summary"] = Item(encode_summary(result.summary))
+    items["/"].attributes[CHECKSUM] = checksum(items)
     write_items(items, path)
     return path
 
@@ -85,6 +89,44 @@ def _is(path: Path, *, partial: bool) -> bool:
         return path.exists() and bool(open_result(path).outcome.cut_short) == partial
     except ResultFileError:
         return False
+
+
+def checksum(items: Items) -> str:
+    """SHA-256 over everything but the values of large arrays, whose chunks have checksums of HDF5.
+
+    Parameters
+    ----------
+    items : of a result that is to be written, or that was read.
+
+    Returns
+    -------
+    str
+        Hexadecimal digits; the same before writing as after reading.
+    """
+    digest = hashlib.sha256()
+    for place, item in sorted(items.items()):
+        named_values = sorted(item.attributes.items())
+        attributes = {name: _comparable(value) for name, value in named_values if (place, name) != ("/", CHECKSUM)}
+        digest.update(repr((place, attributes)).encode())
+        if item.values is None:
+            continue
+        values = np.asarray(item.values)
+        axes = () if item.scale else tuple(item.axes) or ("",) * values.ndim
+        kind = values.dtype.str if values.dtype.kind in "iufc" else "text" if values.dtype.kind in "OU" else "truth"
+        digest.update(repr((item.scale, axes, values.shape, kind)).encode())
+        if values.dtype.kind in "OU":
+            digest.update(repr([str(text) for text in values.ravel()]).encode())
+        elif values.nbytes <= CHUNK_BYTES:
+            digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
+
+
+def _comparable(value: Any) -> tuple[str, Any]:
+    """Kind and values of an attribute, equal for Python's and NumPy's types."""
+    values = np.asarray(value)
+    return ("text", np.vectorize(str, otypes="O")(values).tolist()) if values.dtype.kind in "OUS" and values.size else (
+        values.dtype.kind, values.tolist()
+    )  # fmt: skip
 
 
 def keep_result(result: Result, path: Path | str) -> None:
@@ -177,6 +219,8 @@ def open_with_items(path: Path | str, kind: str = "") -> tuple[Any, Items]:
         _check_times(items)
         summary = decode_summary(items["/summary"].attributes)
         result = cls(scenario=_scenario(items["/"], path), summary=summary, **Reader(items).fields(cls))
+        if items["/"].attributes.get(CHECKSUM) != checksum(items):
+            raise ValueError("its checksum does not fit: it was changed after it was written")
     return result, items
 
 
@@ -189,7 +233,7 @@ def _scenario(root: Item, path: Path | str) -> Scenario:
         If it is none of this version.
     """
     try:
-        scenario = load_scenario(str(root.attributes["scenario"]))
+        scenario = stored_scenario(str(root.attributes["scenario"]))
     except ScenarioError as error:
         writer = root.attributes["beamsim_version"]
         raise ResultFileError(
@@ -225,6 +269,8 @@ def _kind(file: Any, path: Path | str) -> str:
     version, command, kind = (file.attrs.get(name) for name in ("schema_version", "command", "kind"))
     if version is None or command is None:
         raise ResultFileError(f"{path}: an HDF5 file, but not from beamsim; give the .h5 file of `beamsim run`")
+    if not isinstance(version, (int, np.integer)) or not isinstance(command, str):
+        raise ValueError("schema_version or command is of another type")
     if version != SCHEMA_VERSION:
         writer = file.attrs.get("beamsim_version", "unknown")
         raise ResultFileError(
@@ -232,7 +278,7 @@ def _kind(file: Any, path: Path | str) -> str:
             f"{SCHEMA_VERSION}; open it with that version or run its scenario again"
         )
     if command == "sweep":
-        return "designs" if "designs" in file else str(kind) if kind in KINDS else "sweep"
+        return "designs" if "designs" in file else kind if isinstance(kind, str) and kind in KINDS else "sweep"
     if command not in KINDS:
         raise ResultFileError(f"{path}: written by `beamsim {command}`, which is unknown to this version")
     return str(command)
@@ -363,6 +409,11 @@ def _attributes(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
 
 def _values(dataset: h5py.Dataset) -> Any:
     """The values: numbers, texts as objects, flags as truth values."""
+    compressed = dataset.compression is not None or dataset.scaleoffset is not None
+    if compressed or dataset.is_virtual or dataset.external:
+        raise ValueError(f"{dataset.name} is stored as no result is: compressed, virtual or in another file")
+    if dataset.shape is None or dataset.id.get_storage_size() < dataset.size * dataset.dtype.itemsize:
+        raise ValueError(f"{dataset.name} claims more values than the file holds")
     if h5py.check_string_dtype(dataset.dtype) is not None:
         return np.asarray(dataset.asstr()[()], dtype=object)
     if not np.issubdtype(dataset.dtype, np.number) and dataset.dtype != np.bool_:
@@ -394,7 +445,9 @@ def opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
     with file:
         try:
             yield file
-        except (LookupError, ValueError, ArithmeticError, OSError, RuntimeError) as error:
+        except (ResultFileError, InputFileError):
+            raise
+        except Exception as error:  # whatever a damaged or crafted file causes in HDF5, in a codec or in a result
             reason = str(error.args[0] if isinstance(error, KeyError) and error.args else error).partition("\n")[0]
             raise ResultFileError(f"{path}: damaged ({reason or type(error).__name__}); run the case again") from error
 

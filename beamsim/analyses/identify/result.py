@@ -26,10 +26,11 @@ from beamsim.fields import (
     table,
 )
 from beamsim.outcomes import COMPLETE, Outcome
-from beamsim.scenario import Scenario, load_scenario
+from beamsim.scenario import Scenario
+from beamsim.scenario.loading import stored_scenario
 from beamsim.typing import Complexes, Floats, Ints
 
-SCENARIO = as_text(Scenario.to_yaml, load_scenario)
+SCENARIO = as_text(Scenario.to_yaml, stored_scenario)
 _MODE = ("mode",)
 _ENDS = (Counter("end", "which end of a range", labels=("lower", "upper")),)
 

@@ -1,0 +1,141 @@
+"""Result files that were damaged or edited: each is refused, and nothing that they name is opened."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+
+from beamsim.cli.failures import say, show
+from beamsim.errors import ResultFileError
+from beamsim.report.page import embedded
+from beamsim.store.results import CHECKSUM, checksum, open_result, read_items, write_result
+
+VALUES = (7.0, -1, "text", "", "null", '[1, {"a": null}]', np.nan, np.zeros(3), np.void(b"\xff\xfe"), h5py.Empty("f8"))
+
+
+@pytest.fixture
+def whole(fabricated_run, tmp_path):
+    path = write_result(fabricated_run(), tmp_path / "whole.h5")
+    assert open_result(path).complete
+    return path
+
+
+def edited(whole, edit, *, sealed=False):
+    """A copy that a function changed; sealed with the checksum of what it now holds."""
+    path = whole.with_name("edited.h5")
+    path.write_bytes(whole.read_bytes())
+    with h5py.File(path, "r+") as file:
+        edit(file)
+        if sealed:
+            file.attrs[CHECKSUM] = checksum(read_items(file))
+    return path
+
+
+def places(whole):
+    """Paths of all groups and datasets."""
+    found = ["/"]
+    with h5py.File(whole) as file:
+        file.visit(found.append)
+    return found
+
+
+@pytest.mark.parametrize("count", [2, pytest.param(60, marks=pytest.mark.slow)])
+def test_edited_results_are_refused(whole, count):
+    """Attributes with values of other types or sizes, and groups and datasets taken away."""
+    cases = []
+    with h5py.File(whole) as file:
+        for place in places(whole):
+            names = [name for name in file[place].attrs if name.islower()]
+            cases += [(place, name, value) for name in names for value in VALUES]
+    tried = 0
+    for place, name, value in cases[:: max(len(cases) // count, 1)]:
+
+        def edit(file, place=place, name=name, value=value):
+            file[place].attrs[name] = value
+
+        with pytest.raises(ResultFileError, match=r"edited\.h5"):
+            open_result(edited(whole, edit))
+        tried += 1
+    owners = places(whole)[1:]
+    for place in owners[:: max(len(owners) // count, 1)]:
+        with pytest.raises(ResultFileError, match=r"edited\.h5"):
+            open_result(edited(whole, lambda file, place=place: file.__delitem__(place)))
+        tried += 1
+    assert tried >= 2 * count or tried > len(owners)
+
+
+def test_declared_types_hold_with_a_right_checksum(whole):
+    for name, value in (("warnings", 3.5), ("warnings", "[1, 2]"), ("created", 7), ("wall_time_s", "soon")):
+
+        def edit(file, name=name, value=value):
+            file.attrs[name] = value
+
+        with pytest.raises(ResultFileError, match="damaged"):
+            open_result(edited(whole, edit, sealed=True))
+
+
+def test_the_scenario_in_a_result_opens_no_file(whole, tmp_path):
+    (tmp_path / "secret.yaml").write_text("title: secret\nbeam: {}\n")
+    for text in (str(tmp_path / "secret.yaml"), f"extends: {tmp_path / 'secret.yaml'}\n", "/dev/zero", "[]", "null"):
+
+        def edit(file, text=text):
+            file.attrs["scenario"] = text
+
+        with pytest.raises(ResultFileError) as refused:
+            open_result(edited(whole, edit, sealed=True))
+        assert "secret" not in str(refused.value).replace(str(tmp_path / "secret.yaml"), "")
+
+
+def test_datasets_that_are_not_as_written_are_refused(whole, tmp_path):
+    def replaced(**options):
+        def edit(file):
+            del file["time"]
+            file.create_dataset("time", **options)
+
+        return edit
+
+    def virtual(file):
+        del file["time"]
+        layout = h5py.VirtualLayout((5,), "f8")
+        layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "x", (5,))
+        file.create_virtual_dataset("time", layout)
+
+    (tmp_path / "raw").write_bytes(bytes(40))
+    for edit in (
+        virtual,
+        replaced(shape=(5,), dtype="f8", external=[(str(tmp_path / "raw"), 0, 40)]),
+        replaced(data=np.zeros(5), compression="gzip"),
+        replaced(shape=(10**12,), dtype="f8", chunks=(10**6,)),
+        replaced(data=h5py.Empty("f8")),
+        replaced(data=np.zeros(5, dtype=[("a", "f8")])),
+    ):
+        with pytest.raises(ResultFileError, match=r"edited\.h5"):
+            open_result(edited(whole, edit))
+
+
+def test_an_older_layout_is_named(whole):
+    def edit(file):
+        file.attrs["schema_version"] = 2
+        del file["time"]
+
+    with pytest.raises(ResultFileError, match=r"schema_version 2, written by beamsim .* run its scenario again"):
+        open_result(edited(whole, edit))
+
+
+def test_control_characters_are_printed_as_escapes(capsys):
+    text = "a\x1b[31m\rb\0\x7f\x9b\u202e\u2066 é\tline\n"
+    say(text)
+    show(text, json.dumps({"title": "\x9b"}, ensure_ascii=False))
+    printed = capsys.readouterr()
+    for stream in (printed.out, printed.err):
+        assert "a\\u001b[31m\\u000db\\u0000\\u007f\\u009b\\u202e\\u2066 é\tline\n" in stream
+        assert not set(stream) & set("\x1b\r\0\x7f\x9b\u202e\u2066")
+    assert json.loads(printed.out.splitlines()[-1]) == {"title": "\x9b"}
+
+
+def test_no_text_ends_the_json_block():
+    texts = ["</script><script>alert(1)</script>", "<!--<script>", "]]>", "-->", "<SCRIPT"]
+    block = embedded(texts)
+    assert not set("<>") & set(block)
+    assert json.loads(block) == texts
