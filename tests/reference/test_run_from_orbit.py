@@ -144,7 +144,8 @@ def test_refusals(in_frequency, folder):
         beamsim.run(load_scenario(BEAM, {"run.duration": 0.01, "run.spectrum.last": None})), folder / "run.h5"
     )
     refused("holds no continuation", **{"run.start": {**start, "orbit": str(ran)}})
-    (folder / "text.h5").write_text("no HDF5")
-    refused("cannot be read", **{"run.start": {**start, "orbit": str(folder / "text.h5")}})
+    text = str(folder / "text.h5")
+    Path(text).write_text("no HDF5")
+    refused("damaged; run the continuation again", **{"run.start": {**start, "orbit": text}})
     with pytest.raises(ScenarioError, match="starts a run"):
         build_system(load_scenario(BEAM, {"run.start": start}))

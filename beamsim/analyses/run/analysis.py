@@ -386,7 +386,9 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
                 int(file["modes"].attrs["kept_modes"]),
             )
     except InputFileError as error:
-        remedy = "give its path, relative to the folder of the scenario" if error.missing else error.remedy
+        remedy = "run the continuation again"
+        if error.missing:
+            remedy = "give its path, relative to the folder of the scenario"
         _reject(f"= {start.orbit} {error.message}", remedy)
     except (OSError, KeyError, ValueError, TypeError) as error:
         _reject(f"= {start.orbit} cannot be read ({error})", "run the continuation again")

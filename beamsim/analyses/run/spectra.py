@@ -24,7 +24,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.run import MOST_FREQUENCIES, SpectrumSettings
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, not_none
+from beamsim.typing import Floats, Ints, not_none
 
 SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency: as many as would cover a curve
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
@@ -288,38 +288,40 @@ def spectrum_of(
 def found_again(record: SpectrumRecord, known: Spectrum) -> tuple[Floats, Floats]:
     """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a spectrum, the mean first, in another record.
 
-    Orders of the excitation keep their frequency. Any other line is sought near its own, since a natural frequency
-    depends on the model, but no nearer to another line: two lines at one frequency would share its amplitude.
+    The lines of the other record are found as those of the spectrum were. Orders of the excitation keep their
+    frequency. Any other line is sought near its own, since a natural frequency depends on the model, but no nearer to
+    another line. A line that the other record does not have is fitted at its old frequency, together with those found.
     """
-    lines = known.lines[1:]
+    wanted = np.array([line.frequency_hz for line in known.lines[1:]])
     one_sided = Window.named(known.window).one_sided
-    examined = _examined(record, known.excitation_hz, one_sided) if lines else None
-    frequency = np.array([line.frequency_hz for line in lines])
-    free = [k for k, line in enumerate(lines) if line.kind in ("other", "residual")]
-    if free and examined is not None:
-        found = np.zeros(frequency.size, dtype=bool)
-        amplitude = record.amplitudes(examined)
-        bins = frequency * record.duration
-        between = np.concatenate([[-np.inf], 0.5 * (bins[1:] + bins[:-1]), [np.inf]])  # lines are in order of frequency
-        for k in free:
-            j = _nearby_peak(amplitude, bins[k], lines[k].amplitude, between[k], between[k + 1])
-            found[k] = j is not None
-            if j is not None:
-                frequency[k] = _peak_hz(record, amplitude, j)
-        frequency = refined(record, frequency, found, examined)
-    mean, c = record.project(frequency, examined)
-    return np.append(0.0, frequency), np.append(abs(mean), np.abs(c))
+    lines = _lines(record, known.excitation_hz, record.peak, one_sided, (), ())
+    found = np.array([line.frequency_hz for line in lines[1:]])
+    amplitude = np.array([line.amplitude for line in lines])
+    partner = _partners(known, found, amplitude[1:], record.duration)
+    missing = partner < 0
+    if missing.any():
+        examined = _examined(record, known.excitation_hz, one_sided)
+        partner[missing] = found.size + np.arange(np.count_nonzero(missing))
+        found = np.append(found, wanted[missing])
+        mean, c = record.project(found, examined)
+        amplitude = np.abs(np.append(mean, c))
+    return np.append(0.0, found[partner]), np.append(amplitude[0], amplitude[1:][partner])
 
 
-def _nearby_peak(amplitude: Floats, near: float, size: float, least: float, most: float) -> int | None:
-    """The nearest local maximum from least to most, in bins, not much smaller than a known line; None without one."""
-    reach = max(NEARBY_BINS, NEARBY * near)
-    low, high = max(1, int(near - reach)), min(amplitude.size - 1, int(near + reach) + 2)
-    inner = np.arange(low, high)
-    inner = inner[(inner > least) & (inner < most)]
-    top = inner[(amplitude[inner] > amplitude[inner - 1]) & (amplitude[inner] >= amplitude[inner + 1])]
-    top = top[amplitude[top] >= 0.5 * size]
-    return int(top[np.abs(top - near).argmin()]) if top.size else None
+def _partners(known: Spectrum, found_hz: Floats, amplitude: Floats, duration: float) -> Ints:
+    """(k,) index of the line of another record that each line of a spectrum has become, -1 where there is none."""
+    wanted = np.array([line.frequency_hz for line in known.lines[1:]])
+    partner = np.full(wanted.size, -1)
+    between = np.concatenate([[-np.inf], 0.5 * (wanted[1:] + wanted[:-1]), [np.inf]])  # lines are in order of frequency
+    for k, line in enumerate(known.lines[1:]):
+        away = np.abs(found_hz - wanted[k])
+        near = away <= _ROUND_OFF * wanted[k]
+        if line.kind in ("other", "residual"):
+            near = (away <= max(NEARBY_BINS / duration, NEARBY * wanted[k])) & (amplitude >= 0.5 * line.amplitude)
+            near &= (found_hz > between[k]) & (found_hz < between[k + 1])
+        if near.any():
+            partner[k] = np.where(near, away, np.inf).argmin()
+    return partner
 
 
 def _examined(record: SpectrumRecord, excitation_hz: float, one_sided: bool) -> Window | None:
