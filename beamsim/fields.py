@@ -199,6 +199,37 @@ def summary_of(result: Any, **computed: Any) -> dict[str, Any]:
     return values
 
 
+def demand_summary(result: Any) -> None:
+    """Refuse a stored summary that has entries which are not declared, or not of the form of the field they repeat.
+
+    Parameters
+    ----------
+    result : as read from a file, with its summary.
+
+    Raises
+    ------
+    ValueError
+        If an entry is unknown, or of another form than its field.
+    """
+    entries = {entry.name: entry for entry in result.SUMMARY}
+    for name, value in result.summary.items():
+        if name not in entries:
+            raise ValueError(f"summary: {name} is unknown")
+        entry = entries[name]
+        field = _at(result, entry.of) if entry.of else None
+        if field is not None and _form(value) != _form(plain(_listed(field, entry.columns))):
+            raise ValueError(f"summary: {name} is not what its field {entry.of} holds")
+
+
+def _form(value: Any) -> Any:
+    """What a plain value is made of: kinds of its parts, names and lengths; unknown numbers are numbers."""
+    if isinstance(value, Mapping):
+        return {name: _form(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_form(item) for item in value]
+    return "text" if isinstance(value, str) else "flag" if isinstance(value, bool) else "number"
+
+
 def _at(owner: Any, path: str) -> Any:
     for name in path.split("."):
         owner = None if owner is None else getattr(owner, name)

@@ -27,7 +27,7 @@ import h5py
 import numpy as np
 
 from beamsim.errors import InputFileError, NotWrittenError, ResultFileError, ScenarioError
-from beamsim.fields import plain
+from beamsim.fields import demand_summary, plain
 from beamsim.files import replacing
 from beamsim.hdf5 import open_hdf5
 from beamsim.kinds import KINDS, kind_of_class, named
@@ -221,6 +221,7 @@ def open_with_items(path: Path | str, kind: str = "") -> tuple[Any, Items]:
         result = cls(scenario=_scenario(items["/"], path), summary=summary, **Reader(items).fields(cls))
         if items["/"].attributes.get(CHECKSUM) != checksum(items):
             raise ValueError("its checksum does not fit: it was changed after it was written")
+        demand_summary(result)
     return result, items
 
 

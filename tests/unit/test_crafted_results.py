@@ -75,6 +75,19 @@ def test_declared_types_hold_with_a_right_checksum(whole):
             open_result(edited(whole, edit, sealed=True))
 
 
+def test_summary_entries_that_repeat_a_field_have_its_form(whole):
+    for name, value in (("status", 3.5), ("kept_modes", "many"), ("open_frequencies_hz", 7.0), ("unheard_of", 1.0)):
+
+        def edit(file, name=name, value=value):
+            summary = file["summary"].attrs
+            encoded = str(summary["json_encoded"]).split()
+            summary["json_encoded"] = " ".join(each for each in encoded if each != name)
+            summary[name] = value
+
+        with pytest.raises(ResultFileError, match=rf"damaged \(summary: {name} is"):
+            open_result(edited(whole, edit, sealed=True))
+
+
 def test_the_scenario_in_a_result_opens_no_file(whole, tmp_path):
     (tmp_path / "secret.yaml").write_text("title: secret\nbeam: {}\n")
     for text in (str(tmp_path / "secret.yaml"), f"extends: {tmp_path / 'secret.yaml'}\n", "/dev/zero", "[]", "null"):
