@@ -102,7 +102,8 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
 
     There are none of a snubber whose law is more than a stiffness and a dashpot: a table changes its stiffness while it
     is pressed, and the forces of Maxwell branches depend on the frequency. Nor are there any beside friction that holds
-    without a spring, or that a snubber presses.
+    without a spring, or that a snubber presses. A latch that is open at equilibrium has an onset as other stops; one
+    that is held is lost at no level, an infinite one, and needs no preload.
     """
     contacts, count = system.dynamics.contacts, len(system.snubbers)
     if system.static_equilibrium is None or count == 0 or contacts.ever_hold or contacts.pressed.size:
@@ -125,10 +126,12 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
     levels = {}
     for j, snubber in enumerate(system.snubbers):
         law = contacts.laws[j]
-        if law.family is None:
+        if not law.linear_in_contact:
             continue
         # a contact that can pull is lost when the penetration vanishes, one without tension when the force does
         losing = np.abs(impedance[:, j]) if law.parts is None else law.stiffness
+        if law.latches:  # is not lost without a preload either
+            losing = np.zeros(omega.size)
         onset, loss = (unknown, first[j]) if closed[j] else (first[j], unknown)
         with np.errstate(invalid="ignore"):
             alone = at_rest[:, j] if closed[j] else at_rest[:, j] / (1.0 + impedance[:, j] * receptance[:, j])

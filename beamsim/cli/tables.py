@@ -255,7 +255,7 @@ def predicted(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
         return f"{verb} at {of['sigmas']:.3g} sigma of the stationary linear motion{rare}", reached
     share = of["share_of_level"]
     reached = share <= 1.0
-    if not math.isfinite(share) and "time_s" in of:
+    if math.isinf(of.get("level") or 0.0) or (not math.isfinite(share) and "time_s" in of):
         return f"{verb} at no level of this input in linear motion", False
     if of.get("level") is None:
         level = f"from {share:.4g} times this input"

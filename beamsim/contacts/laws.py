@@ -281,6 +281,11 @@ class ContactLaw:
         return len(self.phases) > 1 and any(not p.guards and p.otherwise is None for p in self.phases)
 
     @property
+    def linear_in_contact(self) -> bool:
+        """Whether it is a stiffness and a dashpot while it touches, and nothing while it does not."""
+        return self.family is not None or self.latches
+
+    @property
     def needs_pressing(self) -> bool:
         """Whether its force depends on that of another contact, which presses it."""
         return any(phase.otherwise is not None for phase in self.phases)

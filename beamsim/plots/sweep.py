@@ -302,7 +302,9 @@ def contact_levels(result: SweepResult) -> Chart:
     drawn = []
     for name, levels in linear.contact.items():
         what = "contact is lost" if levels.closed_at_rest else "contact begins"
-        if not np.any(levels.predicted > 0.0):
+        if np.all(np.isinf(levels.changing)):
+            drawn.append(Curve(f"{name}: {what} at no level", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
+        elif not np.any(levels.predicted > 0.0):
             drawn.append(Curve(f"{name}: {what} after another", np.zeros(0), np.zeros(0), {"linestyle": "none"}))
         else:
             drawn.append(Curve(f"{name}: {what}", linear.frequency_hz, levels.predicted))
@@ -322,7 +324,7 @@ def preload_needed(result: SweepResult, unit: str = "N") -> Chart:
     drawn = [
         Curve(name, result.linear.frequency_hz, levels.preload_needed * amplitude)
         for name, levels in result.linear.contact.items()
-        if levels.force_unit == unit
+        if levels.force_unit == unit and np.any(levels.preload_needed > 0.0)  # of a latch none is needed
     ]
     return _chart(result, ("Preload needed to keep contact", unit), drawn, of="snubbers")
 
@@ -421,7 +423,9 @@ def sweep_figures(result: SweepResult) -> dict[str, Picture]:
         units = dict.fromkeys(levels.force_unit for levels in result.linear.contact.values())
         first = [contact_levels(result)]  # without a curve where a stop just touches: contact changes with any motion
         shown = first if any(curve.x.size for curve in first[0].curves) else []
-        panels["contact_levels"] = [*shown, *(preload_needed(result, unit) for unit in units)]
+        preloads = [preload_needed(result, unit) for unit in units]
+        if shown := [*shown, *(chart for chart in preloads if chart.curves)]:
+            panels["contact_levels"] = shown
     if len(levels) > 1 and probe:
         panels["levels"] = [level_family(result, probe, direction)]
         same = _in_direction(result, direction)[:MOST_LEVELS]

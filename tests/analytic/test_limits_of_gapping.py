@@ -103,3 +103,29 @@ def test_other_inputs_are_refused(excitation):
 def test_continuations_are_refused():
     with pytest.raises(ScenarioError, match=r"limits\.gapping needs a run or a sweep"):
         case(more="sweep: {kind: continuation, from: 5 Hz, to: 9 Hz}")
+
+
+def latch_at(gap, level=LEVEL):
+    """The case with a latch at this gap, m, and this level, m/s^2."""
+    stop = {"name": "stop", "mass": 1, "side": "below", "gap": gap, "stiffness": 4e3, "latch": True}
+    whole = case().model_dump(mode="json", exclude_unset=True)
+    whole["snubbers"], whole["excitation"]["level"] = [stop], level
+    return load_scenario({**whole, "run": {"duration": 1.0, "sample_rate": 200.0, "convergence": "off"}})
+
+
+def test_a_latch_that_is_held_opens_at_no_level():
+    result = beamsim.run(latch_at(-10e-3))
+    margin, of = result.summary["margins"]["gapping"], result.summary["gapping"]["stop"]
+    assert result.summary["contact_share"]["stop"] == 1.0
+    assert (margin["value"], margin["verdict"]) == (0.0, "ok")
+    assert (of["closed_at_rest"], of["level"], of["preload_n"], of["preload_alone_n"]) == (True, math.inf, 0.0, 0.0)
+
+
+def test_an_open_latch_touches_where_an_open_mass_reaches_it():
+    result = beamsim.run(latch_at(2e-3))
+    w = 2.0 * math.pi * HZ
+    onset = 2e-3 * abs(complex(K - w**2, 2.0 * RATIO * math.sqrt(K) * w))
+    of = result.summary["gapping"]["stop"]
+    assert of["level"] == pytest.approx(onset, rel=1e-9)
+    assert result.summary["margins"]["gapping"]["value"] == pytest.approx(LEVEL / onset, rel=1e-9)
+    assert of["preload_n"] == 0.0

@@ -316,9 +316,11 @@ def _by_snubber(
     """
     closed, of_snubber = static_penetration(system) > 0, {}
     for j, snubber in enumerate(system.snubbers):
-        if system.dynamics.contacts.laws[j].family is not None:
+        law = system.dynamics.contacts.laws[j]
+        if law.linear_in_contact:
+            kept = 0.0 if law.latches else 1.0  # a latch is not lost without a preload either
             others = together[j] if alone is None else alone[j] if closed[j] else math.nan
-            preloads = {"preload_n": together[j], "preload_alone_n": others}
+            preloads = {"preload_n": kept * together[j], "preload_alone_n": kept * others}
             of_snubber[snubber.name] = {"closed_at_rest": bool(closed[j])} | told[j] | preloads
     return in_order(of_snubber, measure, min(of[measure] for of in told)) if of_snubber else {}
 
