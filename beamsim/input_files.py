@@ -10,12 +10,15 @@ import errno
 import math
 import os
 import stat
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
 
 import psutil
 
-from beamsim.errors import InputFileError
+from beamsim.errors import BeamsimError, InputFileError
 
 MOST_BYTES_OF_TEXT = 1_000_000_000
 """Largest text file that is read, in bytes."""
@@ -186,3 +189,34 @@ def no_memory(path: Path | str, size: float) -> InputFileError:
     """What is said where reading a file ended with a `MemoryError`; ``size`` is that of the file, in bytes."""
     message = f"has {bytes_text(size)} and needs more memory than the {bytes_text(free_memory())} that are free"
     return InputFileError(path, message, f"{_EXPORT_LESS}, or use a machine with more memory")
+
+
+@contextmanager
+def reading(path: Path | str, called: str, remedy: str = "it is damaged: export it again") -> Iterator[None]:
+    """The boundary of a reader: whatever a damaged file causes in the block becomes a refusal with the file's name.
+
+    Libraries raise exceptions of any type on damaged files, and warn of what they cannot know. Refusals of this package
+    pass unchanged.
+
+    Parameters
+    ----------
+    path : of the file.
+    called : name of the format.
+    remedy : what to do about a damaged file.
+
+    Raises
+    ------
+    InputFileError
+        In place of any other exception but an interrupt.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except BeamsimError:
+        raise
+    except MemoryError:
+        raise no_memory(path, os.stat(path).st_size) from None
+    except Exception as error:
+        reason = " ".join((str(error) or type(error).__name__).split())[:300]
+        raise InputFileError(path, f"cannot be read as {called} ({reason})", remedy) from None

@@ -24,7 +24,7 @@ from scipy.sparse import coo_array, csc_array, save_npz
 from beamsim.errors import InputFileError, MethodError
 from beamsim.files import replacing
 from beamsim.hdf5 import demand_readable, open_hdf5, read_array
-from beamsim.input_files import bytes_text, demand_memory, open_input, read_input
+from beamsim.input_files import bytes_text, demand_memory, open_input, read_input, reading
 from beamsim.matlab5 import checked_matlab5
 from beamsim.sparse_parts import (
     MOST_ROWS,
@@ -280,14 +280,10 @@ def read_matrices(path: Path, name: str | None = None) -> list[FileMatrix]:
         raise MethodError("file", f"= {path.name} has an unknown ending", f"known are {', '.join(FORMATS)}")
     called, reader = FORMATS[ending]
     try:
-        with open_input(path):  # which some readers open themselves
+        with reading(path, called, "check the file"), open_input(path):  # which some readers open themselves
             return reader(path, name and name.lower())
-    except MethodError:
-        raise
     except InputFileError as error:
         raise MethodError("file", f"= {path.name} {error.message}", error.remedy) from None
-    except Exception as error:  # of a damaged file libraries raise errors of any kind
-        raise MethodError("file", f"= {path.name} cannot be read as {called} ({error})", "check the file") from None
 
 
 def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:

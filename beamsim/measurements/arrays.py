@@ -15,17 +15,14 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.errors import InputFileError
 from beamsim.hdf5 import demand_readable, open_hdf5, read_array, values_size
 from beamsim.input_files import demand_memory
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
 from beamsim.measurements.signal import (
     MeasuredSignal,
-    MeasurementError,
     axis_kind,
     label_of,
-    opening_faults,
     split_heading,
     stated,
 )
@@ -64,9 +61,8 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
     MeasurementError
         If it is not an HDF5 file, or damaged.
     """
-    with opening_faults():
-        demand_readable(path)
-        file = open_hdf5(path)
+    demand_readable(path)
+    file = open_hdf5(path)
     datasets: dict[str, h5py.Dataset] = {}
 
     def visit(name: str, item: Any) -> None:
@@ -74,16 +70,11 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
             datasets[name] = item
 
     with file:
-        try:
-            if any("MATLAB_class" in item.attrs for item in file.values()):
-                return read_matlab(path)
-            file.visititems(visit)
-            with opening_faults():
-                demand_memory(path, 3 * sum(map(values_size, datasets.values())), "for its channels")
-                arrays = {name: _unpacked(name, item) for name, item in datasets.items()}
-        except (ValueError, OSError, RuntimeError, LookupError, TypeError, ArithmeticError) as error:
-            reason = str(error.args[0] if isinstance(error, KeyError) and error.args else error).partition("\n")[0]
-            raise MeasurementError(f"is damaged: {reason}", "export the measurement again") from None
+        if any("MATLAB_class" in item.attrs for item in file.values()):
+            return read_matlab(path)
+        file.visititems(visit)
+        demand_memory(path, 3 * sum(map(values_size, datasets.values())), "for its channels")
+        arrays = {name: _unpacked(name, item) for name, item in datasets.items()}
     return [_signal(name, label_of(name), arrays, path) for name in arrays]
 
 
@@ -97,12 +88,7 @@ def read_matlab(path: Path) -> list[MeasuredSignal]:
     MeasurementError
         If it cannot be read.
     """
-    try:
-        variables = {name.replace(".", "/"): value for name, value in matlab_variables(path)}
-    except InputFileError as error:
-        raise MeasurementError(error.message, error.remedy) from None
-    except Exception as error:  # of a damaged file libraries raise errors of any kind
-        raise MeasurementError(f"cannot be read as MATLAB ({error})", "export it again") from None
+    variables = {name.replace(".", "/"): value for name, value in matlab_variables(path)}
     texts = {name.lower(): value for name, value in variables.items() if isinstance(value, str)}
     arrays = {
         name: np.asarray(value).ravel()

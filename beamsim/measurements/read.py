@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-from beamsim.input_files import open_input
+from beamsim.input_files import open_input, reading
 from beamsim.measurements.arrays import HDF5, MATLAB, read_hdf5, read_matlab
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, opening_faults
 from beamsim.measurements.tables import read_csv
@@ -56,7 +56,10 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
         raise MeasurementError("has an unknown format", "use .csv, .h5, .nc, .mat or .uff")
     if decimal is not None and ending in readers:
         raise MeasurementError("is no text table, which alone has a decimal mark", "leave decimal out")
-    signals = read_csv(path, decimal) if ending in TEXT else readers[ending](path)
+    names = {read_hdf5: "HDF5", read_matlab: "MATLAB", read_uff: "a universal file"}
+    called = "a text table" if ending in TEXT else names[readers[ending]]
+    with opening_faults(), reading(path, called):
+        signals = read_csv(path, decimal) if ending in TEXT else readers[ending](path)
     several = Counter(signal.name for signal in signals)
     return [
         replace(signal, name=f"{signal.name} ({number})") if several[signal.name] > 1 else signal

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamsim.errors import InputFileError, ScenarioError
+from beamsim.errors import BeamsimError, InputFileError, ScenarioError
 from beamsim.measurements.functions import MEASURED, RATIOS, FunctionType, function_over_frequency, is_unit_of, ratio_of
+from beamsim.outcomes import ExitCode
 from beamsim.scenario import units
 from beamsim.typing import Complexes, Floats
 
@@ -24,6 +25,8 @@ _AXES = {
 }
 _LETTERS = {"t": ("time", units.TIME), "f": ("frequency", units.FREQUENCY)}
 
+LARGEST_VALUE = 1e30
+"""Magnitude above which a sample is no measured value: files fill what was never written with such numbers."""
 _COUNTS = re.compile(r"|#|n|i|no\.?|nr\.?|index|samples?|rows?|count|lfd\.? ?nr\.?|unnamed: 0", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.*?)\s*[(\[]((?:[^()\[\]]|\([^()]*\))*)[)\]]\s*")
 _BARE_POWER = re.compile(r"(?<=[A-Za-z])(-[1-4])(?![\w.])")
@@ -90,8 +93,10 @@ def label_of(name: str) -> str:
     return re.sub(r"^(probes|snubbers|spectra|outputs)/|/value$", "", name.strip("/")).replace("/", " ")
 
 
-class MeasurementError(Exception):
+class MeasurementError(BeamsimError):
     """A fault of a file or channel; the message goes on from its name, the remedy stands for itself."""
+
+    exit_code = ExitCode.USAGE
 
     def __init__(self, message: str, remedy: str) -> None:
         super().__init__(message)
@@ -311,6 +316,12 @@ class MeasuredSignal:
             raise MeasurementError(
                 f"has {bad.size} values that are not finite, the first at sample {bad[0] + 1}",
                 "repair or remove that part of the record",
+            )
+        large = np.flatnonzero((np.abs(self.y) > LARGEST_VALUE) | (np.abs(self.x) > LARGEST_VALUE))
+        if large.size:
+            raise MeasurementError(
+                f"has the value {max(abs(self.y[large[0]]), abs(self.x[large[0]])):g} at sample {large[0] + 1}",
+                "the file is damaged, or marks missing values by it: repair or remove that part of the record",
             )
         back = np.flatnonzero(np.diff(self.x) <= 0)
         if back.size:

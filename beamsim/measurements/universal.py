@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.input_files import read_input
+from beamsim.input_files import read_input, reading
 from beamsim.measurements.functions import (
     BY_NUMBER,
     RATIOS,
@@ -82,8 +82,12 @@ def data_sets(path: Path) -> list[DataSet]:
     MeasurementError
         If the file ends within a data set, or one of them cannot be read: with its line.
     """
-    with opening_faults():
-        content = read_input(path)
+    with opening_faults(), reading(path, "a universal file"):
+        return _data_sets(read_input(path))
+
+
+def _data_sets(content: bytes) -> list[DataSet]:
+    """The data sets in the content of a file."""
     raw = re.sub(rb"(?m)^ {4}-1[ \t]+(?=\r?$)", b"    -1", content)
     tags = [match.start() for match in _TAG.finditer(raw)]
     lines = [1 + raw.count(b"\n", 0, at) for at in tags]

@@ -31,7 +31,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import block_array, csc_array, diags_array, eye_array
 
-from beamsim.errors import MethodError
+from beamsim.errors import InputFileError, MethodError
+from beamsim.input_files import reading
 from beamsim.matrix_files import DIRECTIONS, MODAL, Dof
 from beamsim.measurements.signal import MeasurementError
 from beamsim.measurements.tables import NamedColumns, read_named_columns
@@ -130,6 +131,15 @@ def read_dof_table(path: Path, length: float = 1.0, decimal: DecimalMark | None 
         About ``dofs``: the file cannot be read, headings are missing or unknown, a line is wrong, or two lines name the
         same.
     """
+    try:
+        with reading(path, "a table of degrees of freedom"):
+            return _dof_table(path, length, decimal)
+    except InputFileError as error:
+        raise MethodError("dofs", f"= {path.name} {error.message}", error.remedy) from None
+
+
+def _dof_table(path: Path, length: float, decimal: DecimalMark | None) -> DofTable:
+    """See `read_dof_table`."""
     try:
         table = read_named_columns(path, decimal, texts=("direction",))
         columns, factors = _dof_columns(table, length)

@@ -1,0 +1,213 @@
+"""Sound files of every format that is read, seeded damage to them, and what comes of reading each.
+
+`python -m tests.helpers.damaged_files FORMAT FIRST END` reads damaged files in its own process and prints a line for
+each, within 5 GB and 30 s a file; `outcomes` starts it again behind a file that ends it.
+"""
+
+import signal
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import h5py
+import numpy as np
+from scipy.io import mmwrite, savemat
+from scipy.sparse import csc_array, save_npz
+
+from beamsim.errors import BeamsimError
+from beamsim.matrix_files import read_matrices, write_matrices
+from beamsim.measurements.channels import read_signals
+from beamsim.measurements.read import read_file
+from beamsim.scenario.tree import read_file as read_yaml
+from beamsim.structures.named_matrices import read_dof_table
+from tests.helpers.universal_files import function
+
+MATRIX = csc_array(np.diag([2.0, 3.0, 4.0, 5.0]) + np.diag([-1.0, -1.0, -1.5], 1) + np.diag([-1.0, -1.0, -1.5], -1))
+TIME = np.arange(20) / 100
+DMIG = """DMIG    K       0       6       1       0
+DMIG    K       1       1               1       1       2.0
+        1       3       -1.0
+DMIG    K       1       3               1       3       3.0
+"""
+HARWELL_BOEING = """title                                                                   key
+             3             1             1             1             0
+RUA                        2             2             3             0
+(3I8)           (3I8)           (3E20.12)
+       1       3       4
+       1       2       2
+  2.000000000000E+00 -1.000000000000E+00  3.000000000000E+00
+"""
+ABAQUS = "*MATRIX INPUT\n1,1,1,1,2.0\n1,1,2,1,-1.0\n2,1,2,1,3.0\n"
+DOFS = "node,direction,x (mm),y (mm),z (mm)\n" + "".join(f"{n},z,{n}.5,0,0\n" for n in range(1, 9))
+SCENARIO = """title: small
+beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700 kg/m^3, elements: 6}
+snubbers:
+- {name: tip, position: 270 mm, side: below, stiffness: 20 kN/m, gap: 0.1 mm}
+run: {duration: 0.1 s, sample_rate: 2 kHz}
+"""
+
+
+def _csv(path):
+    path.write_text("time (s),a (g)\n" + "".join(f"{t},{np.sin(9 * t):.6f}\n" for t in TIME))
+
+
+def _hdf5(path):
+    with h5py.File(path, "w") as file:
+        time = file.create_dataset("time", data=TIME)
+        time.make_scale("time")
+        a = file.create_dataset("group/a", data=np.sin(9 * TIME), chunks=(10,), compression="gzip")
+        a.dims[0].attach_scale(time)
+        a.attrs["units"], time.attrs["units"] = "m/s^2", "s"
+
+
+def _mat73(path):
+    with h5py.File(path, "w") as file:
+        group = file.create_group("K")
+        group.attrs["MATLAB_class"], group.attrs["MATLAB_sparse"] = np.bytes_("double"), np.uint64(4)
+        group["data"], group["ir"], group["jc"] = MATRIX.data, MATRIX.indices, MATRIX.indptr
+        file["M"] = np.eye(4)
+        file["M"].attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def _uff(path):
+    path.write_text(function(np.sin(9 * TIME)))
+
+
+def _npz(path):
+    with path.open("wb") as file:
+        save_npz(file, MATRIX)
+
+
+def _text(text):
+    return lambda path: path.write_text(text)
+
+
+def _by_program(**how):
+    return lambda path: write_matrices(path, {"kxx": MATRIX, "mxx": MATRIX}, **how)
+
+
+# by name: ending, what writes a sound file, what reads it
+FORMATS = {
+    "csv": (".csv", _csv, read_signals),
+    "hdf5": (".h5", _hdf5, read_signals),
+    "mat5 records": (
+        ".mat", lambda path: savemat(path, {"time_s": TIME, "a": np.sin(TIME), "s": {"b": TIME}}), read_file
+    ),
+    "uff": (".uff", _uff, read_file),
+    "mat5": (".mat", lambda path: savemat(path, {"K": MATRIX, "M": np.eye(4)}), read_matrices),
+    "mat5 packed": (".mat", lambda path: savemat(path, {"K": MATRIX}, do_compression=True), read_matrices),
+    "mat7.3": (".mat", _mat73, read_matrices),
+    "npz": (".npz", _npz, read_matrices),
+    "npz arrays": (".npz", lambda path: np.savez_compressed(path, K=MATRIX.toarray(), M=np.eye(4)), read_matrices),
+    "mtx": (".mtx", lambda path: mmwrite(path, MATRIX), read_matrices),
+    "abaqus": (".mtx", _text(ABAQUS), read_matrices),
+    "hb": (".hb", _text(HARWELL_BOEING), read_matrices),
+    "op4": (".op4", _by_program(), read_matrices),
+    "op4 binary": (".op4", _by_program(binary=True), read_matrices),
+    "dmig": (".pch", _text(DMIG), read_matrices),
+    "dofs": (".csv", _text(DOFS), read_dof_table),
+    "yaml": (".yaml", _text(SCENARIO), read_yaml),
+}  # fmt: skip
+
+
+def sound(name, folder):
+    """The content of a sound file of a format."""
+    ending, write, read = FORMATS[name]
+    path = folder / f"sound{ending}"
+    write(path)
+    read(path)
+    return path.read_bytes()
+
+
+TEXTS = (b"nan", b"-1", b"1e400", b"99999999999999999999", b"0", b"", b"x", b"\xff\xfe", b"\0", b"-0.5", b"1,1", b"\n")
+
+
+def damaged(raw, number):
+    """The content of a file with one of ten kinds of damage, by the number of the file."""
+    rng = np.random.default_rng(number)
+    size = len(raw)
+    at, length = int(rng.integers(size)), int(rng.integers(1, 1 + min(64, size)))
+    begin, end = raw[:at], raw[at + length :]
+    match number % 10:
+        case 0 | 1:  # bytes are changed, one or up to thirty
+            content = bytearray(raw)
+            for k in rng.integers(size, size=1 if number % 10 == 0 else int(rng.integers(2, 31))):
+                content[k] = int(rng.integers(256))
+            return bytes(content)
+        case 2:
+            return raw[:at]
+        case 3:
+            return begin + bytes(min(length, size - at)) + end
+        case 4:
+            return begin + rng.bytes(length) + raw[at:]
+        case 5:
+            return begin + end
+        case 6:
+            return begin + 2 * raw[at : at + length] + end
+        case 7:  # a word, as a number, of a text, else four bytes
+            words = raw.split(b" ") if b"\0" not in raw else [raw[k : k + 4] for k in range(0, size, 4)]
+            new_words = TEXTS if b"\0" not in raw else (b"\xff\xff\xff\x7f", b"\0\0\0\x80")
+            new = new_words[int(rng.integers(len(new_words)))]
+            words[int(rng.integers(len(words)))] = new
+            return (b" " if b"\0" not in raw else b"").join(words)
+        case 8:  # lines are exchanged
+            lines = raw.split(b"\n")
+            i, j = rng.integers(len(lines), size=2)
+            lines[i], lines[j] = lines[j], lines[i]
+            return b"\n".join(lines)
+        case _:
+            bit = bytearray(raw)
+            bit[at] ^= 1 << int(rng.integers(8))
+            return bytes(bit)
+
+
+def outcome(name, raw, number, folder):
+    """``read`` or ``refused`` of a damaged file, else what went wrong."""
+    ending, _, read = FORMATS[name]
+    path = folder / f"damaged{ending}"
+    path.write_bytes(damaged(raw, number))
+    try:
+        read(path)
+    except BeamsimError as error:
+        text = str(getattr(error, "remedy", "") or error)
+        return "refused" if error.exit_code == 2 and text else f"{type(error).__name__} without a remedy"
+    except Exception as error:
+        return f"{type(error).__name__}: {error}".replace("\n", " ")[:200]
+    return "read"
+
+
+def outcomes(name, count):
+    """How often each outcome came of ``count`` damaged files of a format, and the numbers of files that went wrong."""
+    found, wrong, first = Counter(), {}, 0
+    while first < count:
+        child = [sys.executable, "-m", "tests.helpers.damaged_files", name, str(first), str(count)]
+        done = subprocess.run(child, capture_output=True, text=True, check=False)
+        lines = done.stdout.splitlines()
+        for number, line in enumerate(lines, first):
+            found[line if line in ("read", "refused") else "wrong"] += 1
+            if line not in ("read", "refused"):
+                wrong[number] = line
+        first += len(lines)
+        if first < count:
+            found["ended"] += 1
+            wrong[first] = f"ended the process with {done.returncode}: {done.stderr[-300:]}"
+            first += 1
+    return found, wrong
+
+
+def main(name, first, end):
+    """Print the outcome of each of some damaged files."""
+    import resource  # of Unix alone
+
+    resource.setrlimit(resource.RLIMIT_AS, (5 << 30, 5 << 30))
+    with tempfile.TemporaryDirectory() as folder:
+        raw = sound(name, Path(folder))
+        for number in range(int(first), int(end)):
+            signal.alarm(30)
+            print(outcome(name, raw, number, Path(folder)), flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,30 @@
+"""Damaged files are read or refused: no other exception, no signal, no 5 GB and no 30 s a file."""
+
+import pytest
+
+from tests.helpers.damaged_files import FORMATS, outcome, outcomes, sound
+
+IN_COMPILED_CODE = {"mat5", "mat5 packed", "mat5 records"}
+"""Formats whose reader can end the process: they are read in another one, by the slow test alone."""
+
+
+EXAMINED = {"hdf5", "mat7.3"}
+"""Formats that a process of their own examines before they are read, which takes a fifth of a second a file."""
+
+
+@pytest.mark.parametrize("name", sorted(FORMATS.keys() - IN_COMPILED_CODE))
+def test_damaged_files_are_read_or_refused(name, tmp_path):
+    raw = sound(name, tmp_path)
+    found = [outcome(name, raw, number, tmp_path) for number in range(4 if name in EXAMINED else 30)]
+    assert set(found) <= {"read", "refused"}
+    assert "refused" in found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FORMATS)
+def test_more_damaged_files_of_each_format(name):
+    """With ``outcomes(name, 2000)`` as well, which takes too long for every change."""
+    pytest.importorskip("resource", reason="bounds of memory need Unix")
+    found, wrong = outcomes(name, 100)
+    assert not wrong
+    assert found["refused"] > 30
