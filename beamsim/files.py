@@ -165,8 +165,12 @@ def check_writable(path: Path | str) -> None:
         When it could not: a folder of that name, a folder without permission, a file where a folder should be.
     """
     try:
-        _check_writable(Path(path).resolve(), path)
-    except RuntimeError as error:  # of Python before 3.13, where links lead back to each other
+        target = Path(path).resolve()
+        for part in (target, *target.parents):
+            if part.is_symlink():  # which could not be followed
+                part.stat()
+        _check_writable(target, path)
+    except RuntimeError as error:  # of Python before 3.13, where links lead back to each other; later an OSError
         raise ResultFileError(
             f"cannot write {path}: its links lead back to each other; choose another path with -o"
         ) from error

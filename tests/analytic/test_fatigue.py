@@ -65,8 +65,6 @@ def test_damage_is_counted_at_every_station_of_a_beam():
     assert result.summary["fatigue"]["beam"]["position"] == body.position
 
 
-@pytest.mark.parametrize("exponent", [1.0, 3.0, 20.0])
-@pytest.mark.parametrize("limit", [None, "20 MPa"])
 def cycles_of(history) -> list[tuple[float, float]]:
     """Ranges and counts of cycles by ASTM E1049, 5.4.4, from the turning points of a history."""
     steps = np.diff(history)
@@ -103,6 +101,8 @@ def test_damage_of_a_long_motion_is_that_of_an_independent_count():
     assert body.damage == pytest.approx(of["third"], rel=2e-3)  # samples miss 0.1 % of it beside the turning points
 
 
+@pytest.mark.parametrize("exponent", [1.0, 3.0, 20.0])
+@pytest.mark.parametrize("limit", [None, "20 MPa"])
 def test_the_worst_station_follows_from_the_line(exponent, limit):
     """With any exponent, and with a limit below which nothing counts, no station has more damage."""
     case = BEAM | {"run": BEAM["run"] | {"fatigue": {**LIFE, "exponent": exponent, "endurance_limit": limit}}}

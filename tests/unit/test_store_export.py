@@ -61,7 +61,7 @@ def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
 
 def test_uff_is_ascii_where_that_is_exact(fabricated_run, tmp_path):
     pyuff = pytest.importorskip("pyuff")
-    name = "Spitze über 80 Zeichen " + 80 * "x"
+    name = "Spitze über 80 Zeichen " + 70 * "x"
     scenario = load_scenario(CONFIGS / "one_sided_65hz.yaml", {"probes": [{"name": name, "position": 0.27}]})
     result = dataclasses.replace(fabricated_run(probes=(name,)), scenario=scenario)
     (path,) = export_run(result, tmp_path / "case.uff", "uff")

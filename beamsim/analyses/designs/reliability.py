@@ -112,9 +112,9 @@ def _default_method(inputs: list[RandomInput | MatchedInput]) -> str:
     return "monte_carlo" if any(isinstance(item, MatchedInput) for item in inputs) else "subset"
 
 
-def _seed_of(parameter: VariedParameter, k: int, blend: sampling.Blend) -> int | str:
-    """The seed of random input ``k``: a blend as it is written, or a number where the field takes no blends."""
-    if parameter.whole:
+def _seed_of(item: RandomInput | MatchedInput, k: int, blend: sampling.Blend) -> int | str:
+    """The seed of random input ``k``: a blend as it is written, or a number for a matched record, which takes none."""
+    if isinstance(item, MatchedInput):
         return blend[0][0][k]
     return " + ".join(f"{share:.6g}*{seeds[k]}" for seeds, share in blend)
 
@@ -134,7 +134,7 @@ class Exceedance:
     def __init__(self, plan: DesignPlan, evaluate: Evaluator) -> None:
         vary = of_kind(Reliability, plan.scenario.vary)
         self.plan, self.vary, self.scatter = plan, vary, Scatter(plan, vary)
-        inputs = [item for _, item in inputs_with_seed(plan.scenario.excitation)]
+        self.inputs = inputs = [item for _, item in inputs_with_seed(plan.scenario.excitation)]
         self.noise = bool(inputs)
         self.method = vary.method or _default_method(inputs)
         self.target = vary.coefficient_of_variation or (0.3 if self.method == "subset" else 0.1)
@@ -159,8 +159,7 @@ class Exceedance:
 
     def rows(self, points: sampling.Points) -> list[tuple[Any, ...]]:
         """The values of the varied parameters at points; the seed of each random input as a blend is written."""
-        seeds = self.plan.study.varied[len(self.vary.parameters) :]
-        blended = [[_seed_of(parameter, k, of) for k, parameter in enumerate(seeds)] for of in points.blends]
+        blended = [[_seed_of(item, k, of) for k, item in enumerate(self.inputs)] for of in points.blends]
         return [(*x, *of) for x, of in zip(self.scatter.values(points.u).tolist(), blended, strict=True)]
 
     def kept(self, points: sampling.Points, values: Floats, weights: Floats) -> Bools:
