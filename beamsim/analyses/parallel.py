@@ -1,16 +1,23 @@
 """Workers: this process alone, processes of this machine, or a Dask cluster.
 
 Results come in the order of completion. They do not depend on the worker, which uses one thread for linear algebra.
+An item that fails for no reason of its own, or whose worker ends, is tried once more, the same way everywhere.
 """
 
 from __future__ import annotations
 
+import logging
+import math
 import os
 import pickle
+import platform
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+import time as clock
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,13 +25,21 @@ from functools import partial
 from importlib import import_module
 from itertools import islice, takewhile
 from multiprocessing import connection, current_process, get_context
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
-from beamsim.errors import NotTrustedError, ScenarioError
+from beamsim.errors import BeamsimError, NotTrustedError, ScenarioError
 from beamsim.outcomes import Stop, never
+from beamsim.version import __version__
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+_LOG = logging.getLogger(__name__)
+MOST_ATTEMPTS = 2  # at an item
+WORKER_DIED = f"its worker process ended in {MOST_ATTEMPTS} attempts: killed, out of memory, or crashed"
+POLLED_S = 0.05  # interval at which it is asked whether to stop
+ASKED_S = 0.5  # interval at which a scheduler is asked for its workers
+NO_WORKERS_S = 30.0  # time without any worker after which that is said
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
@@ -38,58 +53,177 @@ def default_workers() -> int:
 
 
 @dataclass(frozen=True)
-class Workers:
-    """An executor, and how many tasks it computes side by side."""
+class Computation(Generic[Item, Result]):
+    """What is computed of items, by whichever worker, and what an item gives that failed twice.
 
-    pool: Executor
-    count: int
+    Parameters
+    ----------
+    make : of what says whether to end, the function of an item; sent to other processes, each of which calls it once.
+    failed : the result of an item that failed twice, given the reason.
+    """
+
+    make: Callable[[Stop], Callable[[Item], Result]]
+    failed: Callable[[Item, str], Result]
+
+    def function(self, stop: Stop) -> Callable[[Item], Result]:
+        """The function of an item, which tries again once where it fails.
+
+        Errors of beamsim itself are raised at once: they would come again.
+        """
+        compute = self.make(stop)
+
+        def attempted(item: Item, attempt: int = 1) -> Result:
+            try:
+                return compute(item)
+            except BeamsimError:
+                raise
+            except Exception as error:
+                if attempt == MOST_ATTEMPTS:
+                    return self.failed(item, f"{_reason(error)} in {MOST_ATTEMPTS} attempts")
+            return attempted(item, attempt + 1)
+
+        return attempted
+
+
+def _reason(error: Exception) -> str:
+    """An unexpected error in one line."""
+    text = " ".join(str(error).split())
+    if isinstance(error, MemoryError):
+        return f"not enough memory{text and f' ({text})'}"
+    return f"internal error ({type(error).__name__}: {text})"
+
+
+class WorkerDiedError(Exception):
+    """A worker ended while it computed."""
+
+
+@dataclass
+class _Task(Generic[Item]):
+    """An item that is sent to a worker."""
+
+    item: Item
+    attempt: int = 1
+    worker: Hashable = None
+
+
+class Workers(ABC):
+    """Workers beside this process, each of which computes one item or several at once."""
+
+    @abstractmethod
+    def capacities(self) -> Mapping[Hashable, int]:
+        """The number of items at once of every worker that is there now."""
+
+    @abstractmethod
+    def submit(self, worker: Hashable, function: Callable[[Item], Result], item: Item) -> Future[Result]:
+        """Send an item to a worker."""
+
+    @abstractmethod
+    def result(self, future: Future[Result]) -> Result:
+        """The result of an item that is done.
+
+        Raises
+        ------
+        WorkerDiedError
+            If its worker ended.
+        """
+
+    @abstractmethod
+    def replace(self, worker: Hashable) -> None:
+        """Start another worker in place of one that ended, where this process starts them."""
 
     def completed(
-        self, function: Callable[[Item], Result], items: Iterable[Item], stop: Stop = never
+        self, computation: Computation[Item, Result], items: Iterable[Item], stop: Stop = never
     ) -> Iterator[Result]:
-        """Yield ``function(item)`` for every item, in the order of completion.
+        """Yield the result of every item, in the order of completion.
+
+        An item whose worker ends is sent once more, alone, to a worker that then computes nothing else: which of
+        several items ended a worker is not known otherwise.
 
         Parameters
         ----------
-        function : of an item.
+        computation : of the items.
         items : to be computed; each is taken when a worker is free.
         stop : asked whether to end; what is under way is then not yielded.
 
         Yields
         ------
-        What the function returns.
+        What the computation gives.
 
         Raises
         ------
-        Exception
-            What the function raises.
-        BrokenExecutor
-            If a worker ends unexpectedly.
+        BeamsimError
+            What the computation raises.
+        NotTrustedError
+            If there are no workers any more.
         """
-        tasks = (self.pool.submit(function, item) for item in items)
-        under_way: set[Future[Result]] = set()
+        function = partial(_there, pickle.dumps(computation))
+        unsent, again = (_Task(item) for item in items), deque[_Task[Item]]()
+        under_way: dict[Future[Result], _Task[Item]] = {}
         while not stop():
-            under_way.update(islice(tasks, self.count - len(under_way)))
+            if not under_way and not again:  # whether anything is left does not depend on workers
+                again.extend(islice(unsent, 1))
+                if not again:
+                    return
+            capacities = self.capacities()
+            for worker, capacity in capacities.items():
+                busy = [task for task in under_way.values() if task.worker == worker]
+                for task in _next_tasks(capacity, busy, unsent, again):
+                    task.worker = worker
+                    under_way[self.submit(worker, function, task.item)] = task
+            ready = wait(under_way, timeout=POLLED_S, return_when=FIRST_COMPLETED).done
             if not under_way:
-                return
-            ready, under_way = wait(under_way, timeout=0.05, return_when=FIRST_COMPLETED)  # s, to ask again
-            yield from (future.result() for future in ready)
+                clock.sleep(POLLED_S)
+            gone = {future for future, task in under_way.items() if task.worker not in capacities}
+            for future in ready | gone:
+                task = under_way.pop(future)
+                try:
+                    result = self._result(future)
+                except WorkerDiedError:
+                    if stop():  # a signal to all processes of a group, of which the workers die
+                        return
+                    self.replace(task.worker)
+                    if task.attempt < MOST_ATTEMPTS:
+                        again.append(_Task(task.item, task.attempt + 1))
+                        continue
+                    result = computation.failed(task.item, WORKER_DIED)
+                yield result
+
+    def _result(self, future: Future[Result]) -> Result:
+        """The result of an item that is done, or whose worker is gone."""
+        if not future.done():
+            future.cancel()
+            raise WorkerDiedError
+        return self.result(future)
+
+
+def _next_tasks(
+    capacity: int, busy: Sequence[_Task[Item]], unsent: Iterator[_Task[Item]], again: deque[_Task[Item]]
+) -> list[_Task[Item]]:
+    """What a worker is sent that is busy with some tasks: one that waits to be tried again, alone, or new ones."""
+    if any(task.attempt > 1 for task in busy) or (again and busy):
+        return []
+    if again:
+        return [again.popleft()]
+    return list(islice(unsent, capacity - len(busy)))
 
 
 @contextmanager
 def working(
-    make: Callable[[Stop], Callable[[Item], Result]], most: int, stop: Stop = never, *,
-    workers: int = 1, scheduler: str | None = None,
+    computation: Computation[Item, Result], most: int, stop: Stop = never, *,
+    workers: int = 1, scheduler: str | Cluster | None = None,
 ) -> Iterator[Callable[[Iterable[Item]], Iterator[Result]]]:  # fmt: skip
     """Who computes items for all of a block: this process, several others, or a cluster.
 
+    An item that raises an unexpected error, or whose worker ends, is tried once more; then its result is that of
+    ``computation.failed``.
+
     Parameters
     ----------
-    make : of what says whether to end, the function of an item; sent to other processes, each of which calls it once.
+    computation : of the items.
     most : items at once; there are no more workers.
     stop : asked whether to end; what other processes are computing is then not yielded.
     workers : their number; one is this process.
-    scheduler : address of a Dask scheduler whose workers are used instead.
+    scheduler : Dask scheduler whose workers are used instead, or its address.
 
     Yields
     ------
@@ -98,17 +232,18 @@ def working(
     Raises
     ------
     ScenarioError
-        If there are fewer workers than one; else as `processes` and `cluster`.
+        If there are fewer workers than one; else as `processes` and `cluster_workers`.
     """
     if workers < 1:
         raise ScenarioError.at("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
     count = max(1, min(workers, most))
     if scheduler is None and count == 1:
-        function = make(stop)
+        function = computation.function(stop)
         yield lambda items: map(function, takewhile(lambda _: not stop(), items))
-    else:
-        with processes(count, stop) if scheduler is None else cluster(scheduler) as pool:
-            yield partial(pool.completed, partial(_there, pickle.dumps(make)), stop=stop)
+        return
+    cluster = Cluster(scheduler) if isinstance(scheduler, str) else scheduler
+    with processes(count) if cluster is None else cluster_workers(cluster) as there:
+        yield partial(there.completed, computation, stop=stop)
 
 
 class _Received(threading.local):
@@ -124,51 +259,73 @@ _RECEIVED = _Received()
 def _there(sent: bytes, item: Any) -> Any:
     """Compute an item in another process, which keeps what the function has built for other items."""
     if _RECEIVED.sent != sent:
-        _RECEIVED.function, _RECEIVED.sent = pickle.loads(sent)(never), sent
+        _RECEIVED.function, _RECEIVED.sent = pickle.loads(sent).function(never), sent
     return _RECEIVED.function(item)
 
 
+# --- Processes of this machine ---------------------------------------------------------------------------------------
+
+
+class _Processes(Workers):
+    """Processes of this machine, each by itself: where one ends, the others go on."""
+
+    def __init__(self, count: int, start: Callable[[], ProcessPoolExecutor], begun: Any) -> None:
+        self._start, self._begun = start, begun
+        self.pools: dict[Hashable, ProcessPoolExecutor] = {k: start() for k in range(count)}
+
+    def capacities(self) -> Mapping[Hashable, int]:
+        return dict.fromkeys(self.pools, 1)
+
+    def submit(self, worker: Hashable, function: Callable[[Item], Result], item: Item) -> Future[Result]:
+        try:
+            return self.pools[worker].submit(function, item)
+        except BrokenProcessPool:  # it ended while it had nothing to do
+            self.replace(worker)
+            return self.pools[worker].submit(function, item)
+
+    def result(self, future: Future[Result]) -> Result:
+        try:
+            return future.result()
+        except BrokenProcessPool:
+            if self._begun.is_set():
+                raise WorkerDiedError from None
+            raise ScenarioError(
+                "worker processes cannot start: they import the calling script, which starts workers again; put "
+                'the call under `if __name__ == "__main__":`, or use workers=1'
+            ) from None
+
+    def replace(self, worker: Hashable) -> None:
+        self.pools[worker].shutdown(wait=False)
+        self.pools[worker] = self._start()
+
+
 @contextmanager
-def processes(count: int, stop: Stop = never) -> Iterator[Workers]:
+def processes(count: int) -> Iterator[Workers]:
     """Processes of this machine, which end with the block, also amid a task.
 
     Parameters
     ----------
     count : how many.
-    stop : whether to end; then it is no error that they do.
 
     Raises
     ------
     ScenarioError
         If they cannot start because they import the calling script, which starts workers again.
-    NotTrustedError
-        If one ends unexpectedly.
     """
     context = get_context("spawn")
     begun, (theirs, ours) = context.Event(), context.Pipe(duplex=False)
     with _one_thread_each():
-        pool = ProcessPoolExecutor(count, context, _begin_worker, (begun, theirs))
+        team = _Processes(count, lambda: ProcessPoolExecutor(1, context, _begin_worker, (begun, theirs)), begun)
         try:
-            yield Workers(pool, count)
-        except BrokenProcessPool:
-            if stop():  # a signal to all processes of a group, of which the workers die
-                return
-            if not begun.is_set():
-                raise ScenarioError(
-                    "worker processes cannot start: they import the calling script, which starts workers again; put "
-                    'the call under `if __name__ == "__main__":`, or use workers=1'
-                ) from None
-            raise NotTrustedError(
-                "a worker process ended unexpectedly (killed, or out of memory); continue with --resume, perhaps with "
-                "fewer --workers"
-            ) from None
+            yield team
         except RuntimeError:
             if current_process().name == "MainProcess" or begun.is_set():
                 raise
             raise SystemExit(1) from None  # a worker that imports such a script; its parent says so
         finally:
             ours.close()
-            pool.shutdown(cancel_futures=True)
+            for pool in team.pools.values():
+                pool.shutdown(cancel_futures=True)
             theirs.close()
 
 
@@ -200,16 +357,158 @@ def _one_thread_each() -> Iterator[None]:
                 os.environ[name] = value
 
 
+# --- A Dask cluster --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """A Dask scheduler, and how long to wait for workers.
+
+    Parameters
+    ----------
+    address : of the scheduler, tcp://host:port.
+    wait_s : longest time without any worker, s.
+    notify : called with a sentence where there are no workers, or one is refused.
+    """
+
+    address: str
+    wait_s: float = 600.0
+    notify: Callable[[str], None] = _LOG.warning
+
+
+class _ClusterWorkers(Workers):
+    """The workers of a cluster that have this version of beamsim and of Python; they may come and go."""
+
+    def __init__(self, client: Any, cluster: Cluster) -> None:
+        self._client, self._cluster = client, cluster
+        self._executors: dict[Hashable, Executor] = {}  # of the workers that are used
+        self._refused: dict[Hashable, str] = {}  # why the others are not
+        self._capacities: dict[Hashable, int] = {}
+        self._asked = -math.inf  # when the scheduler was asked for its workers
+        self._empty_since = math.nan  # when the last worker went
+        self._notified = False  # that there is none
+
+    def capacities(self) -> Mapping[Hashable, int]:
+        now = clock.monotonic()
+        if now - self._asked > ASKED_S:
+            self._ask()
+            self._asked = clock.monotonic()
+            self._check_waiting(self._asked)
+        return self._capacities
+
+    def _ask(self) -> None:
+        """Ask the scheduler for its workers."""
+        if self._client.status != "running":
+            raise NotTrustedError(_lost(self._cluster, "the scheduler has ended or cannot be reached"))
+        present = self._client.nthreads()
+        for known in (self._executors, self._refused):
+            for address in [address for address in known if address not in present]:
+                del known[address]
+        for address in present:
+            if address not in self._executors and address not in self._refused:
+                self._admit(address)
+        first = not self._capacities and math.isnan(self._empty_since)
+        self._capacities = {address: present[address] for address in self._executors}
+        if first and self._refused and not self._capacities:
+            raise ScenarioError(f"--scheduler {self._cluster.address}: {next(iter(self._refused.values()))}")
+
+    def _admit(self, address: str) -> None:
+        """Use a worker, or refuse it because of its versions."""
+        theirs = [self._answer(address, each) for each in (platform.python_version, beamsim_version)]
+        if any(isinstance(each, OSError) for each in theirs):  # it has gone meanwhile
+            return
+        here, there = (_versions(*each) for each in ((platform.python_version(), __version__), theirs))
+        if here == there:
+            pinned = {"workers": [address], "allow_other_workers": False}
+            self._executors[address] = self._client.get_executor(pure=False, **pinned)
+            return
+        self._refused[address] = (
+            f"the worker at {address} has {there}, this command {here}; start it from an environment with the same "
+            "versions"
+        )
+        self._cluster.notify(f"{self._refused[address]}; it gets no cases")
+
+    def _answer(self, address: str, function: Callable[[], str]) -> Any:
+        """What a function gives on a worker, or the error that it raises there."""
+        return self._client.run(function, workers=[address], on_error="return").get(address, OSError())
+
+    def _check_waiting(self, now: float) -> None:
+        """Say that there are no workers, or end, where that has lasted long enough."""
+        if self._capacities:
+            self._empty_since, self._notified = math.nan, False
+            return
+        if math.isnan(self._empty_since):
+            self._empty_since = now
+        address, waited, longest = self._cluster.address, now - self._empty_since, self._cluster.wait_s
+        remedy = f"start some with `dask worker {address}`"
+        if waited >= longest:
+            raise NotTrustedError(
+                f"the cluster at {address} has had no workers for {longest:g} s; {remedy} and continue with --resume, "
+                "or wait longer with --wait-for-workers"
+            )
+        if waited >= NO_WORKERS_S and not self._notified:
+            self._notified = True
+            self._cluster.notify(
+                f"the cluster at {address} has had no workers for {NO_WORKERS_S:g} s; waiting for up to {longest:g} s "
+                f"(--wait-for-workers); {remedy}"
+            )
+
+    def submit(self, worker: Hashable, function: Callable[[Item], Result], item: Item) -> Future[Result]:
+        return self._executors[worker].submit(function, item)
+
+    def result(self, future: Future[Result]) -> Result:
+        try:
+            return future.result()
+        except CancelledError as error:
+            raise NotTrustedError(_lost(self._cluster, "the scheduler has ended or cannot be reached")) from error
+        except Exception as error:
+            if type(error).__name__ == "KilledWorker":
+                raise WorkerDiedError from None
+            raise
+
+    def replace(self, worker: Hashable) -> None:
+        """The cluster does so, or whoever started its workers."""
+
+
+def beamsim_version() -> str:
+    """The version of beamsim in the process that calls."""
+    return __version__
+
+
+def _versions(python: object, beamsim: object) -> str:
+    """The versions that must be the same, as text; an error in place of one says that it is missing."""
+    package = f"beamsim {beamsim}" if isinstance(beamsim, str) else f"no usable beamsim ({beamsim})"
+    return f"{package} with Python {'.'.join(str(python).split('.')[:2])}"
+
+
+def _lost(cluster: Cluster, reason: object) -> str:
+    return f"lost the connection to the cluster at {cluster.address} ({reason}); continue with --resume"
+
+
 @contextmanager
-def cluster(address: str) -> Iterator[Workers]:
-    """The workers of the Dask scheduler at an address.
+def _without_tracebacks(*names: str) -> Iterator[None]:
+    """Log nothing of the loss of a connection, which becomes an error of one line."""
+    logs = [logging.getLogger(name) for name in names]
+    levels = [log.level for log in logs]
+    try:
+        for log in logs:
+            log.setLevel(logging.CRITICAL)
+        yield
+    finally:
+        for log, level in zip(logs, levels, strict=True):
+            log.setLevel(level)
+
+
+@contextmanager
+def cluster_workers(cluster: Cluster) -> Iterator[Workers]:
+    """The workers of a Dask scheduler.
 
     Raises
     ------
     ScenarioError
-        If Dask is not installed, there is no scheduler at the address, or the cluster has no workers.
+        If Dask is not installed, there is no scheduler at the address, or its workers have other versions.
     NotTrustedError
-        If the connection to the cluster is lost.
+        If the connection to the scheduler is lost, or no worker comes in time.
     """
     try:
         distributed: Any = import_module("distributed")
@@ -218,26 +517,22 @@ def cluster(address: str) -> Iterator[Workers]:
             "--scheduler needs Dask distributed, which is not installed; pip install 'beamsim[cluster]'"
         ) from None
     try:
-        client = distributed.Client(address, timeout=10, set_as_default=False)
+        client = distributed.Client(cluster.address, timeout=10, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise ScenarioError(
-            f"--scheduler {address}: no scheduler answers ({reason}); start one with `dask scheduler`"
+            f"--scheduler {cluster.address}: no scheduler answers ({reason}); start one with `dask scheduler`"
         ) from None
     try:
-        count = sum(client.nthreads().values())
-        if count == 0:
-            raise ScenarioError(f"--scheduler {address}: has no workers; start some with `dask worker {address}`")
-        yield Workers(client.get_executor(pure=False), count)
-    except (OSError, TimeoutError) as error:
-        raise NotTrustedError(
-            f"lost the connection to the cluster at {address} ({error}); continue with --resume"
-        ) from None
+        with _without_tracebacks("distributed", "distributed.client", "tornado.application"):
+            yield _ClusterWorkers(client, cluster)
+    except (BeamsimError, GeneratorExit):
+        raise
+    except (OSError, TimeoutError, CancelledError) as error:
+        raise NotTrustedError(_lost(cluster, error or type(error).__name__)) from None
     except Exception as error:
         if type(error).__module__.split(".")[0] != "distributed":
             raise
-        raise NotTrustedError(
-            f"the cluster at {address} failed ({type(error).__name__}); continue with --resume"
-        ) from None
+        raise NotTrustedError(_lost(cluster, type(error).__name__)) from None
     finally:
-        client.close()
+        client.close(timeout=5)

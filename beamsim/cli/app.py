@@ -124,6 +124,15 @@ def sweep(
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler for them, tcp://host:port.")
     ] = None,
+    wait_for_workers: Annotated[
+        float | None,
+        typer.Option(
+            "--wait-for-workers",
+            metavar="SECONDS",
+            min=0.0,
+            help="Longest time that the scheduler may be without any worker; 600 by default.",
+        ),
+    ] = None,
     compare_with: Annotated[
         Literal["multiple_scales"] | None,
         typer.Option("--compare", help="Compare a continuation with the multiple-scales expansion."),
@@ -136,7 +145,8 @@ def sweep(
     from beamsim.cli.sweeps import swept
 
     options = {
-        "workers": workers, "scheduler": scheduler, "resume": resume, "overlay": overlay, "compare": compare_with,
+        "workers": workers, "scheduler": scheduler, "wait_for_workers": wait_for_workers, "resume": resume,
+        "overlay": overlay, "compare": compare_with,
     }  # fmt: skip
     swept(given, options)
 

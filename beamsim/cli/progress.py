@@ -36,6 +36,10 @@ class Progress:
         if self._first is None:
             self._first = clock.monotonic(), self._last
 
+    def pause(self) -> None:
+        """Forget the rate: nothing is being done. No time is estimated before more is done."""
+        self._first = None
+
     @property
     def label(self) -> str:
         """What is being done."""

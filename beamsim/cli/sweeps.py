@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from signal import SIGINT
 from typing import Any
@@ -13,7 +13,7 @@ from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.designs.plan import check_cases, design, fingerprint_of, plan_designs
 from beamsim.analyses.designs.result import DesignsResult
-from beamsim.analyses.parallel import default_workers
+from beamsim.analyses.parallel import Cluster, default_workers
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded, prepared
 from beamsim.cli.failures import Interruption, interruptible, say
@@ -36,6 +36,12 @@ _NEEDS_CONTINUATION = "leave it out, or use sweep: {kind: continuation}"
 _OPTIONS = {
     "workers": (("designs", "coexisting"), "vary", "is missing, but --workers applies to its cases", _NEEDS_VARY),
     "scheduler": (("designs", "coexisting"), "vary", "is missing, but --scheduler applies to its cases", _NEEDS_VARY),
+    "wait_for_workers": (
+        ("designs", "coexisting"),
+        "vary",
+        "is missing, but --wait-for-workers applies to its cases",
+        _NEEDS_VARY,
+    ),
     "resume": (("designs", "coexisting", "sweep"), "", "applies to no continuation", "leave it out"),
     "overlay": (("continuation",), "", "overlays a sweep on a curve by continuation", _NEEDS_CONTINUATION),
     "compare": (("continuation",), "", "compares with a curve of periodic motions", _NEEDS_CONTINUATION),
@@ -48,7 +54,7 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
     Parameters
     ----------
     given : to the command.
-    options : by name without dashes: workers, scheduler, resume, overlay, compare.
+    options : by name without dashes: workers, scheduler, wait_for_workers, resume, overlay, compare.
 
     Raises
     ------
@@ -59,9 +65,11 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
     kind = _kind(scenario)
     for name, value in options.items():
         allowed, path, message, remedy = _OPTIONS[name]
-        if value and kind not in allowed:
+        if value not in (None, False) and kind not in allowed:
             raise ScenarioError(Problem(path or f"--{name}", message, remedy))
-    of_cases = {name: options[name] for name in ("scheduler", "resume")}
+    if options["wait_for_workers"] is not None and options["scheduler"] is None:
+        raise ScenarioError(Problem("--wait-for-workers", "applies to the workers of --scheduler", "leave it out"))
+    of_cases = {name: options[name] for name in ("scheduler", "wait_for_workers", "resume")}
     of_cases["workers"] = options["workers"] or default_workers()
     if kind == "designs":
         sweep_designs(scenario, target, given, **of_cases)
@@ -167,7 +175,7 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, *, resume: boo
     scenario : with ``vary`` or ``optimise``.
     target, given : as of `conclude`.
     resume : whether to keep the cases that are computed already.
-    options : workers and scheduler, as of `stored_study`.
+    options : workers, scheduler and wait_for_workers.
 
     Raises
     ------
@@ -186,21 +194,49 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, *, resume: boo
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=resume) as journal, interruptible() as interrupted:
         _say_known(journal, f" of {cases} cases", given)
-        try:
+        with _naming_kept(journal, f" of {cases} cases", interrupted):
             with progress_of(f"{cases} cases", shown=not given.quiet) as progress:
-                result = stored_study(plan, journal, target, progress=progress, stop=interrupted, **options)
+                by = _workers(progress, **options)
+                result = stored_study(plan, journal, target, progress=progress, stop=interrupted, **by)
             if not result.finished:
                 raise KeyboardInterrupt
-        except BaseException as error:
-            if isinstance(error, ResultFileError) or not journal.outcomes:
-                raise
-            kept = f"{len(journal.outcomes)} of {cases} cases are kept in {path}; --resume computes the others"
-            if isinstance(error, KeyboardInterrupt):
-                code = exit_code(COMPLETE, signal=interrupted.signal or SIGINT)
-                raise VerdictError(f"interrupted; {kept}", code) from None
-            say(f"beamsim: {kept}")
-            raise
         conclude("designs", result, target, given, interrupted, _best_design(result, target) if plan.searches else ())
+
+
+def _workers(
+    progress: Progress, *, workers: int, scheduler: str | None, wait_for_workers: float | None
+) -> dict[str, Any]:
+    """Who solves cases, as arguments of what computes them; where there are no workers, no time is estimated."""
+
+    def notify(text: str) -> None:
+        progress.pause()
+        say(f"beamsim: {text}")
+
+    waiting = {} if wait_for_workers is None else {"wait_s": wait_for_workers}
+    cluster = None if scheduler is None else Cluster(scheduler, notify=notify, **waiting)
+    return {"workers": workers, "scheduler": cluster}
+
+
+@contextmanager
+def _naming_kept(journal: Journal, cases: str, interrupted: Interruption) -> Iterator[None]:
+    """Where the block fails or is interrupted, say how many cases are kept and how to go on.
+
+    Raises
+    ------
+    VerdictError
+        If it is interrupted.
+    """
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, ResultFileError) or not journal.outcomes:
+            raise
+        kept = f"{len(journal.outcomes)}{cases} are kept in {journal.path}; --resume computes the others"
+        if isinstance(error, KeyboardInterrupt):
+            code = exit_code(COMPLETE, signal=interrupted.signal or SIGINT)
+            raise VerdictError(f"interrupted; {kept}", code) from None
+        say(f"beamsim: {kept}")
+        raise
 
 
 def _finished(kind: str, target: Path, given: Given, **same: object) -> bool:
@@ -233,8 +269,13 @@ def _coexist(scenario: Scenario, target: Path, given: Given, *, resume: bool, **
     with opened_journal(path, fingerprint, resume=resume) as journal, interruptible() as interrupted:
         _say_known(journal, " starts and disturbances", given)
         known = tuple(journal.kept)
-        with progress_of("motions from many starts", shown=not given.quiet) as progress, scenario.locating():
-            result = checked.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **workers)
+        with (
+            _naming_kept(journal, " starts and disturbances", interrupted),
+            progress_of("motions from many starts", shown=not given.quiet) as progress,
+            scenario.locating(),
+        ):
+            by = _workers(progress, **workers)
+            result = checked.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **by)
         keep_result(result, target)
         if result.outcome.cut_short:
             say(f"beamsim: {len(journal.outcomes)} starts and disturbances are kept; --resume computes the others")

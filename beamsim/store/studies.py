@@ -21,6 +21,7 @@ from typing import IO, Any
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
+from beamsim.analyses.parallel import Cluster
 from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import check_writable, move_aside
 from beamsim.outcomes import Outcome, Stop, never
@@ -40,7 +41,7 @@ def stored_study(
     target: Path,
     *,
     workers: int = 1,
-    scheduler: str | None = None,
+    scheduler: str | Cluster | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
 ) -> DesignsResult:
@@ -66,7 +67,7 @@ def stored_study(
     ResultFileError
         If the file cannot be written.
     NotTrustedError
-        If workers end unexpectedly.
+        If the connection to the cluster is lost, or it has no workers.
     ScenarioError
         If there are fewer workers than one.
     """

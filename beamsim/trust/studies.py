@@ -14,20 +14,20 @@ from functools import partial
 from typing import Any
 
 from beamsim.analyses.continuation.result import ContinuationResult
-from beamsim.analyses.designs.cases import Ended, Evaluator, unsettled
+from beamsim.analyses.designs.cases import Ended, Evaluator, failed_case, unsettled
 from beamsim.analyses.designs.gathering import gather, worth_comparing
 from beamsim.analyses.designs.plan import Case, DesignPlan, Study, check_cases, design, plan_designs
 from beamsim.analyses.designs.reliability import Exceedance, asked, concluded
 from beamsim.analyses.designs.responses import entries_of, means, responses_of_result
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RunOfDesign, objectives
 from beamsim.analyses.designs.search import search
-from beamsim.analyses.parallel import working
+from beamsim.analyses.parallel import Cluster, Computation, working
 from beamsim.analyses.result import CONVERGENCE
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.analyses.values import BY_NAME, limited
 from beamsim.errors import BeamsimError
-from beamsim.outcomes import Outcome, OutcomeKind, Stop, never, tell
+from beamsim.outcomes import Outcome, Stop, never, tell
 from beamsim.scenario import Scenario
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.checked import continuation, sweep
@@ -74,22 +74,17 @@ class CaseSolver:
         self.shared = SharedBuilds()
 
     def __call__(self, case: Case) -> CaseOutcome:
-        """Solve one case, unless it is to stop; an error becomes part of the outcome, so that other cases continue."""
+        """Solve one case, unless it is to stop; where it is refused, that is its outcome, and other cases continue."""
         begin = clock.thread_time()
-        found: dict[str, Any] = {}
         try:
-            found = self._solved(self.study.scenario(case))
+            solved = self._solved(case)
         except BeamsimError as error:
-            found["outcome"] = Outcome.of(OutcomeKind.FAILED, "failed", "; ".join(str(error).splitlines()))
-        except (ArithmeticError, ValueError, RuntimeError) as error:
-            reason = f"internal error ({type(error).__name__}: {error})"
-            found["outcome"] = Outcome.of(OutcomeKind.FAILED, "failed", reason)
-        about = {"given": case.values, "compared": case.compared, "processor_time_s": clock.thread_time() - begin}
-        return CaseOutcome(index=case.number, **{"values": {}, **found, **about})
+            solved = failed_case(case, "; ".join(str(error).splitlines()))
+        return replace(solved, processor_time_s=clock.thread_time() - begin)
 
-    def _solved(self, scenario: Scenario) -> dict[str, Any]:
+    def _solved(self, case: Case) -> CaseOutcome:
         """Responses, outcome, margins and warnings of a case."""
-        asked, analysis = self.study.asked, self.study.analysis
+        scenario, asked, analysis = self.study.scenario(case), self.study.asked, self.study.analysis
         entries = entries_of(asked, scenario) if analysis == "run" else None
         result = solve_case(scenario, analysis, entries=entries, shared=self.shared, stop=self.stop)
         values = {} if result.outcome.ended_early else responses_of_result(result)
@@ -98,7 +93,10 @@ class CaseSolver:
         elif entries is not None:  # of a case that is compared everything is computed
             values = {name: x for name, x in values.items() if _of_entry(name) in (*entries, "")}
         margins = result.summary.get("margins", {})
-        return {"values": values, "outcome": result.outcome, "margins": margins, "warnings": result.warnings}
+        return CaseOutcome(
+            case.number, values, result.outcome, margins=margins, given=case.values, warnings=result.warnings,
+            compared=case.compared,
+        )  # fmt: skip
 
 
 def _of_entry(response: str) -> str:
@@ -110,7 +108,7 @@ def design_study(
     scenario: Scenario | DesignPlan,
     *,
     workers: int = 1,
-    scheduler: str | None = None,
+    scheduler: str | Cluster | None = None,
     known: Iterable[CaseOutcome] = (),
     each: Callable[[CaseOutcome], None] | None = None,
     progress: Callable[[float], None] | None = None,
@@ -129,10 +127,10 @@ def design_study(
         case is a sweep if there is a section ``sweep``, else a run.
     workers : number of processes on this machine; one is this process, several start beside it and import the script
         that calls, so that its call stands below ``if __name__ == "__main__":``.
-    scheduler : address of a Dask scheduler whose workers are used instead.
+    scheduler : Dask scheduler whose workers are used instead: its address, or with how long to wait for workers.
     known : outcomes of an earlier, unfinished study.
     each : called with every new outcome, in the order of completion.
-    progress : called with the fraction of cases done; not of a study of reliability.
+    progress : called with the fraction of cases done; of a study of reliability, after each batch, with an estimate.
     stop : asked between cases, and within those of runs and swept sines, whether to end; the result then holds the
         cases that were solved.
 
@@ -146,7 +144,7 @@ def design_study(
     ScenarioError
         If the scenario of a case is invalid, or there are fewer workers than one.
     NotTrustedError
-        If workers end unexpectedly; `each` has been called for all solved cases.
+        If the connection to the cluster is lost, or it has no workers; `each` has been called for all solved cases.
     """
     begin = clock.perf_counter()
     if isinstance(scenario, DesignPlan):
@@ -158,22 +156,23 @@ def design_study(
     histories: Exceedance | None = None
     count = plan.study.realisations.count
     known, total = tuple(known), plan.most * count
-    progress = None if plan.kind == "reliability" else progress  # which does not know how many it needs
+    estimated = plan.kind == "reliability"  # how many cases it needs follows from those that are solved
 
     def solved(outcome: CaseOutcome) -> None:
         if each is not None:
             each(outcome)
-        tell(progress, len(evaluate.outcomes) / total)
+        tell(None if estimated else progress, len(evaluate.outcomes) / total)
 
-    tell(progress, len({outcome.index for outcome in known}) / total)
-    solving = working(partial(CaseSolver, plan.study), total, stop, workers=workers, scheduler=scheduler)
+    tell(None if estimated else progress, len({outcome.index for outcome in known}) / total)
+    computation = Computation(partial(CaseSolver, plan.study), failed_case)
+    solving = working(computation, total, stop, workers=workers, scheduler=scheduler)
     all_compared = plan.convergence == "on"
     with Evaluator(
         solving, most=plan.most, realisations=count, compared=all_compared, known=known, each=solved
     ) as evaluate:
         with suppress(Ended):
             if plan.kind == "reliability":
-                histories = asked(plan, evaluate)
+                histories = asked(plan, evaluate, progress)
             elif plan.searches:
                 ended = search(plan, evaluate)
             else:

@@ -4,6 +4,7 @@ Those of real histories are compared with independent integration in tests/refer
 """
 
 import math
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -444,3 +445,19 @@ def test_without_openturns_the_command_to_install_it_is_said(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "openturns", None)
     with pytest.raises(ScenarioError, match=r"needs OpenTURNS.*pip install 'beamsim\[reliability\]'"):
         design_study(of_springs(1.0))
+
+
+def test_progress_of_a_probability_is_that_of_the_number_of_histories_needed(solved_by):
+    """Monte Carlo takes (1 - p) / (p c^2) histories; at most as many as are allowed."""
+    solved_by(lambda *springs: sum(springs))
+    fractions = []
+    _, of = found(of_springs(1.5, method="monte_carlo", samples=200), progress=fractions.append)
+    p = 1.0 - NormalDist().cdf(1.5)
+    assert of["histories"] == pytest.approx((1.0 - p) / (p * 0.1**2), rel=0.25)
+    expected = np.arange(1, len(fractions) + 1) / len(fractions)
+    np.testing.assert_allclose(fractions[1:], expected[1:], atol=0.3)
+    assert fractions[-1] == 1.0
+    fractions.clear()
+    _, of = found(of_springs(2.5, method="monte_carlo", samples=200, most_cases=2000), progress=fractions.append)
+    assert of["histories"] == 2000
+    np.testing.assert_allclose(fractions, 0.1 * np.arange(1, 11), rtol=1e-12)

@@ -1,16 +1,19 @@
 """A design study is the same as its cases run one by one, whoever computes them."""
 
 import math
+import multiprocessing
+import os
+import signal
 
 import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
 
 from beamsim.analyses.designs.plan import check_cases, plan_designs
-from beamsim.analyses.parallel import processes
-from beamsim.errors import NotTrustedError, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result
+from beamsim.trust import studies
 from beamsim.trust.studies import design_study
 from tests.helpers.commands import invoke
 
@@ -269,12 +272,28 @@ def test_a_study_of_sweeps():
     assert result.summary["margins"]["peak_force"]["exceeded"]
 
 
-def _die(item):
-    import os
+def test_a_worker_that_is_killed_changes_nothing(grid):
+    solved = []
 
-    os._exit(9)
+    def each(outcome):
+        solved.append(outcome.index)
+        if len(solved) == 1:
+            os.kill(multiprocessing.active_children()[0].pid, signal.SIGTERM)
+
+    assert_same(grid, design_study(load_scenario(BASE + GRID), workers=2, each=each))
+    assert sorted(solved) == list(range(6))
 
 
-def test_a_worker_that_dies_ends_the_study_with_a_remedy():
-    with pytest.raises(NotTrustedError, match="--resume"), processes(2) as workers:
-        list(workers.completed(_die, [1, 2, 3]))
+def test_a_case_that_raises_is_recorded_and_the_others_go_on(grid, monkeypatch):
+    def fail(scenario, *args, solve=studies.run, **options):
+        if scenario.excitation.frequency == 50.0:
+            raise TypeError("no such operation")
+        return solve(scenario, *args, **options)
+
+    monkeypatch.setattr(studies, "run", fail)
+    result = design_study(load_scenario(BASE + GRID), workers=1)
+    assert result.solved.tolist() == [[False, True, True]] * 2
+    text = "internal error (TypeError: no such operation) in 2 attempts"
+    assert [failure.outcome.text for failure in result.failures] == [text] * 2
+    force = grid.responses["snubbers/tip/peak_force"].values
+    np.testing.assert_array_equal(result.responses["snubbers/tip/peak_force"].values[:, 1:], force[:, 1:])

@@ -5,9 +5,9 @@ from functools import partial
 import pytest
 
 import beamsim
-from beamsim.analyses.designs.cases import Evaluator
+from beamsim.analyses.designs.cases import Evaluator, failed_case
 from beamsim.analyses.designs.plan import plan_draws
-from beamsim.analyses.parallel import working
+from beamsim.analyses.parallel import Computation, working
 from beamsim.scenario import load_scenario
 from beamsim.trust.studies import CaseSolver
 
@@ -23,7 +23,8 @@ FORCE = "snubbers/stop/peak_force"
 
 @pytest.fixture
 def solver():
-    return partial(CaseSolver, plan_draws(load_scenario(BASE), {"snubbers.stop.gap": [1e-3]}, ["peak_force"]).study)
+    study = plan_draws(load_scenario(BASE), {"snubbers.stop.gap": [1e-3]}, ["peak_force"]).study
+    return Computation(partial(CaseSolver, study), failed_case)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from beamsim.analyses.parallel import processes, working
+from beamsim.analyses.parallel import Computation, processes, working
 from beamsim.outcomes import never
 
 
@@ -27,10 +27,18 @@ class Noting:
         return number**2
 
 
+def failed(number, reason):
+    pytest.fail(reason)
+
+
+def sleeping(stop):
+    return time.sleep
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_nothing_more_is_begun_once_the_caller_stops(count, tmp_path):
     told = threading.Event()
-    with working(Noting(tmp_path), 1000, told.is_set, workers=count) as solved:
+    with working(Computation(Noting(tmp_path), failed), 1000, told.is_set, workers=count) as solved:
         for number, _ in enumerate(solved(range(1000)), 1):
             if number == 2:
                 told.set()
@@ -40,7 +48,7 @@ def test_nothing_more_is_begun_once_the_caller_stops(count, tmp_path):
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_workers_give_everything_where_nothing_stops_them(count, tmp_path):
-    with working(Noting(tmp_path), 50, never, workers=count) as solved:
+    with working(Computation(Noting(tmp_path), failed), 50, never, workers=count) as solved:
         assert sorted(solved(range(50))) == [number**2 for number in range(50)]
 
 
@@ -51,7 +59,10 @@ def test_processes_end_with_a_caller_that_fails(tmp_path, heeded):
         os.kill(os.getpid(), signal.SIGINT)
 
     threading.Thread(target=interrupt).start()
-    with pytest.raises(KeyboardInterrupt), working(Noting(tmp_path, long=1), 3, never, workers=2) as solved:
+    with (
+        pytest.raises(KeyboardInterrupt),
+        working(Computation(Noting(tmp_path, long=1), failed), 3, never, workers=2) as solved,
+    ):
         list(solved(range(3)))
 
 
@@ -60,4 +71,4 @@ def test_processes_are_ended():
     told = threading.Event()
     threading.Timer(1.0, told.set).start()
     with processes(2) as workers:
-        assert not list(workers.completed(time.sleep, [3600.0] * 10, told.is_set))
+        assert not list(workers.completed(Computation(sleeping, failed), [3600.0] * 10, told.is_set))

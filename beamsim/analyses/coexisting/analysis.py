@@ -24,12 +24,12 @@ from beamsim.analyses.continuation.analysis import largest_values, response
 from beamsim.analyses.continuation.branches import SETTINGS, Budget, Tracer, coincides, follow, joined, side_branches
 from beamsim.analyses.continuation.paths import ResponseModel, response_model
 from beamsim.analyses.continuation.refinement import Wanted, with_points_at
-from beamsim.analyses.designs.cases import Ended, Evaluator
+from beamsim.analyses.designs.cases import Ended, Evaluator, failed_case
 from beamsim.analyses.designs.plan import Case
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.statistics import probability
 from beamsim.analyses.doubts import curve_warnings, reduction_checked
-from beamsim.analyses.parallel import working
+from beamsim.analyses.parallel import Cluster, Computation, working
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.flow.compiled import processor_time
@@ -92,7 +92,8 @@ _Order = Sequence[tuple[int, _Motion]]  # each with its number at its frequency
 
 def coexisting(
     scenario: Scenario, progress: Progress = None, stop: Stop = never, *, workers: int = 1,
-    scheduler: str | None = None, known: Iterable[CaseOutcome] = (), each: Callable[[CaseOutcome], None] | None = None,
+    scheduler: str | Cluster | None = None, known: Iterable[CaseOutcome] = (),
+    each: Callable[[CaseOutcome], None] | None = None,
 ) -> CoexistingResult:  # fmt: skip
     """Find the motions at each frequency of a scenario, and what share of the starts comes to each.
 
@@ -118,7 +119,7 @@ def coexisting(
     KeyboardInterrupt
         If it was time to stop before any motion was found.
     NotTrustedError
-        If none is found, or workers end unexpectedly.
+        If none is found, or the connection to the cluster is lost.
     """
     begin, processor = clock.perf_counter(), processor_time()
     marches = Marches(scenario, stop)
@@ -131,12 +132,16 @@ def coexisting(
         if progress is not None and outcome.index < len(starts):
             progress(0.6 * len(evaluate.outcomes) / len(starts))  # the rest is for what follows
 
-    solving = working(partial(Marches, scenario), sys.maxsize, stop, workers=workers, scheduler=scheduler)
+    solving = working(
+        Computation(partial(Marches, scenario), failed_case), sys.maxsize, stop, workers=workers, scheduler=scheduler
+    )
     with Evaluator(solving, most=sys.maxsize, known=known, each=solved) as evaluate:
         with suppress(Ended):
             evaluate(starts)
         ends: dict[float, dict[int, Destination]] = {f: {} for f in hz}
         for index, outcome in evaluate.outcomes.items():
+            if outcome.failed:
+                continue
             ends[hz[index // len(rows)]][index % len(rows)] = Destination.of(outcome)
         motions = {f: _attracting(marches, f, of) for f, of in ends.items()}
         if marches.settings.unstable and not stop():
@@ -148,7 +153,10 @@ def coexisting(
             raise NotTrustedError("no start has settled, and no periodic motion was found; raise sweep.most_cycles")
         result = _gathered(marches, order, rows, ends)
         result = replace(result, disturbances=_disturbances(marches, order, evaluate))
-    result = replace(result, outcome=_outcome(marches, result, budget), wall_time_s=clock.perf_counter() - begin)
+    failed = [outcome for outcome in evaluate.outcomes.values() if outcome.failed]
+    result = replace(
+        result, outcome=_outcome(marches, result, budget, failed), wall_time_s=clock.perf_counter() - begin
+    )
     return result.with_summary(**_summary(marches, result), processor_time_s=processor_time() - processor)
 
 
@@ -207,7 +215,7 @@ def _disturbances(marches: Marches, order: _Order, evaluate: Evaluator) -> tuple
     with suppress(Ended):
         evaluate([(m.hz, k + 1, *m.known.states.ravel().tolist()) for _, m, k in asked])
     for index, (number, m, k) in enumerate(asked, first):
-        if index in evaluate.outcomes:
+        if index in evaluate.outcomes and not evaluate.outcomes[index].failed:
             each, found = marches.settings.disturbances[k], dict[str, Any](evaluate.outcomes[index].values)
             about = m.hz, number, each.kind, each.probe, "N s" if each.probe else "m/s"
             smallest.append(SmallestDisturbance(*about, found["amplitude"], found["time"], each.to))
@@ -270,7 +278,7 @@ def _summary(marches: Marches, result: CoexistingResult) -> dict[str, Any]:
     }
 
 
-def _outcome(marches: Marches, result: CoexistingResult, budget: Budget) -> Outcome:
+def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed: Sequence[CaseOutcome]) -> Outcome:
     """Complete but for what was left out, with the starts that have not settled and what is not to be trusted."""
     left, exceeded = result.not_settled, budget.exceeded(incomplete=False)
     fewer = "ask for fewer frequencies at once, or leave unstable motions out (sweep.unstable: false)"
@@ -287,6 +295,10 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget) -> Outc
         remedy, at = "raise sweep.most_cycles or sweep.longest_period", Where(result.frequency_hz[left > 0], "Hz")
         sentence = f"{counted(int(left.sum()), 'start')} did not settle"
         remarks.append(Outcome.of(OutcomeKind.NOTED, "not_settled", sentence, at=at, remedy=remedy))
+    if failed:
+        of = "1 start or disturbance" if len(failed) == 1 else f"{len(failed)} starts or disturbances"
+        sentence = f"{of} could not be computed; the first: {failed[0].outcome.text}"
+        remarks.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_failed", sentence))
     outcome = together(remarks)
     if marches.stop():
         outcome = interruption(f"with {int(np.sum(result.cycles == 0))} starts left", *outcome.unless_complete)

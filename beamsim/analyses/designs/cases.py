@@ -22,6 +22,12 @@ def unsettled(tried: int) -> Outcome:
     )
 
 
+def failed_case(case: Case, reason: str) -> CaseOutcome:
+    """The outcome of a case that could not be solved."""
+    outcome = Outcome.of(OutcomeKind.FAILED, "failed", reason)
+    return CaseOutcome(case.number, {}, outcome, given=case.values, compared=case.compared)
+
+
 class Ended(Exception):
     """What was asked for is not all known; the block of the `Evaluator` ends."""
 

@@ -19,7 +19,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.measurements.columns import column_named, only_column
 from beamsim.measurements.signal import MeasurementError
 from beamsim.measurements.tables import read_csv
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, tell
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Unfit, path_text
 from beamsim.scenario.excitation import MatchedInput, RandomInput
@@ -129,9 +129,11 @@ class Exceedance:
     ----------
     plan : of a study of reliability.
     evaluate : solves cases, given by the values of the varied parameters.
+    progress : called after each estimate with the fraction of histories done: that of the number allowed, or that of
+        the number needed where the variance falls as one over it, whichever is larger.
     """
 
-    def __init__(self, plan: DesignPlan, evaluate: Evaluator) -> None:
+    def __init__(self, plan: DesignPlan, evaluate: Evaluator, progress: Progress = None) -> None:
         vary = of_kind(Reliability, plan.scenario.vary)
         self.plan, self.vary, self.scatter = plan, vary, Scatter(plan, vary)
         self.inputs = inputs = [item for _, item in inputs_with_seed(plan.scenario.excitation)]
@@ -147,7 +149,7 @@ class Exceedance:
         self.outcome = COMPLETE  # unless the method has no estimate, or says why it is in doubt
         self.beyond, self.values, self.weights = self.origin.some([]), np.zeros(0), np.zeros(0)  # of the limits
         self.critical: sampling.Points | None = None  # the design point
-        self._evaluate = evaluate
+        self._evaluate, self._progress = evaluate, progress
 
     def __call__(self, points: sampling.Points) -> Floats:
         """(n,) values at points."""
@@ -177,6 +179,8 @@ class Exceedance:
         """Keep an estimate, and say whether it is sure enough."""
         self.estimate = estimate
         self.rounds.append(Round(self.asked, 0.0, *estimate))
+        needed = (self.target / estimate.variation) ** 2 if estimate.variation > 0.0 else 0.0  # 0 where it is unknown
+        tell(self._progress, min(1.0, max(needed, self.asked / self.vary.most_cases)))
         return estimate.variation <= self.target
 
     def level(self) -> sampling.SubsetLevel:
@@ -258,9 +262,9 @@ def importance_sampling(histories: Exceedance) -> None:
 METHODS = {"monte_carlo": monte_carlo, "form": form, "subset": subset, "importance_sampling": importance_sampling}
 
 
-def asked(plan: DesignPlan, evaluate: Evaluator) -> Exceedance:
+def asked(plan: DesignPlan, evaluate: Evaluator, progress: Progress = None) -> Exceedance:
     """The histories that the method of a study asks for, until its estimate is sure enough or no more are allowed."""
-    histories = Exceedance(plan, evaluate)
+    histories = Exceedance(plan, evaluate, progress)
     with suppress(Ended):
         METHODS[histories.method](histories)
         if histories.critical is None and histories.weights.size:

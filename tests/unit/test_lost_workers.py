@@ -1,0 +1,108 @@
+"""Cases that fail, and workers that end: tried once more, then recorded; the other cases go on."""
+
+import os
+import signal
+from functools import partial
+
+import pytest
+
+from beamsim.analyses.parallel import Computation, working
+from beamsim.errors import ScenarioError
+from beamsim.outcomes import never
+
+
+class Failing:
+    """Makes a function that squares numbers, counts its calls in a folder, and fails for one number."""
+
+    def __init__(self, folder, how, times=100):
+        self.folder, self.how, self.times = folder, how, times
+
+    def __call__(self, stop):
+        return self.square
+
+    def square(self, number):
+        attempts = len(list(self.folder.glob(f"{number}_*"))) + 1
+        (self.folder / f"{number}_{attempts}").touch()
+        if number == 3 and attempts <= self.times:
+            self.how()
+        return number**2
+
+
+def end():
+    os._exit(1)
+
+
+def kill():
+    os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
+
+
+def need_memory():
+    raise MemoryError("Unable to allocate 9 TiB")
+
+
+def divide():
+    return 1 / 0
+
+
+def failed(number, reason):
+    return number, reason
+
+
+DEATH = "its worker process ended in 2 attempts: killed, out of memory, or crashed"
+ERRORS = {
+    need_memory: "not enough memory (Unable to allocate 9 TiB) in 2 attempts",
+    divide: "internal error (ZeroDivisionError: division by zero) in 2 attempts",
+}
+WAYS = [
+    *((workers, how, text) for workers in (1, 2) for how, text in ERRORS.items()),
+    (2, end, DEATH), pytest.param(2, kill, DEATH, marks=pytest.mark.slow),
+]  # fmt: skip
+
+
+def results(folder, how, times=100, **who):
+    with working(Computation(Failing(folder, how, times), failed), 20, never, **who) as solved:
+        found = list(solved(range(20)))
+    recorded = [each for each in found if isinstance(each, tuple)]
+    assert sorted(each for each in found if each not in recorded) == [
+        number**2 for number in range(20) if number not in dict(recorded)
+    ]
+    return recorded
+
+
+@pytest.mark.parametrize(("workers", "how", "text"), WAYS)
+def test_a_case_that_fails_is_tried_once_more_and_recorded(workers, how, text, tmp_path):
+    assert results(tmp_path, how, workers=workers) == [(3, text)]
+    assert len(list(tmp_path.glob("3_*"))) == 2
+    assert len(list(tmp_path.glob("4_*"))) == 1  # no other case is solved twice
+
+
+@pytest.mark.parametrize(("workers", "how"), [(1, divide), (2, divide), (2, end)])
+def test_a_case_that_fails_once_has_its_result(workers, how, tmp_path):
+    assert results(tmp_path, how, times=1, workers=workers) == []
+
+
+def refuse():
+    raise ScenarioError("this is not possible")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_refusal_ends_it_at_once(workers, tmp_path):
+    with pytest.raises(ScenarioError, match="this is not possible"):
+        results(tmp_path, refuse, workers=workers)
+    assert len(list(tmp_path.glob("3_*"))) == 1
+
+
+# --- A Dask cluster --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("how", [*ERRORS, end, kill])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_cluster_does_the_same(how, threads, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=threads, processes=True, dashboard_address=":0", host="127.0.0.1"
+    ) as cluster:
+        solved = partial(results, scheduler=cluster.scheduler_address)
+        assert solved(tmp_path, how) == [(3, ERRORS.get(how, DEATH))]
