@@ -516,23 +516,34 @@ def cluster_workers(cluster: Cluster) -> Iterator[Workers]:
         raise ScenarioError(
             "--scheduler needs Dask distributed, which is not installed; pip install 'beamsim[cluster]'"
         ) from None
+    with _without_tracebacks("distributed", "distributed.client", "tornado.application"):
+        client = _client(distributed, cluster)
+        try:
+            yield _ClusterWorkers(client, cluster)
+        except (BeamsimError, GeneratorExit):
+            raise
+        except (OSError, TimeoutError, CancelledError) as error:
+            raise NotTrustedError(_lost(cluster, error or type(error).__name__)) from None
+        except Exception as error:
+            if type(error).__module__.split(".")[0] != "distributed":
+                raise
+            raise NotTrustedError(_lost(cluster, type(error).__name__)) from None
+        finally:
+            client.close(timeout=5)
+
+
+def _client(distributed: Any, cluster: Cluster) -> Any:
+    """A connection to a scheduler.
+
+    Raises
+    ------
+    ScenarioError
+        If there is none at the address.
+    """
     try:
-        client = distributed.Client(cluster.address, timeout=10, set_as_default=False)
+        return distributed.Client(cluster.address, timeout=10, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise ScenarioError(
             f"--scheduler {cluster.address}: no scheduler answers ({reason}); start one with `dask scheduler`"
         ) from None
-    try:
-        with _without_tracebacks("distributed", "distributed.client", "tornado.application"):
-            yield _ClusterWorkers(client, cluster)
-    except (BeamsimError, GeneratorExit):
-        raise
-    except (OSError, TimeoutError, CancelledError) as error:
-        raise NotTrustedError(_lost(cluster, error or type(error).__name__)) from None
-    except Exception as error:
-        if type(error).__module__.split(".")[0] != "distributed":
-            raise
-        raise NotTrustedError(_lost(cluster, type(error).__name__)) from None
-    finally:
-        client.close(timeout=5)

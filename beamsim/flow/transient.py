@@ -318,6 +318,8 @@ class MotionInStretches(March):
             stretch = self._march(first, min(first + self._at_once, self._pieces))
             self.processor_time_s += processor_time() - begin
             self.outcome, self._latest = stretch.outcome, stretch
+            if not self.outcome.complete and self.progress is not None:
+                self.progress(self.flow.duration)  # nothing of the march remains to be done
             if stretch.length.sum() > 0 or first == 0:
                 yield stretch
             if not self.outcome.complete:

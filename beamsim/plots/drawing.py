@@ -28,6 +28,8 @@ MOST_PANELS = 6  # of one kind, in a picture
 MOST_CURVES = 6  # in one plot; more cannot be distinguished
 DARK, RED, GREEN, PALE = "#0b3c5d", "#d1495b", "#3a7d44", "0.65"
 FARTHEST = 4.0  # of the largest value drawn: a line beyond that would leave no room for the curves
+MOST_DRAWN = 12_000  # points of a curve: ten for every pixel of its width
+MOST_AT_ONCE = 20_000  # points of a loop that are filled in one pass; more exceed the memory of the renderer
 WIDE = 8.0  # ratio of the ends of an axis from which it is logarithmic; below, it has no room for its numbers
 HERTZ = Scale(1.0, "Hz")
 
@@ -207,7 +209,8 @@ def draw(ax: Axes, chart: Chart) -> None:
     curves, (x, y) = chart.drawn, chart.scales
     for k, curve in enumerate((*curves, *chart.marks)):
         style = {**curve_style(k), **curve.style}
-        ax.plot(curve.x * x.factor, curve.y * y.factor, label=curve.label or "_nolegend_", **style)
+        shown = thinned(curve.x, curve.y, MOST_DRAWN) if is_history(curve) else (curve.x, curve.y)
+        ax.plot(shown[0] * x.factor, shown[1] * y.factor, label=curve.label or "_nolegend_", **style)
     largest = max((float(np.nanmax(np.abs(curve.y), initial=0.0)) for curve in curves), default=0.0)
     near = [level for level in chart.levels if "y" in chart.log or abs(level.value) <= FARTHEST * largest]
     for level in near:
@@ -235,6 +238,35 @@ def draw(ax: Axes, chart: Chart) -> None:
     left_out = f"{len(curves)} of {len(chart.curves)} {chart.of}" if len(chart.curves) > len(curves) else ""
     legend(ax, left_out or chart.legend)
     _name_beside(ax, {name: (at[0] * x.factor, at[1] * y.factor) for name, at in chart.names.items()})
+
+
+def is_history(curve: Curve) -> bool:
+    """Whether few points show a curve: its x does not decrease, unlike that of a loop."""
+    return bool(np.all(curve.x[1:] >= curve.x[:-1]))
+
+
+def thinned(x: Floats, y: Floats, most: int) -> tuple[Floats, Floats]:
+    """The same curve with at most about so many points: the lowest and highest value of every few.
+
+    Parameters
+    ----------
+    x, y : (n,) arrays, x not decreasing; y may have holes (nan).
+    most : number of points; a curve of fewer is kept as it is.
+
+    Returns
+    -------
+    Arrays of equal length, in the order of the curve.
+    """
+    length = -(-2 * y.size // most)
+    if y.size <= most or length < 3:
+        return x, y
+    whole = y.size // length * length
+    blocks = y[:whole].reshape(-1, length)
+    first = np.arange(blocks.shape[0]) * length
+    lowest, highest = np.where(np.isnan(blocks), np.inf, blocks), np.where(np.isnan(blocks), -np.inf, blocks)
+    ends = np.stack([first + lowest.argmin(axis=1), first + highest.argmax(axis=1)], axis=1)
+    pick = np.append(np.sort(ends, axis=1).ravel(), np.arange(whole, y.size))
+    return x[pick], y[pick]
 
 
 def with_unit(words: str, scale: Scale) -> str:
@@ -418,7 +450,7 @@ def write(picture: Picture, target: Any, form: str = "png") -> None:
     # a sixth of the time less than the default
     packed: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}} if form == "png" else {}
     # letters are as wide as in PDF and SVG
-    with rc_context({"text.hinting": "none"}), plain_text():
+    with rc_context({"text.hinting": "none", "agg.path.chunksize": MOST_AT_ONCE}), plain_text():
         picture.figure().savefig(target, format=form, dpi=150.0, **packed)
 
 

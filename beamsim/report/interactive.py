@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import to_hex
 
-from beamsim.plots.drawing import Axis, Chart, Curve, HeatMap, Picture, curve_style, with_unit
+from beamsim.plots.drawing import Axis, Chart, Curve, HeatMap, Picture, curve_style, is_history, thinned, with_unit
 from beamsim.plots.style import Scale, scale_for
 from beamsim.typing import Floats
 
@@ -32,7 +32,7 @@ def interactive(picture: Picture) -> list[dict[str, Any]]:
 
 def _readable(curve: Curve) -> bool:
     """Whether few points show it: those of a loop are no extremes."""
-    return curve.x.size <= MOST_POINTS or bool(np.all(np.diff(curve.x) >= 0.0))
+    return curve.x.size <= MOST_POINTS or is_history(curve)
 
 
 def plot(chart: Chart) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def plot(chart: Chart) -> dict[str, Any]:
             line["dash"] = ",".join(f"{2 * each:g}px" for each in dashes[1])
         group = plain(curve.label) or (data[-1]["legendgroup"] if data else "")  # parts of one curve follow it
         mode = "lines" if not style.get("marker") else "markers" if dashes == "none" else "lines+markers"
-        thin = thinned(curve.x, curve.y)
+        thin = thinned(curve.x, curve.y, MOST_POINTS)
         data.append(
             {"type": "scatter", "mode": mode, "name": plain(curve.label), "line": line,
              "x": numbers(thin[0] * x.factor, 8), "y": numbers(thin[1] * y.factor),
@@ -68,29 +68,6 @@ def plot(chart: Chart) -> dict[str, Any]:
         at = {"xref": "paper", "yref": "paper", "x": 1, "y": 1, "align": "right", "showarrow": False}
         layout["annotations"] = [{"text": plain(chart.note), **at}]
     return {"data": data, "layout": layout}
-
-
-def thinned(x: Floats, y: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floats]:
-    """The same curve with at most about so many points: the lowest and highest value of every few.
-
-    Parameters
-    ----------
-    x, y : (n,) arrays.
-    most : number of points; a curve of fewer is kept as it is.
-
-    Returns
-    -------
-    Arrays of equal length, in the order of the curve.
-    """
-    length = -(-2 * y.size // most)
-    if y.size <= most or length < 3:
-        return x, y
-    whole = y.size // length * length
-    blocks = y[:whole].reshape(-1, length)
-    first = np.arange(blocks.shape[0]) * length
-    pick = np.sort(np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1), axis=1).ravel()
-    pick = np.append(pick, np.arange(whole, y.size))
-    return x[pick], y[pick]
 
 
 def heat_map(panel: HeatMap) -> dict[str, Any]:

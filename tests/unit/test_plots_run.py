@@ -12,8 +12,7 @@ from sampling import slow_after
 import beamsim
 from beamsim.analyses.run.result import ShockResponse, ShockSpectrum
 from beamsim.plots import run as plots
-from beamsim.plots.drawing import HERTZ, Chart, Picture, save_figures
-from beamsim.report.interactive import thinned
+from beamsim.plots.drawing import HERTZ, Chart, Curve, Picture, save_figures, thinned
 from beamsim.scenario import load_scenario
 
 EVERYTHING = {
@@ -99,7 +98,30 @@ def test_thinning_keeps_the_extremes():
     assert np.all(np.diff(few_t) >= 0)
     assert (few_x.max(), few_x.min(), few_x[-1]) == (5.0, -7.0, 1.0)
     assert few_t[few_x.argmax()] == 123_457
-    assert thinned(time[:100], x[:100])[0].size == 100
+    assert thinned(time[:100], x[:100], 40_000)[0].size == 100
+
+
+def test_thinning_keeps_holes_and_the_extremes_beside_them():
+    time = np.arange(300_000.0)
+    x = np.where((time > 1e5) & (time < 2e5), np.nan, np.cos(time))
+    x[100_000] = 9.0
+    few_t, few_x = thinned(time, x, 4000)
+    assert few_x[few_t == 100_000] == [9.0]
+    assert np.isnan(few_x[(few_t > 100_200) & (few_t < 199_800)]).all()
+    assert few_x.size < 4200
+
+
+@pytest.mark.parametrize("loop", [False, True])
+def test_long_curves_are_drawn(loop, tmp_path):
+    """Neither a history of many samples nor a loop exceeds what the renderer can take."""
+    phase = 0.7 * np.arange(150_000.0)
+    curve = Curve("many", np.cos(phase) if loop else phase, np.sin(phase) * np.cos(1.3 * phase))
+    picture = Picture("", [Chart(("x", ""), ("y", ""), [curve])])
+    (drawn,) = picture.figure().axes[0].get_lines()
+    assert drawn.get_xdata().size == (150_000 if loop else 12_000)
+    assert np.ptp(drawn.get_ydata()) == pytest.approx(np.ptp(curve.y), rel=1e-12)
+    (file,) = save_figures({"many": picture}, tmp_path, "case")
+    assert file.stat().st_size > 1000
 
 
 def test_a_shock_is_shown_whole_with_its_input():
