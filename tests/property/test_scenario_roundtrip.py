@@ -124,7 +124,7 @@ def test_yaml_round_trip(path, title, factor):
             holder[key] *= factor
     if orders:
         tree["sweep"]["orders"] = orders
-    assert comes_back(tree).title == title
+    assert comes_back(tree).title == (title if title.isprintable() else title.strip())
 
 
 WORDS = [
