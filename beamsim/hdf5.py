@@ -129,7 +129,7 @@ def demand_readable(path: Path | str) -> None:
     Raises
     ------
     InputFileError
-        As `beamsim.input_files.open_input`; also if that process ended unexpectedly, or did not end.
+        As `beamsim.input_files.open_input`; also if that process cannot start, ends unexpectedly, or does not end.
     """
     with open_input(path):
         state = Path(path).stat()
@@ -146,6 +146,9 @@ def _survived(path: str, modified: int, size: int) -> bool:
         done = subprocess.run([sys.executable, "-c", _EXAMINE, path], capture_output=True, timeout=limit_s, check=False)
     except subprocess.TimeoutExpired:
         return False
+    except OSError as error:
+        message = f"cannot be examined: no other process can be started ({error.strerror or error})"
+        raise InputFileError(path, message, "free memory, or end other processes") from None
     return done.returncode in (0, 1)  # 1: an exception
 
 

@@ -99,9 +99,12 @@ def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = Fals
     ------
     MethodError
         About ``file``, if two entries have the same place.
+    ValueError
+        If a number is not finite, or a node or component is no whole number.
     """
-    entries = np.asarray(entries)
-    nodes, components = entries[:, 0:4:2].real.astype(int), entries[:, 1:4:2].real.astype(int)
+    entries = _finite(np.asarray(entries))
+    places = whole_numbers("nodes and components", entries[:, :4].real.ravel()).reshape(-1, 4)
+    nodes, components = places[:, 0::2], places[:, 1::2]
     dofs = 7 * nodes + np.where((components >= 1) & (components <= 6), components, 0)
     axes = [np.unique(dofs if square else dofs[:, k]) for k in (0, 1)]
     numbers = entries[:, 4] if np.any(entries[:, 4].imag) else entries[:, 4].real
@@ -109,6 +112,13 @@ def labelled(name: str, entries: Any, *, square: bool, one_triangle: bool = Fals
     _demand_unique(at[0], at[1], lambda k: "node {:g} {:g}, node {:g} {:g}".format(*entries[k, :4].real))
     values = coo_array((numbers, at), shape=(axes[0].size, axes[1].size))
     return file_matrix(name, values, *(names_of(*divmod(axis, 7)) for axis in axes), one_triangle=one_triangle)
+
+
+def _finite(entries: Any) -> Any:
+    """Entries of a file by row, if all their numbers are finite; raises `ValueError` otherwise."""
+    if (bad := np.flatnonzero(~np.isfinite(entries).all(axis=1))).size:
+        raise ValueError(f"its entry {bad[0] + 1} holds a number that is not finite")
+    return entries
 
 
 def _demand_unique(rows: Any, columns: Any, place: Callable[[int], str]) -> None:
@@ -164,6 +174,8 @@ def read_op4(path: Path, name: str | None = None) -> list[FileMatrix]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.filterwarnings("error", "Premature end-of-file")
+        for shape in pyyeti().op4.dir(str(path), verbose=False)[1]:  # before room is made for what headers claim
+            matrix_shape(shape)
         loaded = pyyeti().op4.load(str(path), name, into="list", sparse=True)
         names = loaded[0] if len(set(loaded[0])) == len(loaded[0]) else pyyeti().op4.dir(str(path), verbose=False)[0]
     numbers = [number for number, called in enumerate(names, 1) if called in loaded[0]]
@@ -177,6 +189,7 @@ def read_op2(path: Path, name: str | None = None) -> list[FileMatrix]:
     """Matrices and DMIG tables of an OUTPUT2 file; only those of a name if it is given."""
     nastran = pyyeti()
     with nastran.OP2(str(path)) as file:
+        _demand_room(path, file.dblist, name)
         matrices = file.rdop2mats([name] if name else None, lower=True, which="all")
         # tables of DMIG entries begin with these numbers
         tables = [each.name.lower() for each in file.dblist if each.headers and each.headers[0][0] == (114, 1, 120)]
@@ -192,6 +205,14 @@ def read_op2(path: Path, name: str | None = None) -> list[FileMatrix]:
         axes = ([*zip(*axis, strict=True)] if axis.nlevels == 2 else (axis, [0] * axis.size) for axis in frame.axes)
         found.append(file_matrix(called, frame, *(names_of(*axis) for axis in axes)))
     return found
+
+
+def _demand_room(path: Path, blocks: Iterable[Any], name: str | None) -> None:
+    """Refuse matrices of an OUTPUT2 file, of a name if it is given, that have no room in memory as dense ones."""
+    for block in blocks:
+        if block.dbtype > 0 and name in (None, block.name.lower()):
+            rows, columns = matrix_shape(block.size)
+            demand_memory(path, 16 * rows * columns, f"for the {rows} x {columns} numbers of {block.name}")
 
 
 def read_dmig(path: Path, _: str | None = None) -> list[FileMatrix]:
@@ -293,8 +314,8 @@ def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
     ------
     ValueError
         If a line of Abaqus is not an entry: row node, its degree of freedom, column node, its degree of freedom and the
-        number (MATRIX INPUT, LABELS), or row, column and number (COORDINATE). Coordinates without a node have a degree
-        of freedom beyond 6.
+        number (MATRIX INPUT, LABELS), or row, column and number (COORDINATE), all finite. Coordinates without a node
+        have a degree of freedom beyond 6.
     """
     name = path.stem.lower()
     text = _text(path)
@@ -304,10 +325,10 @@ def _market_or_abaqus(path: Path, _: str | None) -> list[FileMatrix]:
     entries = np.loadtxt(lines, comments=("*", "%", "#"), ndmin=2)
     if entries.shape[1] == 5:
         return [labelled(name, entries, square=True, one_triangle=True)]
-    i, j, numbers = entries.T
+    i, j, numbers = _finite(entries).T
     _demand_unique(i, j, lambda k: f"row {i[k]:g}, column {j[k]:g}")
     size = int(max(i.max(), j.max()))
-    values = coo_array((numbers, (i.astype(int) - 1, j.astype(int) - 1)), shape=(size, size))
+    values = from_coordinates(numbers, i - 1, j - 1, (size, size))
     return [file_matrix(name, values, one_triangle=True)]
 
 

@@ -100,10 +100,15 @@ def _data_sets(content: bytes) -> list[DataSet]:
     between = [raw[begin:end] for begin, end in parts]
     inside = [raw[begin:end] for begin, end in zip(tags[0::2], tags[1::2], strict=True)]
     read = [part for pair in zip(between, map(_plain, inside), strict=False) for part in pair]
-    with TemporaryDirectory() as folder:
-        copy = Path(folder) / "plain.uff"
-        copy.write_bytes(b"".join([*read, between[-1]]))
-        return list(_read(copy, lines[0::2]))
+    try:
+        with TemporaryDirectory() as folder:
+            copy = Path(folder) / "plain.uff"
+            copy.write_bytes(b"".join([*read, between[-1]]))
+            return list(_read(copy, lines[0::2]))
+    except OSError as error:  # as of a full disk; the file itself has been read
+        message = f"cannot be read: no temporary copy can be written ({error.strerror or error})"
+        remedy = "free space in the folder of temporary files, or set TMPDIR to another one"
+        raise MeasurementError(message, remedy) from None
 
 
 def _plain(block: bytes) -> bytes:

@@ -19,6 +19,7 @@ from beamsim.matrix_files import read_matrices
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError
 from beamsim.sparse_parts import from_columns, from_diagonals, from_rows
+from tests.helpers.universal_files import function
 
 pytestmark = pytest.mark.quick
 MATRIX = sp.random_array((12, 6), density=0.4, rng=np.random.default_rng(1)).tocsc()
@@ -282,3 +283,53 @@ def test_a_universal_file_claims_no_more_values_than_it_can_hold(tmp_path):
     (tmp_path / "a.uff").write_bytes(content.replace(b"        64", b" 999999999"))
     with pytest.raises(MeasurementError, match="a data set 58 claims 999999999 values"):
         read_file(tmp_path / "a.uff")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1,1,2.0\n9,999999999,9.5\n", "its shape is 999999999 x 999999999"),
+        ("1,1,2.0\n2,nan,9.5\n", "its entry 2 holds a number that is not finite"),
+        ("1,1,2.0\n2,2,inf\n", "its entry 2 holds a number that is not finite"),
+        ("1,1,2.0\n1.5,2,9.5\n", "its rows are not whole numbers"),
+        ("1,1,2.0\n0,2,9.5\n", "outside 1 to 2"),
+        ("1,1,1,1,2.0\nnan,1,2,1,-1\n", "its entry 2 holds a number that is not finite"),
+        ("1,1,1,1,2.0\n1e300,1,2,1,-1\n", "its nodes and components are not whole numbers"),
+        ("1,1,1,1,2.0\n1.5,1,2,1,-1\n", "its nodes and components are not whole numbers"),
+    ],
+)
+def test_entries_of_abaqus_are_finite_and_at_whole_places(text, message, tmp_path):
+    (tmp_path / "k.mtx").write_text(text)
+    with pytest.raises(MethodError, match=rf"k\.mtx.*{message}"):
+        read_matrices(tmp_path / "k.mtx")
+
+
+def test_output4_claims_no_more_columns_than_are_read(tmp_path):
+    def record(content):
+        return struct.pack("<i", len(content)) + content + struct.pack("<i", len(content))
+
+    def content(size):
+        heading = record(struct.pack("<4i8s", size, size, 2, 2, b"KXX     "))
+        return heading + b"".join(record(struct.pack("<3id", column, 1, 2, 1.0)) for column in (1, size + 1))
+
+    (tmp_path / "k.op4").write_bytes(content(3))
+    assert read_matrices(tmp_path / "k.op4")[0].values.shape == (3, 3)
+    (tmp_path / "k.op4").write_bytes(content(300_000_000))
+    with pytest.raises(MethodError, match=r"its shape is 300000000 x 300000000"):
+        read_matrices(tmp_path / "k.op4")
+
+
+def test_no_room_for_a_copy_and_no_other_process_are_refusals(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "a.uff").write_text(function(np.sin(np.arange(20.0))))
+    monkeypatch.setattr("beamsim.measurements.universal.TemporaryDirectory", full)
+    with pytest.raises(MeasurementError, match=r"written \(No space left on device\)") as refused:
+        read_file(tmp_path / "a.uff")
+    assert "TMPDIR" in refused.value.remedy
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"], file["a"] = np.arange(9.0), np.ones(9)
+    monkeypatch.setattr("subprocess.run", full)
+    with pytest.raises(MeasurementError, match="no other process can be started"):
+        read_file(tmp_path / "a.h5")
