@@ -77,7 +77,7 @@ def move_aside(path: Path, file: IO[bytes] | None = None) -> Path:
 
 @cache
 def _machine() -> str:
-    """What tells this machine, or this container, from others that write to the same folder."""
+    """An identifier of this machine, or this container, among those that write to the same folder."""
     with suppress(OSError):  # process numbers are those of a container
         return sha256(f"{platform.node()} {os.readlink('/proc/self/ns/pid')}".encode()).hexdigest()[:12]
     return sha256(platform.node().encode()).hexdigest()[:12]

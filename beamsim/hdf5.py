@@ -78,7 +78,7 @@ def read_array(dataset: h5py.Dataset) -> Any:
         can stand for.
     """
     path, name = dataset.file.filename, dataset.name
-    demand_plausible(dataset)
+    _demand_plausible(dataset)
     size = values_size(dataset)
     demand_memory(path, size + _chunk_size(dataset), f"for the values of {name}")
     try:
@@ -97,7 +97,7 @@ def _chunk_size(dataset: h5py.Dataset) -> int:
     return math.prod(dataset.chunks) * int(dataset.dtype.itemsize) if dataset.chunks else 0
 
 
-def demand_plausible(dataset: h5py.Dataset) -> None:
+def _demand_plausible(dataset: h5py.Dataset) -> None:
     """Refuse a data set without values, with values in other files, or with more than what is stored can stand for.
 
     Raises

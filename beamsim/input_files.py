@@ -30,8 +30,8 @@ _KINDS = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK,
 def open_input(path: Path | str, most_bytes: float = math.inf, remedy: str = _EXPORT_LESS) -> BufferedReader:
     """Open a file for reading, if it is a regular file that is not too large; links are followed.
 
-    Neither a pipe without a writer nor a device can block or be read without an end: they are told from files before
-    and after they are opened.
+    A pipe without a writer cannot block the program, nor is a device read without an end: the kind of the file is
+    checked before and after it is opened.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def _demand_regular(path: Path | str, state: os.stat_result, most_bytes: float, 
 
 
 def _refusal(path: Path | str, error: OSError | ValueError) -> InputFileError:
-    """What is said of a file that the system does not open."""
+    """The refusal of a file that the system does not open."""
     number = getattr(error, "errno", None)
     if number == errno.ENOENT:
         return InputFileError(path, "does not exist", "check the path", missing=True)
@@ -186,7 +186,7 @@ def demand_memory(path: Path | str, needed: float, why: str) -> None:
 
 
 def no_memory(path: Path | str, size: float) -> InputFileError:
-    """What is said where reading a file ended with a `MemoryError`; ``size`` is that of the file, in bytes."""
+    """The refusal of a file for which memory did not suffice; ``size`` is that of the file, in bytes."""
     message = f"has {bytes_text(size)} and needs more memory than the {bytes_text(free_memory())} that are free"
     return InputFileError(path, message, f"{_EXPORT_LESS}, or use a machine with more memory")
 

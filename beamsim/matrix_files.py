@@ -174,10 +174,11 @@ def read_op4(path: Path, name: str | None = None) -> list[FileMatrix]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.filterwarnings("error", "Premature end-of-file")
-        for shape in pyyeti().op4.dir(str(path), verbose=False)[1]:  # before room is made for what headers claim
+        all_names, shapes, *_ = pyyeti().op4.dir(str(path), verbose=False)
+        for shape in shapes:  # before room is made for what headers claim
             matrix_shape(shape)
         loaded = pyyeti().op4.load(str(path), name, into="list", sparse=True)
-        names = loaded[0] if len(set(loaded[0])) == len(loaded[0]) else pyyeti().op4.dir(str(path), verbose=False)[0]
+        names = loaded[0] if len(set(loaded[0])) == len(loaded[0]) else all_names
     numbers = [number for number, called in enumerate(names, 1) if called in loaded[0]]
     return [
         replace(file_matrix(called, m, one_triangle=form == _SYMMETRIC), place=f"matrix {number} of the file")

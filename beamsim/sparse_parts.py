@@ -73,8 +73,7 @@ def from_coordinates(values: Any, rows: Any, columns: Any, shape: Any) -> Any:
     shape, values = matrix_shape(shape), _numbers(values)
     places = whole_numbers("rows", rows), whole_numbers("columns", columns)
     for name, place, size in zip(("row", "column"), places, shape, strict=True):
-        if place.size != values.size:
-            raise ValueError(f"it has {values.size} entries, and {place.size} of them have a {name}")
+        _demand_as_many(name, place, values.size)
         _demand_range(name, place, size)
     return coo_array((values, places), shape=shape)
 
@@ -182,6 +181,12 @@ def _numbers(values: Any) -> Any:
     return array
 
 
+def _demand_as_many(name: str, indices: Ints, count: int) -> None:
+    """Refuse indices that are not one for each of ``count`` entries."""
+    if indices.size != count:
+        raise ValueError(f"it has {count} entries, and {indices.size} of them have a {name}")
+
+
 def _demand_range(name: str, indices: Ints, size: int) -> None:
     """Refuse an index that is not from 0 to ``size`` - 1."""
     if indices.size and not 0 <= indices.min() <= indices.max() < size:
@@ -205,8 +210,7 @@ def _compressed(
     places, starts = whole_numbers(f"{names[0]}s", indices), whole_numbers("pointers", pointers)
     if starts.size != sizes[1] + 1:
         raise ValueError(f"it has {starts.size} pointers for {sizes[1]} {names[1]}s, instead of one more")
-    if places.size != entries.size:
-        raise ValueError(f"it has {entries.size} entries, and {places.size} of them have a {names[0]}")
+    _demand_as_many(names[0], places, entries.size)
     if starts[0] != 0 or starts[-1] != entries.size:
         raise ValueError(
             f"its pointers go from {starts[0]} to {starts[-1]}, instead of 0 to its {entries.size} entries"

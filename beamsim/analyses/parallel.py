@@ -39,7 +39,7 @@ MOST_ATTEMPTS = 2  # at an item
 WORKER_DIED = f"its worker process ended in {MOST_ATTEMPTS} attempts: killed, out of memory, or crashed"
 POLLED_S = 0.05  # interval at which it is asked whether to stop
 ASKED_S = 0.5  # interval at which a scheduler is asked for its workers
-NO_WORKERS_S = 30.0  # time without any worker after which that is said
+NO_WORKERS_S = 30.0  # time without any worker after which the user is warned
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
@@ -107,7 +107,7 @@ class _Task(Generic[Item]):
 
 
 class Workers(ABC):
-    """Workers beside this process, each of which computes one item or several at once."""
+    """Workers other than this process, each of which computes one item or several at once."""
 
     @abstractmethod
     def capacities(self) -> Mapping[Hashable, int]:

@@ -288,8 +288,8 @@ def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequ
     if points is None:
         return None
     dimensions = Limits.curves[limit]
-    along, level, said = read_curve(points, scenario.folder_of(*at, "file"), at, dimensions, steps=True)
-    if (said or next(iter(dimensions))) != quantity:
+    along, level, stated = read_curve(points, scenario.folder_of(*at, "file"), at, dimensions, steps=True)
+    if (stated or next(iter(dimensions))) != quantity:
         return None
     with np.errstate(divide="ignore"):
         limits = on_curve(frequency, along, level, np.nan)

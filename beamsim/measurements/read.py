@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from beamsim.input_files import open_input, reading
@@ -50,16 +51,16 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
     """
     ending = ending_of(path)
     readers = {
-        **dict.fromkeys(HDF5, read_hdf5), **dict.fromkeys(MATLAB, read_matlab), **dict.fromkeys(ENDINGS, read_uff),
+        **dict.fromkeys(HDF5, ("HDF5", read_hdf5)), **dict.fromkeys(MATLAB, ("MATLAB", read_matlab)),
+        **dict.fromkeys(ENDINGS, ("a universal file", read_uff)),
     }  # fmt: skip
     if ending not in (*TEXT, *readers):
         raise MeasurementError("has an unknown format", "use .csv, .h5, .nc, .mat or .uff")
     if decimal is not None and ending in readers:
         raise MeasurementError("is no text table, which alone has a decimal mark", "leave decimal out")
-    names = {read_hdf5: "HDF5", read_matlab: "MATLAB", read_uff: "a universal file"}
-    called = "a text table" if ending in TEXT else names[readers[ending]]
+    called, read = readers.get(ending, ("a text table", partial(read_csv, decimal=decimal)))
     with opening_faults(), reading(path, called):
-        signals = read_csv(path, decimal) if ending in TEXT else readers[ending](path)
+        signals = read(path)
     several = Counter(signal.name for signal in signals)
     return [
         replace(signal, name=f"{signal.name} ({number})") if several[signal.name] > 1 else signal

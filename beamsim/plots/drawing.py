@@ -226,7 +226,7 @@ def draw(ax: Axes, chart: Chart) -> None:
         axis = ax.xaxis if letter == "x" else ax.yaxis
         axis.set_major_formatter(PowersOfTen())
         axis.set_minor_formatter(PowersOfTen())
-        _plain_logarithmic(ax.xaxis if letter == "x" else ax.yaxis)
+        _plain_logarithmic(axis)
     finish(ax, with_unit(chart.across[0], x), with_unit(chart.up[0], y))
     ax.set_title(chart.title, fontsize="small", loc="left")
     if chart.note:  # wrapped, as text wider than the panel would leave no room for the curves

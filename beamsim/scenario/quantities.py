@@ -439,7 +439,9 @@ def printable(text: str, longest: int) -> str:
     """
     if len(text) > longest:
         raise UnitError(f"has {len(text)} characters", f"write at most {longest}")
-    line = re.sub(r"[\t\n\r\x0b\x0c\x85\u2028\u2029]+", " ", text).strip() if not text.isprintable() else text
+    if text.isprintable():
+        return text
+    line = re.sub(r"[\t\n\r\x0b\x0c\x85\u2028\u2029]+", " ", text).strip()
     for character in line:
         if unicodedata.category(character) in ("Cc", "Cs") or ord(character) & 0xFFFE == 0xFFFE:
             raise UnitError(f"contains U+{ord(character):04X}, which cannot be printed or stored", "remove it")

@@ -136,9 +136,7 @@ def parse(text: str, file: str | None = None) -> Any:
         document = yaml.compose(text, Loader=_Loader)
     except _TooLong as error:
         message = f"has more than {MOST_VALUES} keys and values"
-        raise ScenarioError(
-            Problem("", message, "keep measured data in files of their own", file, error.args[0])
-        ) from None
+        raise ScenarioError(Problem("", message, _KEEP_APART, file, error.args[0])) from None
     except yaml.MarkedYAMLError as error:
         raise ScenarioError(_syntax_problem(error, text, file)) from None
     except yaml.reader.ReaderError as error:

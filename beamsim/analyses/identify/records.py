@@ -155,7 +155,7 @@ class Transient(Test):
         Parameters
         ----------
         number : of the test in the list of the scenario.
-        test, signal : what is said of it, and the record in SI units, unfiltered.
+        test, signal : its section of the scenario, and the record in SI units, unfiltered.
         probe : where it was measured.
 
         Returns

@@ -22,7 +22,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 _DIFFERENCE = 1e-3  # of frequencies, over one over the duration, for derivatives by the frequency
 _MOST_STEPS = 24  # to the frequencies of lines
 _AT_REST = 1e-5  # change of a frequency over one over the duration
-_NEAREST = 0.5  # of two lines, over one over the duration, that a fit tells apart
+_NEAREST = 0.5  # of two lines, over one over the duration, that a fit can separate
 
 # Coefficients of w(u) = sum_j (-1)^j a_j cos(2 pi j u / T); importing scipy.signal would cost most of a second.
 _COSINE_SUMS = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -297,7 +298,7 @@ def found_again(record: SpectrumRecord, known: Spectrum) -> tuple[Floats, Floats
     lines = _lines(record, known.excitation_hz, record.peak, one_sided, (), ())
     found = np.array([line.frequency_hz for line in lines[1:]])
     amplitude = np.array([line.amplitude for line in lines])
-    partner = _partners(known, found, amplitude[1:], record.duration)
+    partner = _partners(known.lines[1:], wanted, found, amplitude[1:], record.duration)
     missing = partner < 0
     if missing.any():
         examined = _examined(record, known.excitation_hz, one_sided)
@@ -308,12 +309,13 @@ def found_again(record: SpectrumRecord, known: Spectrum) -> tuple[Floats, Floats
     return np.append(0.0, found[partner]), np.append(amplitude[0], amplitude[1:][partner])
 
 
-def _partners(known: Spectrum, found_hz: Floats, amplitude: Floats, duration: float) -> Ints:
-    """(k,) index of the line of another record that each line of a spectrum has become, -1 where there is none."""
-    wanted = np.array([line.frequency_hz for line in known.lines[1:]])
+def _partners(
+    lines: Sequence[SpectralLine], wanted: Floats, found_hz: Floats, amplitude: Floats, duration: float
+) -> Ints:
+    """(k,) index of the line of another record that each line, of a wanted frequency, has become; -1 for none."""
     partner = np.full(wanted.size, -1)
     between = np.concatenate([[-np.inf], 0.5 * (wanted[1:] + wanted[:-1]), [np.inf]])  # lines are in order of frequency
-    for k, line in enumerate(known.lines[1:]):
+    for k, line in enumerate(lines):
         away = np.abs(found_hz - wanted[k])
         near = away <= _ROUND_OFF * wanted[k]
         if line.kind in ("other", "residual"):
