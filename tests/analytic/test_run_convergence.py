@@ -278,7 +278,7 @@ def test_low_passed_peaks_reach_summary_histories_and_limits():
 
 @pytest.mark.slow
 def test_a_shoulder_beside_a_strong_line_is_not_sought_at_that_line():
-    """Order 8 has weak lines at 7.954 and 8.057 on its sides; each is compared with its own in the finer model."""
+    """Order 8 has weak lines near 7.95 and 8.06 on its sides; each is compared with its own in the finer model."""
     pad = {"name": "pad", "position": 0.6, "side": "below", "stiffness": 1e5, "law": "no_tension", "gap": 1e-3,
            "damping": {"kind": "ratio", "ratio": 0.05}}  # fmt: skip
     beam = {"length": 1.2, "bending_stiffness": 2967, "mass_per_length": 2.4,
@@ -290,7 +290,9 @@ def test_a_shoulder_beside_a_strong_line_is_not_sought_at_that_line():
     }  # fmt: skip
     result = beamsim.run(beamsim.load_scenario(case))
     lines = [line for line in result.summary["spectral_lines"] if line["quantity"] == "absolute_acceleration"]
-    changes = {round(line["order"], 3): line["relative_change"] for line in lines}
-    assert {7.954, 8.0, 8.057} < set(changes)
-    assert max(changes[order] for order in (3.0, 7.954, 8.0, 8.057)) < 0.01
+    bin_width = 0.5 / 40.0  # in orders, of 2 s
+    for order in (3.0, 7.95, 8.0, 8.06):
+        nearest = min(lines, key=lambda line: abs(line["order"] - order))
+        assert nearest["order"] == pytest.approx(order, abs=bin_width)
+        assert nearest["relative_change"] < 0.01
     assert result.summary["convergence"]["spectral_lines"]["pad absolute_acceleration"] < 0.02
