@@ -1,16 +1,20 @@
 """HDF5 files as they are opened for reading: of themselves alone, and no more than they can hold.
 
 A file of two kilobytes can claim data sets of gigabytes, have them filled with a constant, or point to other files. All
-of that is found in its headers, before HDF5 makes room for anything.
+of that is found in its headers, before HDF5 makes room for anything. Damage elsewhere can end the process inside HDF5's
+library: a file that does not carry the right seal of this program is read by another process first.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
+import os
 import subprocess
 import sys
 from contextlib import suppress
 from functools import lru_cache
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
@@ -26,21 +30,35 @@ ALWAYS_READ = 100_000_000
 """Bytes of values that may be filled with a constant, which takes no room in a file."""
 
 
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_SEAL = b"\nbeamsim sha256 "
+_SEAL_BYTES = len(_SEAL) + 65  # with the digest and the end of the line
+
+
 def open_hdf5(path: Path | str) -> h5py.File:
     """Open an HDF5 file for reading; it may not link to other files, which would then be read in its place.
+
+    A file that is not as this program wrote it is examined by another process before.
 
     Raises
     ------
     InputFileError
         As `beamsim.input_files.open_input`; also if it is no HDF5 file, damaged, or has a link to another file.
     """
-    with open_input(path):
-        try:
-            file = h5py.File(path, "r")
-        except (OSError, ValueError, RuntimeError):
-            raise InputFileError(
-                path, "is not an HDF5 file, or damaged", "export it again; netCDF-3 as netCDF-4"
-            ) from None
+    with open_input(path) as file:
+        state = os.fstat(file.fileno())
+        _demand_signature(path, file, state.st_size)
+    if not _is_intact(str(path), state.st_mtime_ns, state.st_size):
+        _demand_survived(str(path), state.st_mtime_ns, state.st_size)
+    return _opened(path)
+
+
+def _opened(path: Path | str) -> h5py.File:
+    """Open a file that HDF5 survives."""
+    try:
+        file = h5py.File(path, "r")
+    except (OSError, ValueError, RuntimeError):
+        raise _not_hdf5(path) from None
     try:
         linked = file.id.links.visit(_external, info=True)
     except (OSError, ValueError, RuntimeError) as error:
@@ -52,6 +70,51 @@ def open_hdf5(path: Path | str) -> h5py.File:
         name = linked.decode("utf-8", "replace")
         raise InputFileError(path, f"has {name} in another file", "export all of it to one file")
     return file
+
+
+def _not_hdf5(path: Path | str) -> InputFileError:
+    return InputFileError(path, "is not an HDF5 file, or damaged", "export it again; netCDF-3 as netCDF-4")
+
+
+def _demand_signature(path: Path | str, file: BufferedReader, size: int) -> None:
+    """Refuse a file without the first bytes of HDF5, which stand at its begin or at 512, 1024, 2048, ... bytes."""
+    place = 0
+    while place < size:
+        file.seek(place)
+        if file.read(len(_SIGNATURE)) == _SIGNATURE:
+            return
+        place = max(512, 2 * place)
+    raise _not_hdf5(path)
+
+
+def seal(path: Path | str) -> None:
+    """Append the SHA-256 of a closed HDF5 file to it, behind what HDF5 reads.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    with open_input(path) as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    with open(path, "ab") as file_to_seal:
+        file_to_seal.write(_SEAL + digest.encode() + b"\n")
+
+
+@lru_cache(maxsize=256)
+def _is_intact(path: str, modified: int, size: int) -> bool:
+    """Whether a file ends with the seal of its content."""
+    del modified
+    with open_input(path) as file:
+        file.seek(max(size - _SEAL_BYTES, 0))
+        if not (end := file.read(_SEAL_BYTES)).startswith(_SEAL):
+            return False
+        file.seek(0)
+        digest, rest = hashlib.sha256(), size - _SEAL_BYTES
+        while rest and (part := file.read(min(rest, 1 << 20))):
+            digest.update(part)
+            rest -= len(part)
+    return end == _SEAL + digest.hexdigest().encode() + b"\n"
 
 
 def _external(name: bytes, link: h5py.h5l.LinkInfo) -> bytes | None:
@@ -121,47 +184,78 @@ LONGEST_EXAMINATION_S = 15.0
 _EXAMINE = "import sys; from beamsim.hdf5 import examine; examine(sys.argv[1])"
 
 
-def demand_readable(path: Path | str) -> None:
-    """Refuse a file of another program that HDF5 does not survive: some damage ends the process or holds it for ever.
+@lru_cache(maxsize=256)
+def _demand_survived(path: str, modified: int, size: int) -> None:
+    """Refuse a file that HDF5 does not survive: some damage ends the process or holds it for ever.
 
-    Everything in the file is read once by another process; a file that has not changed is examined once.
+    Everything in the file is read once by another process. Exceptions there are left to the reader, which locates them.
 
     Raises
     ------
     InputFileError
-        As `beamsim.input_files.open_input`; also if that process cannot start, ends unexpectedly, or does not end.
+        If that process cannot start, ends unexpectedly, or does not end.
     """
-    with open_input(path):
-        state = Path(path).stat()
-    if not _survived(str(path), state.st_mtime_ns, state.st_size):
+    del modified
+    command = [sys.executable, "-P", "-c", _EXAMINE, path]  # -P: no module of the current folder takes part
+    surroundings = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    limit_s = LONGEST_EXAMINATION_S + size / 1e7  # of 10 MB/s
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=limit_s, check=False, env=surroundings)
+    except subprocess.TimeoutExpired:
+        code, reason = -1, ""
+    except OSError as error:
+        code, reason = 1, f"no other process can be started ({error.strerror or error})"
+    else:
+        code, reason = done.returncode, done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
+    if code == 1:  # of an exception before the file was opened
+        raise InputFileError(path, f"cannot be examined: {reason}", "free memory, or end other processes")
+    if code != 0:
         raise InputFileError(path, "is damaged: the HDF5 library cannot read it to its end", "export it again")
 
 
-@lru_cache(maxsize=256)
-def _survived(path: str, modified: int, size: int) -> bool:
-    """Whether a process that reads the file ends by itself; exceptions are left to the reader, which locates them."""
-    del modified
-    limit_s = LONGEST_EXAMINATION_S + size / 1e7  # of 10 MB/s
-    try:
-        done = subprocess.run([sys.executable, "-c", _EXAMINE, path], capture_output=True, timeout=limit_s, check=False)
-    except subprocess.TimeoutExpired:
-        return False
-    except OSError as error:
-        message = f"cannot be examined: no other process can be started ({error.strerror or error})"
-        raise InputFileError(path, message, "free memory, or end other processes") from None
-    return done.returncode in (0, 1)  # 1: an exception
-
-
 def examine(path: str) -> None:
-    """Read all attributes and values of a file that may be damaged; for a process of its own."""
-    with open_hdf5(path) as file:
+    """Read all that readers read of a file that may be damaged; for a process of its own."""
+    with suppress(Exception), _opened(path) as file:
+        places = ["/"]
+        with suppress(Exception):
+            file.visit(places.append)
+        for place in places:
+            with suppress(Exception):
+                _read_all(file[place])
 
-        def visit(_: str, owner: h5py.Group | h5py.Dataset) -> None:
-            for key in owner.attrs:
-                with suppress(Exception):
-                    owner.attrs[key]
-            if isinstance(owner, h5py.Dataset):
-                with suppress(Exception):
-                    read_array(owner)
 
-        file.visititems(visit)
+def _read_all(owner: h5py.Group | h5py.Dataset) -> None:
+    """Read attributes, values and axes of a group or data set."""
+    for key in owner.attrs:
+        with suppress(Exception):
+            owner.attrs[key]
+    if isinstance(owner, h5py.Dataset):
+        with suppress(Exception):
+            read_array(owner)
+        if not owner.is_scale:
+            for axis in range(owner.ndim):
+                scale_along(owner, axis)
+
+
+LIST = "DIMENSION_LIST"
+"""Attribute in which HDF5 keeps references to the scales of a data set."""
+
+
+def scale_along(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
+    """The first scale of one dimension, None where it has none.
+
+    HDF5 takes the references of the attribute as they are: of another type or size they are addresses of nothing.
+
+    Raises
+    ------
+    ValueError
+        If the attribute that refers to the scales is not one that HDF5 writes.
+    """
+    if LIST not in dataset.attrs:
+        return None
+    listed = dataset.attrs.get_id(LIST)
+    kind = h5py.check_vlen_dtype(listed.dtype)
+    if kind is None or h5py.check_ref_dtype(kind) is not h5py.Reference or listed.shape != (dataset.ndim,):
+        raise ValueError(f"attribute {LIST} of {dataset.name} does not refer to its axes")
+    scales = dataset.dims[axis]
+    return scales[0] if len(scales) else None

@@ -23,7 +23,7 @@ from scipy.sparse import coo_array, csc_array, save_npz
 
 from beamsim.errors import InputFileError, MethodError
 from beamsim.files import replacing
-from beamsim.hdf5 import demand_readable, open_hdf5, read_array
+from beamsim.hdf5 import open_hdf5, read_array
 from beamsim.input_files import bytes_text, demand_memory, open_input, read_input, reading
 from beamsim.matlab5 import checked_matlab5
 from beamsim.sparse_parts import (
@@ -455,7 +455,6 @@ def matlab_variables(path: Path) -> Iterator[tuple[str, Any]]:
     with open_input(path) as file:
         start = file.read(520)
     if _HDF5 in (start[:8], start[512:]):  # version 7.3
-        demand_readable(path)
         with open_hdf5(path) as stored:
             yield from _hdf5_variables("", stored)
         return

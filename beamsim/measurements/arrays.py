@@ -15,7 +15,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.hdf5 import demand_readable, open_hdf5, read_array, values_size
+from beamsim.hdf5 import LIST, open_hdf5, read_array, scale_along, values_size
 from beamsim.input_files import demand_memory
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
@@ -30,7 +30,6 @@ from beamsim.scenario import units as si
 
 HDF5 = (".h5", ".hdf5", ".hdf", ".nc", ".nc4", ".cdf")
 MATLAB = (".mat",)
-LIST = "DIMENSION_LIST"  # attribute in which HDF5 keeps references to the scales
 _NETCDF_FILL = 9.969209968386869e36  # of floats that were never written
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 _SCALING = re.compile(r"scale|slope|gain|calib|sensitiv|offset|lsb", re.IGNORECASE)
@@ -61,7 +60,6 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
     MeasurementError
         If it is not an HDF5 file, or damaged.
     """
-    demand_readable(path)
     file = open_hdf5(path)
     datasets: dict[str, h5py.Dataset] = {}
 
@@ -260,23 +258,3 @@ def _axes_of(name: str, arrays: Mapping[str, _Array]) -> Iterator[str]:
             same = (other for other in axes if arrays[other].values.size == array.values.size)
             yield from () if name in axes else same
             return
-
-
-def scale_along(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
-    """The first scale of one dimension, None where it has none.
-
-    HDF5 takes the references of the attribute as they are: of another type or size they are addresses of nothing.
-
-    Raises
-    ------
-    ValueError
-        If the attribute that refers to the scales is not one that HDF5 writes.
-    """
-    if LIST not in dataset.attrs:
-        return None
-    listed = dataset.attrs.get_id(LIST)
-    kind = h5py.check_vlen_dtype(listed.dtype)
-    if kind is None or h5py.check_ref_dtype(kind) is not h5py.Reference or listed.shape != (dataset.ndim,):
-        raise ValueError(f"attribute {LIST} of {dataset.name} does not refer to its axes")
-    scales = dataset.dims[axis]
-    return scales[0] if len(scales) else None

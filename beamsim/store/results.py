@@ -29,9 +29,8 @@ import numpy as np
 from beamsim.errors import InputFileError, NotWrittenError, ResultFileError, ScenarioError
 from beamsim.fields import demand_summary, plain
 from beamsim.files import replacing
-from beamsim.hdf5 import open_hdf5
+from beamsim.hdf5 import open_hdf5, scale_along, seal
 from beamsim.kinds import KINDS, kind_of_class, named
-from beamsim.measurements.arrays import scale_along
 from beamsim.scenario import Scenario
 from beamsim.scenario.loading import stored_scenario
 from beamsim.scenario.scenario import SolvedFiles
@@ -307,6 +306,7 @@ def write_items(items: Items, path: Path | str) -> None:
             for place, item in items.items():
                 for k, axis in enumerate(item.axes):
                     file[place].dims[k].attach_scale(file[axis])
+        seal(temporary)
 
 
 def _size(item: Item) -> int:

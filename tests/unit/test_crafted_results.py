@@ -1,6 +1,7 @@
 """Result files that were damaged or edited: each is refused, and nothing that they name is opened."""
 
 import json
+from hashlib import sha256
 
 import h5py
 import numpy as np
@@ -38,6 +39,28 @@ def places(whole):
     with h5py.File(whole) as file:
         file.visit(found.append)
     return found
+
+
+def test_a_result_as_it_was_written_is_read_by_this_process_alone(whole, monkeypatch):
+    """Any other file is read by another process first, which the HDF5 library may end."""
+    seal = whole.read_bytes()[-80:]
+    assert seal == b"\nbeamsim sha256 " + sha256(whole.read_bytes()[:-80]).hexdigest().encode() + b"\n"
+    with h5py.File(whole) as file:
+        assert file.attrs["command"] == "run"
+
+    def refuse(*_, **__):
+        raise OSError(11, "examined")
+
+    monkeypatch.setattr("subprocess.run", refuse)
+    assert open_result(whole).complete
+    raw = whole.read_bytes()
+    for number, content in enumerate(
+        (raw[:-1], raw[:-80], raw + b" ", raw[:5000] + bytes([raw[5000] ^ 1]) + raw[5001:])
+    ):
+        path = whole.with_name(f"{number}.h5")
+        path.write_bytes(content)
+        with pytest.raises(ResultFileError, match=rf"{number}\.h5.*examined"):
+            open_result(path)
 
 
 @pytest.mark.parametrize("count", [2, pytest.param(60, marks=pytest.mark.slow)])

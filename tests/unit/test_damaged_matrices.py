@@ -13,12 +13,13 @@ import pyuff
 import scipy.io
 import scipy.sparse as sp
 
-from beamsim.errors import InputFileError, MethodError
+from beamsim.errors import InputFileError, MethodError, ResultFileError
 from beamsim.hdf5 import open_hdf5, read_array
 from beamsim.matrix_files import read_matrices
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError
 from beamsim.sparse_parts import from_columns, from_diagonals, from_rows
+from beamsim.store.results import open_result
 from tests.helpers.universal_files import function
 
 pytestmark = pytest.mark.quick
@@ -257,17 +258,26 @@ def test_compressed_matrices_are_those_of_scipy():
     np.testing.assert_array_equal(built.toarray(), MATRIX.toarray())
 
 
-def test_a_file_that_ends_the_process_of_hdf5_is_refused(tmp_path, monkeypatch):
-    for number, end in enumerate(("import os; os.abort()", "import time; time.sleep(60)", "raise OSError")):
-        with h5py.File(path := tmp_path / f"{number}.h5", "w") as file:
-            file["time"], file["a"] = np.arange(9.0), np.ones(9)
-        monkeypatch.setattr("beamsim.hdf5._EXAMINE", end)
-        monkeypatch.setattr("beamsim.hdf5.LONGEST_EXAMINATION_S", 1.5)
-        if "raise" in end:
-            assert len(read_file(path)) == 2
-        else:
-            with pytest.raises(MeasurementError, match="the HDF5 library cannot read it to its end"):
-                read_file(path)
+@pytest.mark.parametrize(
+    ("end", "message"),
+    [
+        ("import os; os.abort()", "the HDF5 library cannot read it to its end"),
+        ("import time; time.sleep(60)", "the HDF5 library cannot read it to its end"),
+        ("raise ImportError('no module')", "cannot be examined: ImportError: no module"),
+        ("pass", ""),
+    ],
+)
+def test_a_file_that_ends_the_process_of_hdf5_is_refused(end, message, tmp_path, monkeypatch):
+    with h5py.File(path := tmp_path / "a.h5", "w") as file:
+        file["time"], file["a"] = np.arange(9.0), np.ones(9)
+    monkeypatch.setattr("beamsim.hdf5._EXAMINE", end)
+    monkeypatch.setattr("beamsim.hdf5.LONGEST_EXAMINATION_S", 1.5)
+    if not message:
+        assert len(read_file(path)) == 2
+        return
+    for read, error in ((read_file, MeasurementError), (open_result, ResultFileError)):
+        with pytest.raises(error, match=message):
+            read(path)
 
 
 def test_a_universal_file_claims_no_more_values_than_it_can_hold(tmp_path):
