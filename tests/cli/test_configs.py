@@ -1,10 +1,9 @@
 """Every shipped config loads without a warning and does what its sections ask for; numbers are in tests/sameness."""
 
 import json
-import re
 
 import pytest
-from shipped import PATHS, asked, shipped
+from shipped import PATHS, asked, recorded, shipped, unfit
 
 import beamsim
 from beamsim.system.build import build_system
@@ -25,24 +24,10 @@ ELSEWHERE = (
     "vibeams sweep",  # tests/reference/test_vibeams.py
     "nnm_chain_mass_", "nnm_thesis_mode_",  # docs/site_pages/validation.py, and docs/site_pages/gallery.py:
     "chain_two_dof", "continuation_60_120hz", "crushed_stop", "identify_snubber", "nnm_first", "plate_panel",
-    "random_vibration", "shock_panel", "snubber_rubber", "two_panels run",
+    "random_vibration", "shock_panel", "snubber_rubber", "two_panels run", *recorded(SHORTENED),
 )  # fmt: skip
-"""Beginnings of config and command, of those that other tests or the documents compute as a whole."""
-
-
-def unfit(scenario, texts):
-    """Notes that advise what a scenario has, or what changes nothing in it."""
-    written = {
-        r"run\.low_pass": scenario.run is not None and scenario.run.low_pass is not None,
-        r"run\.impacts": scenario.run is not None and scenario.run.impacts is not None,
-        r"give reduction": scenario.reduction is not None,
-        r"raise reduction\.|leave reduction out": scenario.reduction is None,
-        r"elements": not scenario.has_mesh,
-    } | {
-        rf"snubbers\.{re.escape(snubber.name)}: .*law: no_tension": snubber.law == "no_tension"
-        for snubber in scenario.all_snubbers
-    }
-    yield from (text for text in texts for advice, there in written.items() if there and re.search(advice, text))
+"""Beginnings of config and command, of those that other tests or the documents compute as a whole; tests/sameness makes
+the checks of this file as well."""
 
 
 def test_advice_that_does_not_fit_is_found():

@@ -1,6 +1,7 @@
 """Every command on a beam cut in two and joined, in segments, and imported: the same figures as on the beam itself."""
 
 import json
+from functools import cache
 
 import pytest
 import yaml
@@ -98,19 +99,19 @@ def numbers(value, path=()):
         yield path, value
 
 
-def summary(tmp_path, name, case, command):
-    file = tmp_path / f"{name}.yaml"
+def summary(folder, name, case, command):
+    file = folder / f"{name}.yaml"
     file.write_text(yaml.safe_dump({key: value for key, value in case.items() if value is not None}))
-    result = invoke(command, file, "-o", tmp_path / f"{name}.h5", "--no-plots", "--json")
+    result = invoke(command, file, "-o", folder / f"{name}.h5", "--no-plots", "--json")
     assert result.exit_code == 0, result.output
     return dict(numbers(json.loads(result.stdout)))
 
 
-def imported(tmp_path):
+def imported(folder):
     """The beam by its matrices, written by export-structure."""
-    file = tmp_path / "exported.yaml"
+    file = folder / "exported.yaml"
     file.write_text(yaml.safe_dump(ONE))
-    result = invoke("export-structure", file, "-o", tmp_path / "beam.op4", "--json")
+    result = invoke("export-structure", file, "-o", folder / "beam.op4", "--json")
     assert result.exit_code == 0, result.output
     bodies = yaml.safe_load(json.loads(result.stdout)["body"])["bodies"]
     (section,) = bodies.values()
@@ -123,6 +124,20 @@ OTHERS = {"cut in two": lambda _: TWO, "in segments": lambda _: SEGMENTED, "impo
 FAST = {(name, "cut in two") for name in ("run", "swept sine")} | {("run", "imported")}
 
 
+@pytest.fixture(scope="module")
+def summaries(tmp_path_factory):
+    """Makes the summary of a command on a beam; that of the beam itself is computed once for all the others."""
+    folder = tmp_path_factory.mktemp("beams")
+    case_of = cache(lambda beam: ONE if beam == "itself" else OTHERS[beam](folder))
+
+    @cache
+    def of(name, beam):
+        command, more = COMMANDS[name]
+        return summary(folder, f"{name} of the beam {beam}", case_of(beam) | more, command)
+
+    return of
+
+
 @pytest.mark.parametrize(
     ("name", "other"),
     [
@@ -131,10 +146,8 @@ FAST = {(name, "cut in two") for name in ("run", "swept sine")} | {("run", "impo
         for other in OTHERS
     ],
 )
-def test_the_same_beam_otherwise_gives_the_same_figures(tmp_path, name, other):
-    command, more = COMMANDS[name]
-    cases = {"one": ONE, "two": OTHERS[other](tmp_path)}
-    one, two = (summary(tmp_path, each, case | more, command) for each, case in cases.items())
+def test_the_same_beam_otherwise_gives_the_same_figures(summaries, name, other):
+    one, two = summaries(name, "itself"), summaries(name, other)
     skipped = {"sensitivities"}
     if other == "imported":  # which has no finer mesh to compare with
         skipped |= {"convergence", "relative_change"}

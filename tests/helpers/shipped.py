@@ -1,5 +1,6 @@
 """The shipped configs, each loaded once in a process."""
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -26,3 +27,29 @@ def asked(path):
         [] if {"vary", "optimise"} & own.keys() else sections
     )
     return [COMMANDS[section] for section in sections if not (section == "sweep" and scenario.study is not None)]
+
+
+def recorded(shortened):
+    """Config and command of what tests/sameness computes; ``shortened`` are the overrides with which that is enough."""
+    numbers = Path(__file__).parents[1] / "sameness" / "numbers.yaml"
+    for case in yaml.safe_load(numbers.read_text(encoding="utf-8")).values():
+        if len(case.get("run", ())) == 1:
+            command, config, *_ = case["run"][0].split()
+            name = f"{config.removesuffix('.yaml')} {command}"
+            if {*case.get("set", ())} <= {"run.convergence=off", *shortened.get(name, ())}:
+                yield name
+
+
+def unfit(scenario, texts):
+    """Notes that advise what a scenario has, or what changes nothing in it."""
+    written = {
+        r"run\.low_pass": scenario.run is not None and scenario.run.low_pass is not None,
+        r"run\.impacts": scenario.run is not None and scenario.run.impacts is not None,
+        r"give reduction": scenario.reduction is not None,
+        r"raise reduction\.|leave reduction out": scenario.reduction is None,
+        r"elements": not scenario.has_mesh,
+    } | {
+        rf"snubbers\.{re.escape(snubber.name)}: .*law: no_tension": snubber.law == "no_tension"
+        for snubber in scenario.all_snubbers
+    }
+    yield from (text for text in texts for advice, there in written.items() if there and re.search(advice, text))

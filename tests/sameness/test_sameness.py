@@ -1,10 +1,14 @@
 """The numbers that users read are those that were recorded; see record.py."""
 
+import re
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
+from shipped import unfit
+
+from beamsim.scenario import load_scenario
 
 # Tests are not a package (importmode=importlib), so the script is loaded by its place.
 _spec = spec_from_file_location("sameness_record", Path(__file__).with_name("record.py"))
@@ -45,9 +49,14 @@ LONG = (
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in CASES]
 )
 def test_numbers_are_those_recorded(name):
-    found = record.chosen(CASES[name], record.answer(CASES[name]))
-    differences = record.compare(CASES[name], found)
+    answer = record.answer(CASES[name])
+    differences = record.compare(CASES[name], record.chosen(CASES[name], answer))
     assert not differences, "\n".join(differences)
+    assert answer.get("energy_error", 0.0) < 1e-8
+    if "run" in CASES[name]:
+        texts = [text for key, text in answer.items() if key == "status" or re.fullmatch(r"warnings/\d+", key)]
+        config = record.CONFIGS / CASES[name]["run"][0].split()[1]
+        assert not list(unfit(load_scenario(config, CASES[name].get("set", ())), texts))
 
 
 def test_a_slightly_stiffer_beam_is_reported():
