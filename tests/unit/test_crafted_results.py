@@ -43,8 +43,8 @@ def places(whole):
 
 def test_a_result_as_it_was_written_is_read_by_this_process_alone(whole, monkeypatch):
     """Any other file is read by another process first, which the HDF5 library may end."""
-    seal = whole.read_bytes()[-80:]
-    assert seal == b"\nbeamsim sha256 " + sha256(whole.read_bytes()[:-80]).hexdigest().encode() + b"\n"
+    seal = whole.read_bytes()[-81:]
+    assert seal == b"\nbeamsim sha256 " + sha256(whole.read_bytes()[:-81]).hexdigest().encode() + b"\n"
     with h5py.File(whole) as file:
         assert file.attrs["command"] == "run"
 
@@ -55,7 +55,7 @@ def test_a_result_as_it_was_written_is_read_by_this_process_alone(whole, monkeyp
     assert open_result(whole).complete
     raw = whole.read_bytes()
     for number, content in enumerate(
-        (raw[:-1], raw[:-80], raw + b" ", raw[:5000] + bytes([raw[5000] ^ 1]) + raw[5001:])
+        (raw[:-1], raw[:-81], raw + b" ", raw[:5000] + bytes([raw[5000] ^ 1]) + raw[5001:])
     ):
         path = whole.with_name(f"{number}.h5")
         path.write_bytes(content)
