@@ -1,6 +1,7 @@
 """The one way in which files are opened for reading: regular files of a bounded size, with the reason for each refusal.
 
-Scenarios, records, matrices, tables and result files all come through `open_input`. Text comes in whatever encoding.
+Scenarios, records, matrices, tables and result files all come through `open_input`, journals through `open_to_append`.
+Text comes in whatever encoding.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ import stat
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import BufferedReader
+from io import BufferedReader, FileIO
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -49,9 +51,28 @@ def open_input(path: Path | str, most_bytes: float = math.inf, remedy: str = _EX
     InputFileError
         If the file does not exist, is not a regular file, is too large, or cannot be opened.
     """
+    file: BufferedReader = _open_regular(path, "rb", -1, most_bytes, remedy)
+    return file
+
+
+def open_to_append(path: Path | str) -> FileIO:
+    """Open a file, which is made if it is missing, for reading and for writing at its end, unbuffered.
+
+    Raises
+    ------
+    InputFileError
+        If it is no regular file, or cannot be opened.
+    """
+    file: FileIO = _open_regular(path, "a+b", 0)
+    return file
+
+
+def _open_regular(path: Path | str, mode: str, buffering: int, most_bytes: float = math.inf, remedy: str = "") -> Any:
+    """Open a regular file; what is there already is checked before and after it is opened."""
     try:
-        _demand_regular(path, os.stat(path), most_bytes, remedy)
-        file = open(path, "rb", opener=_without_waiting)  # noqa: SIM115 (the caller closes it)
+        if "r" in mode or os.path.exists(path):
+            _demand_regular(path, os.stat(path), most_bytes, remedy)
+        file = open(path, mode, buffering, opener=_without_waiting)  # noqa: SIM115 (the caller closes it)
     except (OSError, ValueError) as error:
         raise _refusal(path, error) from None
     try:
@@ -64,7 +85,7 @@ def open_input(path: Path | str, most_bytes: float = math.inf, remedy: str = _EX
 
 def _without_waiting(path: str, flags: int) -> int:
     """Opener that does not wait for the writer of a pipe, if one took the place of the file meanwhile."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)
 
 
 def _demand_regular(path: Path | str, state: os.stat_result, most_bytes: float, remedy: str) -> None:
@@ -166,7 +187,7 @@ ALWAYS_TRIED = 10_000_000
 """Bytes of memory that are asked for without a look at what is free."""
 
 
-def demand_memory(path: Path | str, needed: float, why: str) -> None:
+def demand_memory(path: Path | str, needed: float, why: str, remedy: str = _EXPORT_LESS) -> None:
     """Refuse a file whose content has no room in memory.
 
     Parameters
@@ -174,6 +195,7 @@ def demand_memory(path: Path | str, needed: float, why: str) -> None:
     path : of the file.
     needed : bytes of memory.
     why : what they are for; goes on from the number.
+    remedy : what to do about it, besides taking a machine with more memory.
 
     Raises
     ------
@@ -182,7 +204,7 @@ def demand_memory(path: Path | str, needed: float, why: str) -> None:
     """
     if needed > ALWAYS_TRIED and needed > (free := free_memory()):
         message = f"needs {bytes_text(needed)} of memory {why}, and {bytes_text(free)} are free"
-        raise InputFileError(path, message, f"{_EXPORT_LESS}, or use a machine with more memory")
+        raise InputFileError(path, message, f"{remedy}, or use a machine with more memory")
 
 
 def no_memory(path: Path | str, size: float) -> InputFileError:

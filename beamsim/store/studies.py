@@ -24,6 +24,7 @@ from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.parallel import Cluster
 from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import check_writable, move_aside
+from beamsim.input_files import demand_memory, open_to_append
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
@@ -158,6 +159,8 @@ def ensemble(
         return stored_study(plan, journal, target, workers=workers, progress=progress)
 
 
+_MEMORY_OF_JOURNAL = 10
+"""Bytes of memory for each byte of a journal that is read."""
 LOCKED_BYTE = 2**30  # on Windows, which locks bytes: far beyond the contents
 
 
@@ -213,12 +216,14 @@ class Journal:
             raise
 
     def _read(self, *, resume: bool) -> None:
+        size = os.fstat(self._file.fileno()).st_size
+        self._to_move, self._complete_line = size > 0 and not resume, True
+        if not resume or not size:
+            return
+        demand_memory(self.path, _MEMORY_OF_JOURNAL * size, "for its cases", "leave out --resume to move it aside")
         content = self._file.read()
         lines = content.splitlines(keepends=True)
         self._complete_line = content.endswith(b"\n")
-        self._to_move = bool(lines) and not resume
-        if not resume or not lines:
-            return
         if lines[0] == self._header:
             self.kept, damaged = _outcomes(lines[1:])
             if damaged:
@@ -348,7 +353,7 @@ def _opened_and_locked(path: Path) -> IO[bytes]:
         If another process has locked it.
     """
     while True:
-        file = open(path, "a+b", buffering=0)  # noqa: SIM115
+        file = open_to_append(path)
         try:
             _lock(file, path)
             file.seek(0)

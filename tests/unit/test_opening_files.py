@@ -10,13 +10,14 @@ import pytest
 from beamsim.analyses.compare_modes import read_shapes
 from beamsim.errors import BeamsimError, InputFileError
 from beamsim.hdf5 import open_hdf5
-from beamsim.input_files import open_input, read_input, read_text
+from beamsim.input_files import open_input, open_to_append, read_input, read_text
 from beamsim.matrix_files import FORMATS, read_matrices
 from beamsim.measurements.channels import read_signals
 from beamsim.measurements.read import TEXT
 from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result
+from beamsim.store.studies import opened_journal
 from beamsim.structures.named_matrices import read_dof_table
 from beamsim.system.build import build_system
 
@@ -52,11 +53,25 @@ def test_only_regular_files_are_opened(tmp_path, monkeypatch):
             open_input(name)
         assert name in str(refused.value)
         assert refused.value.exit_code == 2
+        if name != "nowhere":  # which is made where the link leads
+            with pytest.raises(InputFileError, match=message):
+                open_to_append(name)
     Path("file").write_bytes(b"content")
     Path("link").symlink_to("file")
     with open_input("link") as file:
         assert file.read() == b"content"
         assert file.name == "link"
+
+
+def test_a_journal_too_large_for_memory_is_refused(tmp_path):
+    path = tmp_path / "case.h5.partial"
+    with open(path, "wb") as file:
+        file.truncate(2**40)
+    message = r"case\.h5\.partial needs 11 TB of memory for its cases.*leave out --resume to move it aside"
+    with pytest.raises(InputFileError, match=message), opened_journal(path, "study", resume=True):
+        pass
+    with opened_journal(path, "study", resume=False):
+        assert path.stat().st_size == 2**40
 
 
 def readers():
