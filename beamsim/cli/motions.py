@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamsim.analyses.run.result import ALLOWED_CHANGE, RunResult, SignalStatistics
-from beamsim.analyses.run.spectra import LOBE
+from beamsim.analyses.run.close_lines import LOBE
+from beamsim.analyses.run.result import ALLOWED_CHANGE, ALLOWED_REMAINDER, RunResult, SignalStatistics
 from beamsim.cli.printing import percent
 from beamsim.cli.screens import SHOWN, Numbers, Screen, contact_levels, limit_lines, limits_by_place, modes, sureness
 from beamsim.cli.tables import Labelled, Views, in_units, output_text, stress_text, together
@@ -215,6 +215,8 @@ def _strongest(lines: Sequence[Mapping[str, Any]], probe: str, quantity: str) ->
     for line in sorted(shown, key=lambda line: float(line["frequency_hz"])):
         change = line.get("relative_change") or 0.0
         doubt = f", change {percent(change, 2 if change < 0.995 else 3)}" if change > ALLOWED_CHANGE else ""
+        if is_known(line["remainder"]) and line["remainder"] > ALLOWED_REMAINDER:
+            doubt += ", not resolved"
         yield f"{_order(line)} ({line['amplitude_db']:.0f} dB{doubt})"
 
 
@@ -223,6 +225,27 @@ def _order(line: Mapping[str, Any]) -> str:
     if order is None or not math.isfinite(order) or line["kind"] == "chosen":
         return f"{line['frequency_hz']:.4g} Hz"
     return f"{order:.3f}" if line["kind"] == "other" else str(Fraction(order).limit_denominator(12))
+
+
+def _unresolved(result: RunResult, lines: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """By spectrum the lines that are several lines or change, strongest first, and what would tell two lines apart."""
+    texts: dict[str, str] = {}
+    for (probe, quantity), spectrum in result.spectra.items():
+        size = {line.frequency_hz: line.amplitude for line in spectrum.lines}
+        own = [line for line in lines if (line["probe"], line["quantity"]) == (probe, quantity)]
+        own.sort(key=lambda line: -size[line["frequency_hz"]])
+        shown = []
+        for line in own[:SHOWN]:
+            needed = line["separating_duration_s"]
+            two = f"; {amount(needed, 's')} would tell two lines apart" if is_known(needed) else ""
+            shown.append(f"{line['frequency_hz']:.4g} Hz ({percent(line['remainder'])} is left{two})")
+        if own:
+            more = f", and {len(own) - SHOWN} more" if len(own) > SHOWN else ""
+            resolution = amount(own[0]["resolution_hz"], "Hz")
+            texts[f"{probe} {quantity}".replace("_", " ")] = (
+                f"several lines closer than {resolution}, or one that changes: {', '.join(shown)}{more}"
+            )
+    return texts
 
 
 def _random(result: RunResult, signals: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -302,6 +325,7 @@ RUN_VIEWS: Views = {
     "sensitivities": lambda result, _: {name: ", ".join(of) for name, of in sensitivity_texts(result).items()},
     "inputs": input_texts,
     "spectral_lines": _spectral_lines,
+    "unresolved_lines": _unresolved,
     "impacts": _impacts,
     "random": _random,
     "random_linear": _linear,

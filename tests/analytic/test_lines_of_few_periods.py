@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.cli.tables import table_rows
 
 WINDOWS = ["hann", "decaying", "flattop"]
 
@@ -47,6 +48,95 @@ def test_two_close_lines(window, bins):
     """Two sinusoids of 1 mm at 10 Hz and some multiples of one over the duration above it, within 5 s."""
     case = {"chain": two_coupled(10.0, bins / 5.0), "run": {"duration": 5.0, "start": {"displacement": [2e-3, 0.0]}}}
     np.testing.assert_allclose(lines_of_mass(case, window), [[10.0, 1e-3], [10.0 + bins / 5.0, 1e-3]], rtol=1e-8)
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "absolute_acceleration"])
+@pytest.mark.parametrize("bins", [0.6, 0.8, 1.0, 1.2, 1.5, 2.0, 2.4])
+def test_two_lines_that_share_a_maximum(bins, quantity):
+    """Two lines near one another share a maximum, or have two that lie farther apart than they do."""
+    hz = np.array([10.0, 10.0 + bins / 5.0])
+    case = {"chain": two_coupled(10.0, bins / 5.0), "run": {"duration": 5.0, "start": {"displacement": [2e-3, 0.0]}}}
+    amplitude = 1e-3 * (2 * np.pi * hz) ** (0 if quantity == "displacement" else 2)
+    np.testing.assert_allclose(lines_of_mass(case, "hann", quantity), np.transpose([hz, amplitude]), rtol=1e-6)
+
+
+def shaken(*tones):
+    """A mass on a spring with 20 % of critical damping and a natural frequency of 5 Hz, on a base with some tones."""
+    chain = {"masses": [1.0], "springs": [(10 * np.pi) ** 2, 0.0], "damping": {"kind": "modal", "ratio": 0.2}}
+    base = {"kind": "multi_tone", "applied_to": "base", "tones": [{"level": a, "frequency": f} for f, a in tones]}
+    return {
+        "chain": chain, "excitation": base, "probes": [{"name": "m1", "mass": 1}],
+        "run": {"duration": 10.0, "spectrum": {"last": 5.0}, "convergence": "off"},
+    }  # fmt: skip
+
+
+def transmitted(hz):
+    """Magnitude of absolute acceleration over that of the base of `shaken`."""
+    r = np.asarray(hz) / 5.0
+    return np.abs((1 + 0.4j * r) / (1 - r**2 + 0.4j * r))
+
+
+@pytest.mark.parametrize("bins", [0.7, 1.5, 2.2])
+def test_two_frequencies_of_the_base(bins):
+    """The second is 0.7 to 2.2 over the duration above the first; after 5 s the start has decayed to 1e-14."""
+    hz, level = np.array([10.0, 10.0 + bins / 5.0]), np.array([1.0, 2.0])
+    result = beamsim.run(beamsim.load_scenario(shaken(*zip(hz.tolist(), level.tolist(), strict=True))))
+    lines = result.spectra["m1", "absolute_acceleration"].lines[1:]
+    assert [line.frequency_hz for line in lines] == pytest.approx(hz, rel=1e-9)
+    assert [line.amplitude for line in lines] == pytest.approx(level * transmitted(hz), rel=1e-7)
+    assert all(line.remainder < 1e-7 for line in lines)
+    assert "unresolved_lines" not in result.summary
+
+
+def test_a_line_beside_an_order_of_the_excitation():
+    """A free vibration that does not decay, 1.5 over the duration above the frequency of the base."""
+    own = 2 * np.pi * 10.3
+    scenario = {
+        "chain": {"masses": [1.0], "springs": [own**2, 0.0]}, "probes": [{"name": "m1", "mass": 1}],
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 10.0},
+        "run": {"duration": 5.0, "start": {"displacement": [0.01]}, "convergence": "off"},
+    }  # fmt: skip
+    lines = beamsim.run(beamsim.load_scenario(scenario)).spectra["m1", "displacement"].lines[1:]
+    forced = 1.0 / (own**2 - (20 * np.pi) ** 2)  # of -sin: the free vibration begins with the opposite velocity
+    free = np.hypot(0.01, forced * 20 * np.pi / own)
+    assert [line.kind for line in lines] == ["fundamental", "other"]
+    assert [line.frequency_hz for line in lines] == pytest.approx([10.0, 10.3], rel=1e-8)
+    assert [line.amplitude for line in lines] == pytest.approx([forced, free], rel=1e-6)
+
+
+def test_lines_that_are_not_resolved_are_marked():
+    """Three tones within 1.5 over the duration: what one line leaves, and a part of the run that tells them apart."""
+    close = ((10.0, 1.0), (10.15, 2.0), (10.3, 1.0))
+    result = beamsim.run(beamsim.load_scenario(shaken(*close)))
+    (line,) = result.spectra["m1", "absolute_acceleration"].lines[1:]
+    assert line.remainder > 0.1
+    marked = next(x for x in result.summary["unresolved_lines"] if x["quantity"] == "absolute_acceleration")
+    assert marked["frequency_hz"] == line.frequency_hz
+    assert marked["remainder"] == line.remainder
+    assert marked["resolution_hz"] == pytest.approx(4.0 / 5.0)
+    text = dict(table_rows("run", result))
+    assert "not resolved" in text["spectral lines"]
+    assert "several lines closer than 0.8 Hz" in text["lines not resolved"]
+    longer = 4.0 / 0.15  # s: the tones are then as far apart as the resolution
+    assert marked["separating_duration_s"] == pytest.approx(longer, rel=0.25)
+    changes = {"run.duration": 5.0 + 1.02 * longer, "run.spectrum.last": 1.02 * longer}
+    result = beamsim.run(beamsim.load_scenario(shaken(*close), changes))
+    lines = result.spectra["m1", "absolute_acceleration"].lines[1:]
+    expected = [(f, a * transmitted(f)) for f, a in close]
+    np.testing.assert_allclose([(line.frequency_hz, line.amplitude) for line in lines], expected, rtol=1e-6)
+
+
+def test_a_line_that_decays_is_marked():
+    """A free vibration that decays to a third in the record, seen through a whole window: no duration separates it."""
+    own, ratio = 2 * np.pi * 10.0, 0.0035
+    chain = {"masses": [1.0], "springs": [own**2, 0.0], "damping": {"kind": "modal", "ratio": ratio}}
+    scenario = {
+        "chain": chain, "probes": [{"name": "m1", "mass": 1}],
+        "run": {"duration": 5.0, "start": {"displacement": [0.01]}, "spectrum": {"window": "hann"}},
+    }  # fmt: skip
+    spectrum = beamsim.run(beamsim.load_scenario(scenario)).spectra["m1", "displacement"]
+    assert [round(line.frequency_hz, 2) for line in spectrum.lines[1:]] == [10.0]
+    assert spectrum.unresolved[0].remainder == spectrum.lines[1].remainder > 0.02
 
 
 @pytest.mark.parametrize(("window", "periods"), [("hann", 5.3), ("flattop", 5.3), ("hann", 10.2)])

@@ -156,8 +156,11 @@ class SpectrumRecord(Protocol):
     def rms(self) -> float:
         """Root mean square, mean included."""
 
-    def amplitudes(self, window: Window) -> Floats:
-        """(F,) single-sided amplitudes under a window, the weighted mean first; see `spectrum_of`."""
+    def amplitudes(self, window: Window) -> Complexes:
+        """(F,) single-sided amplitudes under a window, phases since the start, the weighted mean first.
+
+        See `spectrum_of`.
+        """
 
     def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
         """Those of a least-squares fit under a window of 1, sines (k,) and cosines (k,) since the start.
@@ -222,9 +225,9 @@ class SampledRecord:
         size = float(np.abs(self.x).max(initial=0.0))  # a motion without bound has squares beyond all numbers
         return size * float(np.sqrt(np.mean((self.x / size) ** 2))) if size else 0.0
 
-    def amplitudes(self, window: Window) -> Floats:
+    def amplitudes(self, window: Window) -> Complexes:
         """See `SpectrumRecord`; up to half the rate."""
-        return np.abs(window.amplitudes(self.x))
+        return window.amplitudes(self.x)
 
     def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
         """See `SpectrumRecord`; by sums over the samples."""
@@ -297,21 +300,16 @@ class MotionRecord:
         first, last = self.part.quarter_deviations
         return float(first[self.column]), float(last[self.column])
 
-    def amplitudes(self, window: Window) -> Floats:
+    def amplitudes(self, window: Window) -> Complexes:
         """See `SpectrumRecord`; up to the highest frequency."""
         count = int(self.highest_hz * self.duration * (1 + 1e-12)) + 1
         omega = 2.0 * np.pi / self.duration * np.arange(count, dtype=np.float64)
-        mean, amplitude = self._seen(window, omega)
-        amplitude[0] = abs(mean)
-        return amplitude
-
-    def _seen(self, window: Window, omega: Floats) -> tuple[float, Floats]:
-        """Weighted mean, and single-sided amplitudes (W,) of what is beside it, at angular frequencies (W,), rad/s."""
         total = float(window.transform(np.zeros(1), self.duration)[0].real)
-        seen = window.weigh(lambda nu: self.part.integrals(nu, self.column), np.append(0.0, omega), self.duration)
+        seen = window.weigh(lambda nu: self.part.integrals(nu, self.column), omega, self.duration)
         mean = float(seen[0].real) / total
-        rest = seen[1:] - mean * window.transform(omega, self.duration)
-        return mean, np.abs(rest) * (2.0 / total)
+        out = (seen - mean * window.transform(omega, self.duration)) * (2.0 / total)
+        out[0] = mean
+        return np.asarray(out)
 
     def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
         """See `SpectrumRecord`; by integrals."""

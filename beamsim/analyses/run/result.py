@@ -34,6 +34,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 ONLY_BEAM = "beam"  # what the body of a scenario that gives one beam without a name is called
 MAIN_QUANTITY = "absolute_acceleration"  # the one whose spectrum needs no group of its own
 ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is not doubtful
+ALLOWED_REMAINDER = 0.02  # of a line that is one steady line
 STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
 AT_REST = 1e-9  # of the highest approach speed, below which an impact begins at rest
 _TIME = ("time",)
@@ -325,11 +326,31 @@ class SpectralLine:
     amplitude_db: float = dataset("dB", "20 log10(amplitude / max |x|)")
     phase_deg: float = dataset("degree", "phase of the line as a sine of the run's time")
     kind: str = dataset("1", "mean, fundamental, superharmonic, subharmonic, other, chosen; residual: of no mode")
+    # nan of the mean, under half a window, and where a record holds a few periods of the excitation alone
+    remainder: float | None = dataset(
+        "1",
+        "amplitude that all lines together leave within 4 over the duration of this line, over its own amplitude",
+        default=None,
+    )
     relative_change: float | None = dataset(  # nan of a line of no mode; None where there is no comparison
         "1",
         "of the amplitude, or of the frequency if larger, relative change with 1.5 times the modes and twice the "
         "elements",
         default=None,
+    )
+
+
+@declared
+class UnresolvedLine:
+    """A line that is not one steady line: several lines near one another, or one that changes during the record."""
+
+    frequency_hz: float = dataset("Hz", "frequency of the line")
+    remainder: float = dataset("1", "amplitude that all lines together leave near it, over its own amplitude")
+    resolution_hz: float = dataset("Hz", "distance from which on lines are told apart: 4 over the duration")
+    separating_duration_s: float = dataset(
+        "s",
+        "duration that tells the two lines apart that explain the curve best; NaN where they are farther apart than "
+        "the resolution, and where no two are found",
     )
 
 
@@ -348,6 +369,9 @@ class Spectrum:
     start_s: float = attribute("s", "beginning of the part that is analysed")
     duration_s: float = attribute("s", "its duration")
     lines: tuple[SpectralLine, ...] = table("lines", SpectralLine, Counter("line", "number of the line"), default=())
+    unresolved: tuple[UnresolvedLine, ...] = table(
+        "unresolved", UnresolvedLine, Counter("number", "number of the line"), empty=False, default=()
+    )
     rate_hz: float | None = attribute(
         "Hz", "rate of the samples that a spectrum of a time-stepped motion is made of", default=None
     )
@@ -734,6 +758,10 @@ _SUMMARY = (
     Entry("matched", "", "of a matched base motion: how far its shock response spectrum is below and above the curve "
              "that was asked for, in which band and with which quality factor"),
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
+    Entry("unresolved_lines", "", "lines with a remainder above 2 %, which are several lines or change during the "
+          "record: probe, quantity, frequency_hz, remainder; resolution_hz, the distance from which on lines are told "
+          "apart; separating_duration_s, which tells the two lines apart that explain the curve best (null: they are "
+          "farther apart than that)", "lines not resolved"),
     *MODES,
     *CONVERGENCE,
     BY_ENTRY["energy_error"].summary_entry(),

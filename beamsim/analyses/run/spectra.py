@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 
+from beamsim.analyses.run.close_lines import LOBE, Remainder
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.records import (
     MotionRecord,
@@ -17,7 +18,7 @@ from beamsim.analyses.run.records import (
     parabola_top,
     refined,
 )
-from beamsim.analyses.run.result import SpectralLine, Spectrum
+from beamsim.analyses.run.result import ALLOWED_REMAINDER, SpectralLine, Spectrum, UnresolvedLine
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import MotionPart, Observed
 from beamsim.flow.trajectory import Trajectory
@@ -25,7 +26,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.run import MOST_FREQUENCIES, SpectrumSettings
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, Ints, not_none
+from beamsim.typing import Complexes, Floats, Ints, not_none
 
 SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency: as many as would cover a curve
 HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
@@ -42,7 +43,10 @@ _OVER_SKIRTS = 10**0.5  # the same in a decaying record, whose lines are broad: 
 _OVER_SIDE_LOBES = 5e-5  # of the largest deviation from the mean: a drift's side lobes are no lines
 _ROUND_OFF = 1e-12  # of max |x|
 _DENOMINATORS = (1, 2, 3, 4)  # of the orders m/n that are looked for
-LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
+_SEPARATED = 0.02  # of what one line leaves near it, that two may leave
+_PROMISING = 0.3  # the same for a pair on a grid of frequencies, which is then fitted with all lines
+_ON_ORDER = 0.02  # bins from an order of the excitation, of one of two lines that were separated
+_MOST_PAIRS = 12  # fits of pairs in one spectrum
 _MOST_LINES = 50
 _ORDERS_OF_A_SHORT_RECORD = 10
 NEARBY, NEARBY_BINS = 0.01, 3.0  # share of its frequency, and bins, within which a line is found again
@@ -267,8 +271,9 @@ def spectrum_of(
         Without lines where the record is not finite.
     """
     (probe, quantity, unit), shape, peak = of, Window.named(window), record.peak
-    amplitude = record.amplitudes(shape)
+    amplitude = np.abs(record.amplitudes(shape))
     lines = _lines(record, excitation_hz, peak, shape.one_sided, residual_hz, chosen_hz) if np.isfinite(peak) else ()
+    lines, unresolved = _with_remainders(record, lines, _examined(record, excitation_hz, shape.one_sided))
     return Spectrum(
         probe=probe,
         quantity=quantity,
@@ -281,6 +286,7 @@ def spectrum_of(
         start_s=record.start,
         duration_s=record.duration,
         lines=lines,
+        unresolved=unresolved,
         rate_hz=record.rate if isinstance(record, SampledRecord) else None,
         rms=record.rms,
     )
@@ -381,12 +387,13 @@ def _lines(
         periods = excitation_hz * record.duration
         candidates = _orders_of_short_record(record, excitation_hz, peak) if periods >= 1 - _ROUND_OFF else []
     else:
-        candidates = _peaks(record, window, excitation_hz, peak)
+        curve = record.amplitudes(window)
+        candidates = _peaks(record, window, excitation_hz, peak, np.abs(curve))
         if forced and candidates:
             candidates = _only_locked(record, candidates)
-        free = np.array([c.order is None for c in candidates], dtype=bool)
-        frequency = refined(record, np.array([c.frequency_hz for c in candidates]), free, window)
-        candidates = [replace(c, frequency_hz=float(f)) for c, f in zip(candidates, frequency, strict=True)]
+        candidates = _fitted(record, candidates, window)
+        if not one_sided:
+            candidates = _separated(record, candidates, window, excitation_hz, curve)
     candidates = sorted(_with_chosen(candidates, chosen_hz, record), key=lambda c: c.frequency_hz)
     window = window if candidates else None
     mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)
@@ -398,9 +405,8 @@ def _lines(
     near = 2.0 / record.duration
 
     def line(order: float, frequency: float, amplitude: float, phase_deg: float, kind: str) -> SpectralLine:
-        return SpectralLine(
-            order, frequency, amplitude, float(amplitude_db(np.array(amplitude), peak)), phase_deg, kind
-        )
+        level = float(amplitude_db(np.array(amplitude), peak))
+        return SpectralLine(order, frequency, amplitude, level, phase_deg, kind, np.nan)
 
     def kind_of(candidate: _Candidate) -> str:
         if candidate.order is not None:  # every order that is not whole is a subharmonic one
@@ -432,9 +438,103 @@ def _with_chosen(
     return apart + added
 
 
-def _peaks(record: SpectrumRecord, window: Window, excitation_hz: float, peak: float) -> list[_Candidate]:
-    """Local maxima that are lines, strongest first, each with the order its frequency suggests."""
-    amplitude = record.amplitudes(window)
+def _fitted(record: SpectrumRecord, candidates: list[_Candidate], window: Window) -> list[_Candidate]:
+    """The candidates with the frequencies that fit best of all that belong to no order."""
+    free = np.array([c.order is None for c in candidates], dtype=bool)
+    frequency = refined(record, np.array([c.frequency_hz for c in candidates]), free, window)
+    return [replace(c, frequency_hz=float(f)) for c, f in zip(candidates, frequency, strict=True)]
+
+
+def _separated(
+    record: SpectrumRecord, candidates: list[_Candidate], window: Window, excitation_hz: float, curve: Complexes
+) -> list[_Candidate]:
+    """The candidates, with two lines wherever two explain the curve near a candidate that is none of a steady line.
+
+    The two replace it and, where they then explain the curve too, the candidate nearest to it: two lines of opposite
+    phase have two maxima that are farther apart than they are.
+    """
+    tried, fits = set[float](), 0
+    while candidates and fits < _MOST_PAIRS and len(candidates) < min(_MOST_LINES, (record.size - 1) // 4):
+        amplitude, remainder = _remainder(record, candidates, window, curve)
+        least = WORTH_LISTING * float(np.abs(amplitude).max())
+        sizes = [0.0 if c.peak_hz in tried else float(x) for c, x in zip(candidates, remainder.size, strict=True)]
+        k = int(np.argmax(sizes))
+        if sizes[k] <= least:
+            break
+        tried.add(candidates[k].peak_hz)
+        for replaced in _replaceable(candidates, k, record.duration):
+            order = next((candidates[number] for number in replaced if candidates[number].order is not None), None)
+            known = None if order is None else order.frequency_hz * record.duration
+            pair, ratio = remainder.best_pair(replaced, known)
+            if ratio > _PROMISING:
+                continue
+            fits += 1
+            two = [_Candidate(None, f / record.duration, f / record.duration) for f in pair]
+            two[:1] = two[:1] if order is None else [order]
+            others = [c for number, c in enumerate(candidates) if number not in replaced]
+            several = _on_orders(_fitted(record, [*others, *two], window), excitation_hz, record)
+            if _remainder(record, several, window, curve)[1].size[-2:].max() <= _SEPARATED * sizes[k]:
+                candidates = several
+                break
+    return candidates
+
+
+def _with_remainders(
+    record: SpectrumRecord, lines: tuple[SpectralLine, ...], window: Window | None
+) -> tuple[tuple[SpectralLine, ...], tuple[UnresolvedLine, ...]]:
+    """Lines of which the first is the mean, with what all of them leave near each, and those that leave too much."""
+    if window is None or window.one_sided or len(lines) < 2:
+        return lines, ()
+    frequency = np.array([line.frequency_hz for line in lines[1:]])
+    amplitude = np.array([line.amplitude * np.exp(1j * np.radians(line.phase_deg)) for line in lines[1:]])
+    remainder = Remainder.of(record, frequency, amplitude, window, record.amplitudes(window))
+    share = remainder.size / np.abs(amplitude)
+    unresolved = []
+    for k in np.flatnonzero(share > ALLOWED_REMAINDER).tolist():
+        (low, high), _ = remainder.best_pair([k], None)
+        needed = LOBE / abs(high - low) * record.duration if abs(high - low) < LOBE else np.nan
+        resolution = LOBE / record.duration
+        unresolved.append(UnresolvedLine(float(frequency[k]), float(share[k]), resolution, float(needed)))
+    each = zip(lines[1:], share.tolist(), strict=True)
+    return (lines[0], *(replace(line, remainder=x) for line, x in each)), tuple(unresolved)
+
+
+def _replaceable(candidates: list[_Candidate], k: int, duration: float) -> Iterator[list[int]]:
+    """Numbers of candidates that a pair may replace: one and its neighbour within a lobe, and it alone."""
+    distance = np.array([abs(c.frequency_hz - candidates[k].frequency_hz) for c in candidates]) * duration
+    distance[k] = np.inf
+    nearest = int(distance.argmin())
+    if distance[nearest] <= LOBE and (candidates[k].order is None or candidates[nearest].order is None):
+        yield [k, nearest]
+    yield [k]
+
+
+def _remainder(
+    record: SpectrumRecord, candidates: list[_Candidate], window: Window, curve: Complexes
+) -> tuple[Complexes, Remainder]:
+    """Amplitudes (k,) of lines that are fitted together, and what they leave."""
+    frequency = np.array([c.frequency_hz for c in candidates])
+    amplitude = record.project(frequency, window)[1]
+    return amplitude, Remainder.of(record, frequency, amplitude, window, curve)
+
+
+def _on_orders(candidates: list[_Candidate], excitation_hz: float, record: SpectrumRecord) -> list[_Candidate]:
+    """The candidates, of which the last two belong to an order where they have its frequency and no other one does."""
+    if not (np.isfinite(excitation_hz) and excitation_hz > 0):
+        return candidates
+    named = candidates[:-2]
+    for c in candidates[-2:]:
+        order = _nearest_order(c.frequency_hz, excitation_hz, 1.0 / record.duration)
+        exact = np.nan if order is None else float(order) * excitation_hz
+        of_order = abs(exact - c.frequency_hz) * record.duration <= _ON_ORDER and order not in {n.order for n in named}
+        named = [*named, replace(c, order=order, frequency_hz=exact) if of_order else c]
+    return named
+
+
+def _peaks(
+    record: SpectrumRecord, window: Window, excitation_hz: float, peak: float, amplitude: Floats
+) -> list[_Candidate]:
+    """Local maxima of a curve (F,) that are lines, strongest first, each with the order its frequency suggests."""
     inner = np.arange(LOBE - 1, amplitude.size - 1)
     if inner.size == 0:
         return []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -73,11 +74,17 @@ def resting(probe: str, quantity: str, figures: Mapping[str, Any]) -> bool:
 
 def spectral_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
     """The lines of all spectra, for the summary."""
-    columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "relative_change")
+    columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "remainder", "relative_change")
     return [
         {"probe": s.probe, "quantity": s.quantity, **{name: getattr(line, name) for name in columns}}
         for s in spectra.values()
         for line in s.lines
+    ]
+
+
+def _unresolved_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[str, Any]]:
+    return [
+        {"probe": s.probe, "quantity": s.quantity, **asdict(line)} for s in spectra.values() for line in s.unresolved
     ]
 
 
@@ -101,6 +108,7 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
         "srs": None if result.srs is None else result.srs.summary(),
         "matched": None if result.matched is None else result.matched.summary(),
         "spectral_lines": spectral_lines(result.spectra),
+        "unresolved_lines": _unresolved_lines(result.spectra) or None,
         **_over_limits(result, summary),
     }
 

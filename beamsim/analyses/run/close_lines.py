@@ -1,0 +1,113 @@
+r"""Lines of a spectrum that share one maximum: what a fit leaves near each line, and pairs of lines that explain it.
+
+Near a line, the curve of a record under a window :math:`w` is the sum of the window's transforms at the frequencies of
+all lines, if every line is steady. What is left there after the fitted lines are subtracted shows that there is more:
+another line in the same lobe of the window, or an amplitude that changes during the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamsim.analyses.run.records import SpectrumRecord, Window
+from beamsim.typing import Bools, Complexes, Floats, Ints
+
+LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
+_REACH = 4.0  # of the two lines of a pair from the maximum that they share, bins
+_STEP = 0.25  # of their frequencies in the search, bins
+_FINER = 3  # times that the search is repeated around the best pair, with a quarter of the step
+_NEAREST = 0.5  # of the two, bins
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What k fitted lines leave of a record's curve near each of them.
+
+    Parameters
+    ----------
+    window : two-sided.
+    bins, inside : (k, 2 * LOBE + 1) multiples of one over the duration around each line, and whether the curve is known
+        there, free of the mean.
+    left : (k, 2 * LOBE + 1) complex amplitudes that the lines leave; zero elsewhere.
+    of_lines : (k, 2 * LOBE + 1, k) those of each line alone, near each line.
+    """
+
+    window: Window
+    bins: Ints
+    inside: Bools
+    left: Complexes
+    of_lines: Complexes
+
+    @classmethod
+    def of(
+        cls, record: SpectrumRecord, frequency_hz: Floats, amplitude: Complexes, window: Window, curve: Complexes
+    ) -> Remainder:
+        """Near lines that were fitted together.
+
+        Parameters
+        ----------
+        record : with the lines.
+        frequency_hz, amplitude : (k,) Hz, and amplitudes with their phases in the run's own time.
+        window : under which they were fitted.
+        curve : (F,) complex amplitudes of the record under the window, see `SpectrumRecord.amplitudes`.
+
+        Returns
+        -------
+        Remainder
+        """
+        place = np.asarray(frequency_hz) * record.duration
+        bins = np.rint(place).astype(np.int64)[:, None] + np.arange(-LOBE, LOBE + 1)
+        inside = (bins >= LOBE) & (bins < curve.size)
+        since_start = amplitude * np.exp(2j * np.pi * frequency_hz * record.start)
+        distance = bins[:, :, None] - place, bins[:, :, None] + place
+        ahead, behind = (_lobe(window, each) for each in distance)
+        of_lines = (ahead * since_start - behind * since_start.conj()) / 1j
+        left = curve[np.where(inside, bins, 0)] - of_lines.sum(axis=2)
+        return cls(window, bins, inside, np.where(inside, left, 0.0), of_lines)
+
+    @property
+    def size(self) -> Floats:
+        """(k,) largest magnitude within `LOBE` bins of each line."""
+        return np.asarray(np.abs(self.left).max(axis=1, initial=0.0))
+
+    def best_pair(self, lines: Sequence[int], known: float | None) -> tuple[tuple[float, float], float]:
+        """The two frequencies which explain best what lies near a line.
+
+        Parameters
+        ----------
+        lines : its number, and those of lines that the pair replaces, too.
+        known : bins; frequency that the first of the pair has, where it is known.
+
+        Returns
+        -------
+        pair, ratio : frequencies in bins, and what they leave over what the lines leave, root mean squares.
+        """
+        line = lines[0]
+        inside, middle = self.inside[line], float(self.bins[line, LOBE])
+        bins = self.bins[line, inside] - middle
+        curve = (self.left[line] + self.of_lines[line][:, list(lines)].sum(axis=1))[inside]
+        place, step, width = np.zeros(2), _STEP, _REACH
+        for _ in range(_FINER + 1):
+            offset = np.arange(-width, width + 0.5 * step, step)
+            first, second = (each.ravel() for each in np.meshgrid(place[0] + offset, place[1] + offset))
+            if known is not None:
+                first = np.full(second.size, known - middle)
+            apart = np.abs(second - first) >= _NEAREST
+            pairs = np.stack([first[apart], second[apart]], axis=1)
+            shapes = _lobe(self.window, bins[:, None] - pairs[:, None, :])  # (pairs, bins, 2)
+            fitted = shapes @ (np.linalg.pinv(shapes) @ curve[:, None])
+            error = np.linalg.norm(curve - fitted[..., 0], axis=1)
+            best = int(error.argmin())
+            place, step, width = pairs[best], step / 4.0, step
+        low, high = (middle + place).tolist()
+        return (low, high), float(error[best]) / float(np.linalg.norm(self.left[line]))
+
+
+def _lobe(window: Window, bins: Floats) -> Complexes:
+    """Transform of a window at frequencies in bins, any shape, over that at zero."""
+    omega = 2.0 * np.pi * np.asarray(bins, dtype=float)
+    total = float(window.transform(np.zeros(1), 1.0)[0].real)
+    return np.asarray(window.transform(omega.ravel(), 1.0).reshape(omega.shape) / total)
