@@ -1,24 +1,193 @@
-"""Files that are either old or new, never half-written."""
+"""Files that are written: completely or not at all, and never at the cost of what was solved before.
+
+One function, `destination`, decides what becomes of a file in the place of a new one; everything that writes asks it.
+"""
 
 from __future__ import annotations
 
+import logging
 import os
 import platform
 import secrets
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import dataclass, field
+from enum import Enum
 from functools import cache
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
-from typing import IO
 
 from beamsim.errors import NotWrittenError, ResultFileError
+from beamsim.input_files import FileState, state_of
 
+_LOG = logging.getLogger(__name__)
 PAUSES_S = (0.1, 0.3, 1.0)  # between attempts to replace a file that another program has open
+
+
+# --- What may be replaced --------------------------------------------------------------------------------------------
+
+
+class Content(Enum):
+    """What a file holds, as far as it decides whether another may take its place; the values complete a message."""
+
+    OUTPUT = "nothing that cannot be written again"  # a picture, a table, a page, an export, the scenario of an optimum
+    RESULT = "a complete result"
+    PARTIAL = "a partial result"
+    JOURNAL = "the cases solved before"
+    CONTAINED = "nothing that the new file lacks"  # such as an earlier state of the new file
+    UNKNOWN = "a file that cannot be read as a result or a journal of this version"
+
+
+_MOVED_ASIDE = (Content.PARTIAL, Content.JOURNAL, Content.UNKNOWN)
+
+
+@dataclass(frozen=True)
+class Destination:
+    """Where a new file goes, and what becomes of the one that is there."""
+
+    path: Path  # as the user gave it, or its `partial_file`
+    target: Path  # the same without symbolic links
+    found: Content  # of the file there; ``OUTPUT`` where there is none
+
+    @property
+    def moves_aside(self) -> bool:
+        """Whether the file there gets another name first, instead of being replaced."""
+        return self.found in _MOVED_ASIDE
+
+
+def destination(
+    path: Path | str, new: Content = Content.OUTPUT, examine: Callable[[Path], Content] | None = None
+) -> Destination:
+    """Decide where a file is written, and what becomes of the file that is there.
+
+    ======================  ===================================  ===================
+    there is                a complete result, journal, output   a partial result
+    ======================  ===================================  ===================
+    nothing                 is written                           is written
+    what is contained       replaces it                          replaces it
+    an output               replaces it                          replaces it
+    a complete result       replaces it                          goes to another name, `partial_file`
+    a partial result        moves it aside                       moves it aside
+    a journal               moves it aside                       moves it aside
+    what is unknown         moves it aside                       moves it aside
+    ======================  ===================================  ===================
+
+    A file that the command reads is never written, nor is anything but a regular file. What this command wrote itself
+    is contained in what it writes later; where another command has written to the place since, a partial result goes to
+    another name, so that two commands do not move each other's files.
+
+    Parameters
+    ----------
+    path : as the user gave it.
+    new : what is to be written.
+    examine : what a file holds that is not empty and that this command did not write; by default an output.
+
+    Returns
+    -------
+    Destination
+
+    Raises
+    ------
+    ResultFileError
+        If nothing can be written there.
+    """
+    target = _resolved(path)
+    if target.exists() and not target.is_file():
+        kind = "a folder" if target.is_dir() else "not a regular file"
+        raise ResultFileError(f"cannot write {path}: it is {kind}; choose another path with -o")
+    access = _ACCESS.get()
+    if target.exists() and any(_same_file(target, file) for file in access.read):
+        raise ResultFileError(f"cannot write {path}: this command reads that file; choose another path with -o")
+    try:
+        there = target.stat()
+    except OSError:  # nothing is there, or not any more
+        return Destination(Path(path), target, Content.OUTPUT)
+    if there.st_size == 0:
+        return Destination(Path(path), target, Content.OUTPUT)
+    own = access.written.get(target)
+    found = Content.OUTPUT
+    if own == state_of(there):
+        found = Content.CONTAINED
+    elif examine is not None:
+        found = examine(target)
+    occupied = found is Content.RESULT or (own is not None and found is Content.PARTIAL)
+    if new is Content.PARTIAL and occupied:
+        return destination(partial_file(Path(path)), new, examine)
+    return Destination(Path(path), target, found)
+
+
+def partial_file(path: Path) -> Path:
+    """File of a partial result where a complete one is in the file ``path``."""
+    return path.with_name(f"{path.stem}_partial{path.suffix}")
+
+
+@dataclass
+class _Access:
+    """The files that a command reads, and the state of those that it has written."""
+
+    read: tuple[Path, ...] = ()
+    written: dict[Path, FileState] = field(default_factory=dict)
+
+
+_OUTSIDE = _Access()
+_ACCESS: ContextVar[_Access] = ContextVar("access", default=_OUTSIDE)
+
+
+@contextmanager
+def protecting(paths: Iterable[Path]) -> Iterator[None]:
+    """One command, which never writes over these files, nor over those of `protect`, by whatever name or link."""
+    before = _ACCESS.set(_Access(tuple(paths)))
+    try:
+        yield
+    finally:
+        _ACCESS.reset(before)
+
+
+def protect(path: Path) -> None:
+    """Add a file to those that a command reads; without effect outside of `protecting`."""
+    access = _ACCESS.get()
+    if access is not _OUTSIDE:
+        access.read = (*access.read, path.absolute())
+
+
+def _same_file(target: Path, file: Path) -> bool:
+    with suppress(OSError):
+        return target.samefile(file)
+    return False
+
+
+def _resolved(path: Path | str) -> Path:
+    """The path without symbolic links.
+
+    Raises
+    ------
+    ResultFileError
+        If links lead back to each other, or no file can have this name.
+    """
+    try:
+        target = Path(path).resolve()
+        for part in (target, *target.parents):
+            if part.is_symlink():  # which could not be followed
+                part.stat()
+        target.exists()
+        return target
+    except RuntimeError as error:  # of Python before 3.13, where links lead back to each other; later an OSError
+        raise ResultFileError(
+            f"cannot write {path}: its links lead back to each other; choose another path with -o"
+        ) from error
+    except ValueError as error:  # a NUL in it, or a character that the file system's encoding lacks
+        raise ResultFileError(
+            f"cannot write {str(path)!a}: no file can have this name; choose another path with -o"
+        ) from error
+    except OSError as error:
+        raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
+
+
+# --- Writing ---------------------------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -35,29 +204,64 @@ def replacing(path: Path | str) -> Iterator[Path]:
     NotWrittenError
         When it could be, and then is full or fails.
     """
+    with temporary_file(path) as temporary:
+        yield temporary
+        put_in_place(temporary, destination(path))
+
+
+@contextmanager
+def temporary_file(path: Path | str) -> Iterator[Path]:
+    """Yield a temporary path in the folder of ``path``, for `put_in_place`; what is left of it goes with the block.
+
+    Raises
+    ------
+    ResultFileError, NotWrittenError
+        As `replacing`.
+    """
     check_writable(path)
-    target = Path(path).resolve()
+    target = _resolved(path)
     temporary = _temporary_in(target.parent)
     _remove_abandoned(target.parent)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
-        with open(temporary, "rb+") as written:
-            os.fsync(written.fileno())
-        _replace(temporary, target)
     except OSError as error:
         raise NotWrittenError(path, error.strerror or str(error)) from error
     finally:
         _remove(temporary)
 
 
-def move_aside(path: Path, file: IO[bytes] | None = None) -> Path:
+def put_in_place(temporary: Path, place: Destination) -> None:
+    """Move a complete file to its destination; on failure the file that is there stays as it was.
+
+    Raises
+    ------
+    OSError
+        If it cannot be moved.
+    """
+    with open(temporary, "rb+") as written:
+        os.fsync(written.fileno())
+    aside = _with_second_name(place.target) if place.moves_aside else None
+    try:
+        _replace(temporary, place.target)
+    except BaseException:
+        if aside is not None and place.target.exists():  # under both names
+            _remove(aside)
+        elif aside is not None:
+            os.rename(aside, place.target)
+        raise
+    _ACCESS.get().written[place.target] = state_of(place.target.stat())
+    if aside is not None:
+        kept = place.path.with_name(aside.name) if place.path.name == place.target.name else aside
+        _LOG.warning("warning: %s held %s; it is kept in %s", place.path, place.found.value, kept)
+
+
+def move_aside(path: Path) -> Path:
     """Rename a file to the first free name of ``path.1``, ``path.2``, ..., so that nothing in it is lost.
 
     Parameters
     ----------
-    path : of the file.
-    file : closed first, on systems that cannot rename open files.
+    path : of the file; no process has it open on systems that cannot rename open files.
 
     Returns
     -------
@@ -68,11 +272,37 @@ def move_aside(path: Path, file: IO[bytes] | None = None) -> Path:
     OSError
         If it cannot be renamed.
     """
-    if file is not None:
-        file.close()
-    free = next(aside for k in count(1) if not (aside := path.with_name(f"{path.name}.{k}")).exists())
-    os.rename(path, free)
-    return free
+    aside = _with_second_name(path)
+    _remove(path)
+    return aside
+
+
+def remove_own(path: Path) -> None:
+    """Remove a file if this command wrote it, and nobody has changed it since."""
+    target, written = path.resolve(), _ACCESS.get().written
+    with suppress(OSError):
+        if target in written and written.pop(target) == state_of(target.stat()):
+            _remove(target)
+
+
+def _with_second_name(path: Path) -> Path:
+    """The first free name of ``path.1``, ``path.2``, ..., under which a file can be found from now on.
+
+    A link never replaces a file of that name that another process makes meanwhile. File systems without links rename.
+    """
+    for k in count(1):
+        aside = path.with_name(f"{path.name}.{k}")
+        try:
+            os.link(path, aside)
+            return aside
+        except FileExistsError:
+            continue
+        except OSError:
+            if os.path.lexists(aside):
+                continue
+            os.rename(path, aside)
+            return aside
+    raise AssertionError("numbers end")  # pragma: no cover
 
 
 @cache
@@ -110,33 +340,6 @@ def _runs(process: int) -> bool:
     return True
 
 
-_PROTECTED: ContextVar[tuple[Path, ...] | None] = ContextVar("protected", default=None)
-
-
-@contextmanager
-def protecting(paths: Iterable[Path]) -> Iterator[None]:
-    """Refuse within the block to write over these files, and those of `protect`, by whatever name or link."""
-    before = _PROTECTED.set(tuple(paths))
-    try:
-        yield
-    finally:
-        _PROTECTED.reset(before)
-
-
-def protect(path: Path) -> None:
-    """Add a file that a command reads to those that `protecting` protects; without effect outside of its block."""
-    protected = _PROTECTED.get()
-    if protected is not None:
-        _PROTECTED.set((*protected, path.absolute()))
-
-
-def _refuse_protected(target: Path, path: Path | str) -> None:
-    for file in _PROTECTED.get() or ():
-        with suppress(OSError):
-            if target.exists() and target.samefile(file):
-                raise ResultFileError(f"cannot write {path}: this command reads that file; choose another path with -o")
-
-
 def _remove(path: Path) -> None:
     """Remove a temporary file; where that fails, what went wrong before is the message."""
     with suppress(OSError):
@@ -164,30 +367,7 @@ def check_writable(path: Path | str) -> None:
     ResultFileError
         When it could not: a folder of that name, a folder without permission, a file where a folder should be.
     """
-    try:
-        target = Path(path).resolve()
-        for part in (target, *target.parents):
-            if part.is_symlink():  # which could not be followed
-                part.stat()
-        _check_writable(target, path)
-    except RuntimeError as error:  # of Python before 3.13, where links lead back to each other; later an OSError
-        raise ResultFileError(
-            f"cannot write {path}: its links lead back to each other; choose another path with -o"
-        ) from error
-    except ValueError as error:  # a NUL in it, or a character that the file system's encoding lacks
-        raise ResultFileError(
-            f"cannot write {str(path)!a}: no file can have this name; choose another path with -o"
-        ) from error
-    except OSError as error:
-        raise ResultFileError(f"cannot write {path}: {error.strerror or error}; choose another path with -o") from error
-
-
-def _check_writable(target: Path, path: Path | str) -> None:
-    if target.exists() and not target.is_file():
-        kind = "a folder" if target.is_dir() else "not a regular file"
-        raise ResultFileError(f"cannot write {path}: it is {kind}; choose another path with -o")
-    _refuse_protected(target, path)
-    folder = target.parent
+    folder = destination(path).target.parent
     while not folder.exists():
         folder = folder.parent
     if not folder.is_dir():

@@ -29,6 +29,29 @@ _KINDS = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK,
           (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"))  # fmt: skip
 
 
+FileState = tuple[int, int, int, int]
+"""Device, number and size of a file, and its time stamp in ns, which is compared with nothing but itself."""
+
+_OPENED: dict[str, FileState] = {}  # by absolute path, the state in which this process opened a file last
+
+
+def state_of(status: os.stat_result) -> FileState:
+    """What changes when a file is replaced or written to."""
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def is_as_opened(path: Path | str) -> bool:
+    """Whether a file is as it was when this process opened it last; True of one that it has not opened.
+
+    Raises
+    ------
+    OSError
+        If it does not exist any more.
+    """
+    now = state_of(os.stat(path))
+    return _OPENED.get(os.path.abspath(path), now) == now
+
+
 def open_input(path: Path | str, most_bytes: float = math.inf, remedy: str = _EXPORT_LESS) -> BufferedReader:
     """Open a file for reading, if it is a regular file that is not too large; links are followed.
 
@@ -52,6 +75,7 @@ def open_input(path: Path | str, most_bytes: float = math.inf, remedy: str = _EX
         If the file does not exist, is not a regular file, is too large, or cannot be opened.
     """
     file: BufferedReader = _open_regular(path, "rb", -1, most_bytes, remedy)
+    _OPENED[os.path.abspath(path)] = state_of(os.fstat(file.fileno()))
     return file
 
 

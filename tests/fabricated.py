@@ -53,7 +53,7 @@ class FabricatedScenario:
     def to_yaml(self) -> str:
         return YAML
 
-    def file_records(self, since: float) -> dict[str, object]:
+    def file_records(self, *, as_read: bool) -> dict[str, object]:
         return {}
 
 

@@ -150,8 +150,7 @@ class Result:
     )  # fmt: skip
     def input_files(self) -> dict[str, Record] | None:
         """What the files of the scenario held; None where it names none."""
-        began = datetime.fromisoformat(self.created).timestamp() - self.wall_time_s
-        return dict(self.scenario.file_records(since=began + 1.0)) or None  # times are kept in whole seconds
+        return dict(self.scenario.file_records(as_read=True)) or None
 
     def plot(self) -> dict[str, Figure]:
         """Return the figures that the command saves, by name; a notebook shows each."""

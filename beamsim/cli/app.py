@@ -107,12 +107,9 @@ def run(
     conclusion.run(given, against)
 
 
-@command(Case, *COMPUTING, "check")
+@command(Case, *COMPUTING, "check", "resume")
 def sweep(
     given: Given,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted sweep from its result file.")
-    ] = False,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -145,8 +142,8 @@ def sweep(
     from beamsim.cli.sweeps import swept
 
     options = {
-        "workers": workers, "scheduler": scheduler, "wait_for_workers": wait_for_workers, "resume": resume,
-        "overlay": overlay, "compare": compare_with,
+        "workers": workers, "scheduler": scheduler, "wait_for_workers": wait_for_workers, "overlay": overlay,
+        "compare": compare_with,
     }  # fmt: skip
     swept(given, options)
 

@@ -20,7 +20,7 @@ from beamsim.outcomes import exit_code
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import scale_for, shown_in
 from beamsim.scenario import Scenario, load_scenario
-from beamsim.store.results import destination, keep_result
+from beamsim.store.results import keep_result
 
 _Result = TypeVar("_Result", bound=Result)
 Compute = Callable[[Progress, Interruption], _Result]
@@ -73,8 +73,8 @@ def concluded(
         with progress_of(label, shown=not given.quiet, afterwards=afterwards) as progress:
             result = compute(progress, interrupted)
         with progress_of(f"writing {target.name}", shown=not given.quiet):
-            keep_result(result, target)
-        conclude(kind, result, target, given, interrupted)
+            written = keep_result(result, target, resumed=given.resume)
+        conclude(kind, result, written, given, interrupted)
     return result
 
 
@@ -85,8 +85,9 @@ def conclude(
 
     Parameters
     ----------
-    kind, target, given : as of `concluded`.
+    kind, given : as of `concluded`.
     result : that was written.
+    target : file to which it was written.
     interrupted : whether a signal stopped the computation, or came while the file was written (no plots are made then).
     others : files that were written with it.
 
@@ -95,7 +96,6 @@ def conclude(
     VerdictError
         If the result is not complete or reliable, a signal left out its plots, or a limit that is checked is not met.
     """
-    target = destination(result, target)
     with shown_in(result.scenario.display_scales):
         files = [target, *others]
         if not given.no_plots and not interrupted():

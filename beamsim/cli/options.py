@@ -45,6 +45,13 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded, 3 if it may be.")],
         False,
     ),
+    "resume": (
+        Annotated[
+            bool,
+            typer.Option("--resume", help="Go on from what an interrupted command has kept; else begin again."),
+        ],
+        False,
+    ),
     "debug": (Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")], False),
 }  # fmt: skip
 """By name of a field of `Given`, and ``debug``: what Typer reads, and the default."""
@@ -61,3 +68,4 @@ class Given(NamedTuple):
     quiet: bool = False
     verbose: bool = False  # whether the whole table is printed
     check: bool = False  # whether exceeding a limit is an error
+    resume: bool = False  # whether to go on from what an interrupted command has kept

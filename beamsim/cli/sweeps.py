@@ -20,12 +20,12 @@ from beamsim.cli.failures import Interruption, interruptible, say
 from beamsim.cli.options import Given
 from beamsim.cli.progress import Progress, progress_of
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
-from beamsim.files import move_aside, replacing
+from beamsim.files import check_writable, partial_file, replacing
 from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import plain
-from beamsim.store.results import holds, is_partial, keep_result, open_result, partial_file, write_result
+from beamsim.store.results import holds, keep_result, open_result, write_result
 from beamsim.store.studies import Journal, journal_path, opened_journal, stored_study
 from beamsim.trust import checked
 from beamsim.version import __version__
@@ -54,7 +54,7 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
     Parameters
     ----------
     given : to the command.
-    options : by name without dashes: workers, scheduler, wait_for_workers, resume, overlay, compare.
+    options : by name without dashes: workers, scheduler, wait_for_workers, overlay, compare.
 
     Raises
     ------
@@ -63,13 +63,13 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
     """
     scenario, target = prepared("sweep", given)
     kind = _kind(scenario)
-    for name, value in options.items():
+    for name, value in {**options, "resume": given.resume}.items():
         allowed, path, message, remedy = _OPTIONS[name]
         if value not in (None, False) and kind not in allowed:
             raise ScenarioError(Problem(path or f"--{name}", message, remedy))
     if options["wait_for_workers"] is not None and options["scheduler"] is None:
         raise ScenarioError(Problem("--wait-for-workers", "applies to the workers of --scheduler", "leave it out"))
-    of_cases = {name: options[name] for name in ("scheduler", "wait_for_workers", "resume")}
+    of_cases = {name: options[name] for name in ("scheduler", "wait_for_workers")}
     of_cases["workers"] = options["workers"] or default_workers()
     if kind == "designs":
         sweep_designs(scenario, target, given, **of_cases)
@@ -78,7 +78,7 @@ def swept(given: Given, options: Mapping[str, Any]) -> None:
     elif kind == "coexisting":
         _coexist(scenario, target, given, **of_cases)
     else:
-        _sweep_sine(scenario, target, given, resume=options["resume"])
+        _sweep_sine(scenario, target, given)
 
 
 def _kind(scenario: Scenario) -> str:
@@ -89,30 +89,21 @@ def _kind(scenario: Scenario) -> str:
     return kind if kind in KINDS else "sweep"
 
 
-def _sweep_sine(scenario: Scenario, target: Path, given: Given, *, resume: bool) -> None:
+def _sweep_sine(scenario: Scenario, target: Path, given: Given) -> None:
     """Compute a swept or stepped sine, saving partial results."""
 
-    def keep_earlier() -> None:
-        if not resume and not begun and is_partial(target):
-            say(f"beamsim: warning: starting again; the partial sweep of before is kept in {move_aside(target)}")
-        begun.append(True)
-
-    begun: list[bool] = []
-
     def save(part: SweepResult) -> None:
-        keep_earlier()
         with suppress(NotWrittenError):  # the whole result is kept elsewhere if there is still no room
-            write_result(part, target)
+            write_result(part, target, resumed=given.resume)
 
     def computed(progress: Progress, stop: Interruption) -> SweepResult:
         with scenario.locating():
             result = checked.sweep(
                 scenario, progress, stop=stop, save=save,
-                resume=_earlier(target, scenario) if resume else None,
+                resume=_earlier(target, scenario) if given.resume else None,
             )  # fmt: skip
         if not result.curves:  # it was interrupted before its first cycle
             raise KeyboardInterrupt
-        keep_earlier()
         return result
 
     concluded("sweep", target, given, computed, "sweeping")
@@ -126,15 +117,21 @@ def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
     ResultFileError
         If the file is of another scenario, or damaged.
     """
-    files = [file for file in (path, partial_file(path)) if file.exists()]
-    for file in files:
-        stored: SweepResult = open_result(file, "sweep")
+    errors = []
+    for file in (path, partial_file(path)):
+        if not file.exists():
+            continue
+        try:
+            stored: SweepResult = open_result(file, "sweep")
+        except ResultFileError as error:
+            errors.append(error)
+            continue
         if stored.scenario == scenario:
             return stored
-    if files:
-        raise ResultFileError(
-            f"{path}: contains a sweep of another scenario; leave out --resume, or choose another path with -o"
-        )
+        remedy = "leave out --resume to start again, or choose another path with -o"
+        errors.append(ResultFileError(f"{file}: contains a sweep of another scenario; {remedy}"))
+    if errors:
+        raise errors[0]
     return None
 
 
@@ -167,14 +164,13 @@ def continue_motions(
     concluded("continuation", target, given, followed, "following periodic motions")
 
 
-def sweep_designs(scenario: Scenario, target: Path, given: Given, *, resume: bool, **options: Any) -> None:
+def sweep_designs(scenario: Scenario, target: Path, given: Given, **options: Any) -> None:
     """Compute all cases (or the missing ones), save and print.
 
     Parameters
     ----------
     scenario : with ``vary`` or ``optimise``.
     target, given : as of `conclude`.
-    resume : whether to keep the cases that are computed already.
     options : workers, scheduler and wait_for_workers.
 
     Raises
@@ -187,20 +183,22 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, *, resume: boo
     plan = plan_designs(scenario)
     check_cases(plan)
     limits = {} if scenario.limits is None else scenario.limits.given
-    if resume and _finished("designs", target, given, fingerprint=plan.fingerprint, limits=limits):
+    if given.resume and _finished("designs", target, given, fingerprint=plan.fingerprint, limits=limits):
         return
+    for name in _DESIGNS if plan.searches else ():
+        check_writable(_design_file(target, name))
     count = plan.most * plan.study.realisations.count
     cases = f"at most {count}" if plan.searches else f"{count}"
     path = journal_path(target)
-    with opened_journal(path, plan.fingerprint, resume=resume) as journal, interruptible() as interrupted:
+    with opened_journal(path, plan.fingerprint, resume=given.resume) as journal, interruptible() as interrupted:
         _say_known(journal, f" of {cases} cases", given)
         with _naming_kept(journal, f" of {cases} cases", interrupted):
             with progress_of(f"{cases} cases", shown=not given.quiet) as progress:
                 by = _workers(progress, **options)
-                result = stored_study(plan, journal, target, progress=progress, stop=interrupted, **by)
+                result, written = stored_study(plan, journal, target, progress=progress, stop=interrupted, **by)
             if not result.finished:
                 raise KeyboardInterrupt
-        conclude("designs", result, target, given, interrupted, _best_design(result, target) if plan.searches else ())
+        conclude("designs", result, written, given, interrupted, _best_design(result, written) if plan.searches else ())
 
 
 def _workers(
@@ -261,12 +259,12 @@ def _say_known(journal: Journal, cases: str, given: Given) -> None:
         say(f"beamsim: {len(journal.outcomes)}{cases} are already computed")
 
 
-def _coexist(scenario: Scenario, target: Path, given: Given, *, resume: bool, **workers: Any) -> None:
+def _coexist(scenario: Scenario, target: Path, given: Given, **workers: Any) -> None:
     """Find coexisting motions, each start and disturbance kept in a journal as soon as it is known."""
-    if resume and _finished("coexisting", target, given, scenario=scenario):
+    if given.resume and _finished("coexisting", target, given, scenario=scenario):
         return
     path, fingerprint = journal_path(target), fingerprint_of(scenario, plain(scenario))
-    with opened_journal(path, fingerprint, resume=resume) as journal, interruptible() as interrupted:
+    with opened_journal(path, fingerprint, resume=given.resume) as journal, interruptible() as interrupted:
         _say_known(journal, " starts and disturbances", given)
         known = tuple(journal.kept)
         with (
@@ -276,22 +274,30 @@ def _coexist(scenario: Scenario, target: Path, given: Given, *, resume: bool, **
         ):
             by = _workers(progress, **workers)
             result = checked.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **by)
-        keep_result(result, target)
+        written = keep_result(result, target, resumed=given.resume)
         if result.outcome.cut_short:
             say(f"beamsim: {len(journal.outcomes)} starts and disturbances are kept; --resume computes the others")
         else:
             journal.remove()
-        conclude("coexisting", result, target, given, interrupted)
+        conclude("coexisting", result, written, given, interrupted)
+
+
+_DESIGNS = ("best", "design_point")
+
+
+def _design_file(target: Path, name: str) -> Path:
+    """Scenario of one of `_DESIGNS`, in the folder of the result file."""
+    return target.with_name(f"{target.stem}_{name}.yaml")
 
 
 def _best_design(result: DesignsResult, target: Path) -> Iterator[Path]:
     """Write the best design of a search, or the design point of a probability, as a scenario that can be run."""
     best = result.summary.get("best")
-    cases = {"best": best[0]} if best else {}
-    if point := result.summary.get("reliability", {}).get("design_point"):
-        cases["design_point"] = {"parameters": point}
-    for name, case in cases.items():
-        path = target.with_name(f"{target.stem}_{name}.yaml")
+    point = result.summary.get("reliability", {}).get("design_point")
+    for name, case in zip(_DESIGNS, (best[0] if best else None, {"parameters": point} if point else None), strict=True):
+        if case is None:
+            continue
+        path = _design_file(target, name)
         with replacing(path) as temporary:
             temporary.write_text(design(result, case).to_yaml(), encoding="utf-8")
         yield path

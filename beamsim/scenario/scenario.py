@@ -16,7 +16,7 @@ from pathlib import Path as FilePath
 from typing import Any, Self
 
 from beamsim.errors import InputFileError, ScenarioError
-from beamsim.input_files import open_input
+from beamsim.input_files import is_as_opened, open_input, state_of
 from beamsim.scenario.base import Path, Schema, Unfit, path_text, plain, problem, walk, within
 from beamsim.scenario.body import ModalDamping
 from beamsim.scenario.checks import problems
@@ -50,12 +50,13 @@ def _names_file(section: type[Schema], name: str) -> bool:
 
 def _sha256(path: FilePath) -> str:
     """Digest of the content; a file that has not changed is read once."""
-    state = path.stat()
-    return _digest(path.absolute(), state.st_mtime_ns, state.st_size)
+    status = path.stat()
+    return _digest(path.absolute(), (*state_of(status), status.st_ctime_ns))
 
 
 @lru_cache(maxsize=256)
-def _digest(path: FilePath, modified: int, size: int) -> str:
+def _digest(path: FilePath, state: tuple[int, ...]) -> str:
+    del state
     with open_input(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -316,12 +317,12 @@ class Scenario(ScenarioParts):
         copy._solved = files
         return copy
 
-    def file_records(self, since: float) -> Mapping[str, Record]:
+    def file_records(self, *, as_read: bool) -> Mapping[str, Record]:
         """What the files hold that the scenario names, by the keys that name them; of those that are gone nothing.
 
         Parameters
         ----------
-        since : when the computation began, s since the epoch; what was changed later may not be what was solved.
+        as_read : leave out the digest of a file that was changed after this process read it: it is not what was solved.
         """
         if self._solved is not None:
             return self._solved.records
@@ -329,9 +330,9 @@ class Scenario(ScenarioParts):
         for path, name in named_files(self):
             folder = self.folder_of(*path)
             try:
-                state = (folder / name).stat()
-                content: dict[str, Any] = {"bytes": state.st_size}
-                content |= {} if state.st_mtime > since else {"sha256": _sha256(folder / name)}
+                content: dict[str, Any] = {"bytes": (folder / name).stat().st_size}
+                known = not as_read or is_as_opened(folder / name)
+                content |= {"sha256": _sha256(folder / name)} if known else {}
             except (OSError, InputFileError):
                 content = {}
             records[path_text(path)] = {"file": name, "folder": str(folder.absolute()), **content}

@@ -18,8 +18,9 @@ import secrets
 import shlex
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,8 +28,8 @@ import h5py
 import numpy as np
 
 from beamsim.errors import InputFileError, NotWrittenError, ResultFileError, ScenarioError
-from beamsim.fields import demand_summary, plain
-from beamsim.files import replacing
+from beamsim.fields import OUTCOME, demand_summary, plain
+from beamsim.files import Content, destination, partial_file, put_in_place, remove_own, temporary_file
 from beamsim.hdf5 import open_hdf5, scale_along, seal
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.scenario import Scenario
@@ -47,15 +48,29 @@ JSON_ENCODED = "json_encoded"
 # --- Writing ---------------------------------------------------------------------------------------------------------
 
 
-def write_result(result: Result, path: Path | str) -> Path:
-    """Write a result to ``path``; an existing file is replaced only when the new one is complete.
+def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> Path:
+    """Write a result to a file, which is replaced only when the new one is written completely.
+
+    A complete result there is not replaced by a partial one, which goes to ``NAME_partial.h5``. A partial result there
+    is renamed to ``NAME.h5.1``, ``.2``, ... unless the new one contains it, being of the same scenario and complete or
+    resumed. So is a file that is no result of this version.
+
+    Parameters
+    ----------
+    result : of any command.
+    path : of the file.
+    resumed : whether it contains what an earlier command has computed of it.
+
+    Returns
+    -------
+    pathlib.Path
+        Of the file that was written.
 
     Raises
     ------
     ResultFileError
         If the file cannot be written (no permission, disk full, a folder of that name).
     """
-    path = destination(result, Path(path))
     items = items_of(result)
     items["/"].attributes |= {
         "schema_version": SCHEMA_VERSION,
@@ -64,30 +79,38 @@ def write_result(result: Result, path: Path | str) -> Path:
     }
     items["/summary"] = Item(encode_summary(result.summary))
     items["/"].attributes[CHECKSUM] = checksum(items)
-    write_items(items, path)
-    return path
+    cut_short = result.outcome.cut_short
+    examine = partial(_content, items["/"].attributes, contains=resumed or not cut_short)
+    written = write_items(items, path, Content.PARTIAL if cut_short else Content.RESULT, examine)
+    if not cut_short:
+        remove_own(partial_file(Path(path)))
+    return written
 
 
-def destination(result: Result, path: Path) -> Path:
-    """Where a result is written: ``path``, or ``NAME_partial.h5`` if it is partial and the file there is complete."""
-    return partial_file(path) if result.outcome.cut_short and _is(path, partial=False) else path
+def _content(new: Mapping[str, Any], path: Path, *, contains: bool) -> Content:
+    """What a file in the place of a new result holds; only its attributes are read.
 
+    Parameters
+    ----------
+    new : attributes of the new result.
+    path : of the file.
+    contains : whether the new result contains a partial one of the same scenario.
 
-def partial_file(path: Path) -> Path:
-    """File of a partial result where a complete one is in the file ``path``."""
-    return path.with_name(f"{path.stem}_partial{path.suffix}")
-
-
-def is_partial(path: Path) -> bool:
-    """Whether a file is a result of which something requested was not computed."""
-    return _is(path, partial=True)
-
-
-def _is(path: Path, *, partial: bool) -> bool:
+    Returns
+    -------
+    Content
+    """
     try:
-        return path.exists() and bool(open_result(path).outcome.cut_short) == partial
+        with opened(path) as file:
+            _kind(file, path)
+            found = dict(file.attrs)
+            cut_short = OUTCOME.read("status", found).cut_short
+            same = all(found.get(name) == new.get(name) for name in ("command", "scenario", "input_files"))
     except ResultFileError:
-        return False
+        return Content.UNKNOWN
+    if not cut_short:
+        return Content.RESULT
+    return Content.CONTAINED if contains and same else Content.PARTIAL
 
 
 def checksum(items: Items) -> str:
@@ -128,23 +151,30 @@ def _comparable(value: Any) -> tuple[str, Any]:
     )  # fmt: skip
 
 
-def keep_result(result: Result, path: Path | str) -> None:
-    """Write a result to ``path``; where that fails, to the first of the temporary and the home folder that has room.
+def keep_result(result: Result, path: Path | str, *, resumed: bool = False) -> Path:
+    """Write a result to a file; where that fails, to the first of the temporary and the home folder that has room.
+
+    Parameters
+    ----------
+    result, path, resumed : as of `write_result`.
+
+    Returns
+    -------
+    pathlib.Path
+        Of the file that was written.
 
     Raises
     ------
-    ResultFileError
-        As `write_result`.
     NotWrittenError
-        If it is not in ``path``: says where it is and how to move it, or that it is lost.
+        If it is not in ``path`` (nor in `partial_file`): says where it is and how to move it, or that it is lost.
     """
     try:
-        write_result(result, path)
-        return
-    except NotWrittenError as error:
-        reason = error.reason
-    target, folders = Path(path).resolve(), [tempfile.gettempdir(), str(Path.home())]
-    reason += f" ({shutil.disk_usage(target.parent).free / 1e6:.3g} MB are free there)"
+        return write_result(result, path, resumed=resumed)
+    except ResultFileError as error:
+        reason = error.reason if isinstance(error, NotWrittenError) else str(error)
+    target, folders = Path(path).absolute(), [tempfile.gettempdir(), str(Path.home())]
+    with suppress(OSError):  # the folder may be gone
+        reason += f" ({shutil.disk_usage(target.parent).free / 1e6:.3g} MB are free there)"
     for folder in folders:
         elsewhere = Path(folder) / f"{target.stem}-{secrets.token_hex(3)}{target.suffix}"
         try:
@@ -290,15 +320,27 @@ CHUNK_BYTES = 2**20  # of an array, that have a checksum together, if a row is n
 _ITEM_BYTES = 8192  # more than HDF5 takes for an item besides its values and texts
 
 
-def write_items(items: Items, path: Path | str) -> None:
-    """Write items to a file, which replaces ``path`` when it is complete.
+def write_items(
+    items: Items, path: Path | str, new: Content = Content.OUTPUT, examine: Callable[[Path], Content] | None = None
+) -> Path:
+    """Write items to a file, which takes its place when it is complete.
+
+    Parameters
+    ----------
+    items : of a result.
+    path, new, examine : as of `beamsim.files.destination`.
+
+    Returns
+    -------
+    pathlib.Path
+        Of the file that was written.
 
     Raises
     ------
     ResultFileError
         If it cannot be written (no permission, disk full, a folder of that name).
     """
-    with replacing(path) as temporary:
+    with temporary_file(path) as temporary:
         _reserve(temporary, sum(map(_size, items.values())))
         with h5py.File(temporary, "w") as file:
             for place, item in items.items():
@@ -307,6 +349,9 @@ def write_items(items: Items, path: Path | str) -> None:
                 for k, axis in enumerate(item.axes):
                     file[place].dims[k].attach_scale(file[axis])
         seal(temporary)
+        decided = destination(path, new, examine)
+        put_in_place(temporary, decided)
+    return decided.path
 
 
 def _size(item: Item) -> int:

@@ -23,7 +23,7 @@ from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.analyses.parallel import Cluster
 from beamsim.errors import NotWrittenError, ResultFileError
-from beamsim.files import check_writable, move_aside
+from beamsim.files import Content, check_writable, destination, move_aside
 from beamsim.input_files import demand_memory, open_to_append
 from beamsim.outcomes import Outcome, Stop, never
 from beamsim.scenario import Scenario
@@ -45,7 +45,7 @@ def stored_study(
     scheduler: str | Cluster | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
-) -> DesignsResult:
+) -> tuple[DesignsResult, Path]:
     """Solve the cases that a journal lacks, each kept in it, and write their table to a file.
 
     The file is written now and then, and with what there is at the end, whatever that is. The journal is removed once
@@ -60,8 +60,10 @@ def stored_study(
 
     Returns
     -------
-    DesignsResult
+    result : DesignsResult
         Of the cases solved now and before.
+    written : Path
+        The file that was written: ``target``, or that of a partial result if ``target`` is a complete one.
 
     Raises
     ------
@@ -83,7 +85,7 @@ def stored_study(
 
     def save() -> None:
         with suppress(NotWrittenError):  # every case is in the journal
-            write_result(gather(plan, journal.outcomes, clock.monotonic() - begin), target)
+            write_result(gather(plan, journal.outcomes, clock.monotonic() - begin), target, resumed=journal.resumed)
 
     try:
         result = design_study(
@@ -94,11 +96,12 @@ def stored_study(
         if journal.added:
             save()
         raise
+    written = target
     if journal.added or result.finished:
-        keep_result(result, target)
+        written = keep_result(result, target, resumed=journal.resumed)
     if result.finished:
         journal.remove()
-    return result
+    return result, written
 
 
 def ensemble(
@@ -156,11 +159,12 @@ def ensemble(
         return design_study(plan, workers=workers, progress=progress)
     target = Path(file)
     with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:
-        return stored_study(plan, journal, target, workers=workers, progress=progress)
+        return stored_study(plan, journal, target, workers=workers, progress=progress)[0]
 
 
 _MEMORY_OF_JOURNAL = 10
 """Bytes of memory for each byte of a journal that is read."""
+_BEGIN = b'{"study": '
 LOCKED_BYTE = 2**30  # on Windows, which locks bytes: far beyond the contents
 
 
@@ -208,31 +212,35 @@ class Journal:
         self.path, self._header = path, header
         self.kept: list[CaseOutcome] = []  # in the order of completion; of some cases also with a comparison
         self.added = False  # whether a case was solved since it was opened
+        self.resumed = resume
+        self._found = Content.CONTAINED  # which it goes on from
+        self._lead = header  # what is written before the next line
         self._file = _opened_and_locked(path)
         try:
-            self._read(resume=resume)
+            self._read()
         except BaseException:
             self._file.close()
             raise
 
-    def _read(self, *, resume: bool) -> None:
-        size = os.fstat(self._file.fileno()).st_size
-        self._to_move, self._complete_line = size > 0 and not resume, True
-        if not resume or not size:
+    def _read(self) -> None:
+        if not self.resumed:
+            self._found = Content.JOURNAL if self._file.read(len(_BEGIN)) == _BEGIN else Content.UNKNOWN
             return
+        size = os.fstat(self._file.fileno()).st_size
         demand_memory(self.path, _MEMORY_OF_JOURNAL * size, "for its cases", "leave out --resume to move it aside")
         content = self._file.read()
         lines = content.splitlines(keepends=True)
-        self._complete_line = content.endswith(b"\n")
-        if lines[0] == self._header:
+        if len(content) >= len(self._header) or not self._header.startswith(content):
+            self._lead = b"" if content.endswith(b"\n") else b"\n"
+        else:  # its writer was killed before the first case
+            self._lead = self._header[len(content) :]
+        if lines and lines[0] == self._header:
             self.kept, damaged = _outcomes(lines[1:])
             if damaged:
                 numbers = ", ".join(map(str, damaged[:20])) + (", ..." if len(damaged) > 20 else "")
                 text = "warning: %s: %s damaged and ignored, and solved again: line %s"
                 _LOG.warning(text, self.path, counted(len(damaged), "line is", "lines are"), numbers)
-        elif self._header.startswith(content):  # its writer was killed before any case was solved
-            self._to_move = True
-        else:
+        elif not self._header.startswith(content):
             raise ResultFileError(
                 f"{self.path}: belongs to another study (the scenario, its values or the version of beamsim differ); "
                 "leave out --resume to move it aside and start again, or choose another path with -o"
@@ -253,31 +261,30 @@ class Journal:
         """
         line = _line({**vars(outcome), "outcome": outcome.outcome.as_dict()})
         try:
-            if self._to_move:
+            if not self.added and destination(self.path, Content.JOURNAL, lambda _: self._found).moves_aside:
                 self._move_aside()
-            if self._file.tell() == 0:
-                line = self._header + line
-            elif not self._complete_line:
-                line = b"\n" + line
-            _write(self._file, line)
+            _write(self._file, self._lead + line)
         except OSError as error:
             remedy = f"the {counted(len(self.kept), 'case')} before are kept; make room and continue with --resume"
             raise NotWrittenError(self.path, error.strerror or str(error), remedy) from error
-        self._complete_line = self.added = True
+        self._lead, self.added = b"", True
         self.kept.append(outcome)
 
     def _move_aside(self) -> None:
         """Give the journal found here another name, and begin a new one."""
-        aside = move_aside(self.path, self._file if sys.platform == "win32" else None)
-        earlier, self._file = self._file, _opened_and_locked(self.path)
+        earlier = self._file
+        if sys.platform == "win32":
+            earlier.close()
+        aside = move_aside(self.path)
+        self._file, self._lead = _opened_and_locked(self.path), self._header
         earlier.close()
-        self._to_move, self._complete_line = False, True
-        _LOG.warning("warning: starting again; the cases solved before are kept in %s", aside)
+        _LOG.warning("warning: starting again; %s held %s; it is kept in %s", self.path, self._found.value, aside)
+        self._found = Content.CONTAINED
 
     def remove(self) -> None:
         """Remove the journal once everything is in the result file."""
         self._file.close()  # Windows cannot remove open files
-        if not self._to_move:
+        if self.added or self._found is Content.CONTAINED:
             self.path.unlink(missing_ok=True)
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.errors import ResultFileError
-from beamsim.files import protecting, replacing
+from beamsim.files import replacing
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.plots.designs import design_figures, shown_quantities
 from beamsim.plots.drawing import save_figures
@@ -269,16 +269,6 @@ def test_temporary_files_of_killed_processes_are_removed(tmp_path):
     with replacing(tmp_path / "y") as temporary:
         temporary.write_text("y")
     assert [path.exists() for path in others.values()] == [False, True, True]
-
-
-def test_a_file_that_is_read_is_not_written_over(tmp_path):
-    read, link, other = tmp_path / "a.h5", tmp_path / "b.h5", tmp_path / "c.h5"
-    read.touch()
-    link.symlink_to(read)
-    other.hardlink_to(read)
-    for target in (read, link, other):
-        with protecting([read]), pytest.raises(ResultFileError, match="reads that file"), replacing(target):
-            pass
 
 
 def test_a_journal_in_use_is_left_alone(tmp_path):

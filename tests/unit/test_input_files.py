@@ -1,8 +1,9 @@
 """Results whose scenario names files: where these are looked for, and that others are not taken for them."""
 
+import hashlib
 import os
 import shutil
-import time
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -75,8 +76,7 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
 
 def test_a_file_that_was_changed_during_the_run_is_not_taken_for_the_one_that_was_solved(solved, tmp_path):
     matrices, _, result = solved
-    later = time.time() + 1e4  # the checkout may be old
-    os.utime(matrices / "panel.op4", (later, later))
+    os.utime(matrices / "panel.op4", (1.0, 1.0))  # another time, which is not later
     beamsim.write_result(result, tmp_path / "again.h5")
     table = (matrices / "panel_dofs.csv").rename(matrices / "gone.csv")
     beamsim.write_result(result, tmp_path / "without.h5")
@@ -86,6 +86,39 @@ def test_a_file_that_was_changed_during_the_run_is_not_taken_for_the_one_that_wa
     for key, of in ((KEYS[0], scenario), (KEYS[2], open_result(tmp_path / "without.h5").scenario)):
         with pytest.raises(ScenarioError, match="was changed or removed while the case was solved"):
             of.folder_of(*key)
+
+
+@pytest.mark.parametrize("stamp", [0.0, 1e9, 1e10])
+@pytest.mark.parametrize("clock", ["1970-01-01", "2100-01-01"])
+def test_clocks_and_time_stamps_change_nothing(stamp, clock, tmp_path, monkeypatch):
+    """Files of long ago and of the year 2286, solved on a computer whose clock is set to another century."""
+
+    class Clock(datetime):
+        @classmethod
+        def now(cls, tz=None):
+            return cls.fromisoformat(clock).replace(tzinfo=tz)
+
+    monkeypatch.setattr("beamsim.analyses.result.datetime", Clock)
+    monkeypatch.setattr("time.time", lambda: Clock.now(UTC).timestamp())
+    (tmp_path / "pad.csv").write_text("deflection (mm),force (N)\n0,0\n1,5\n")
+    os.utime(tmp_path / "pad.csv", (stamp, stamp))
+    (tmp_path / "case.yaml").write_text("""
+chain: {masses: [1], springs: [100]}
+snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, force_deflection: pad.csv}]
+excitation: {kind: harmonic, applied_to: base, frequency: 1 Hz, level: 1}
+run: {duration: 1 ms, convergence: off}
+""")
+    result = beamsim.run(load_scenario(tmp_path / "case.yaml"))
+    digest = hashlib.sha256((tmp_path / "pad.csv").read_bytes()).hexdigest()
+    assert [record["sha256"] for record in result.input_files.values()] == [digest]
+    stored = open_result(beamsim.write_result(result, tmp_path / "case.h5"))
+    assert stored.created.startswith(clock)
+    build_system(stored.scenario)
+    (tmp_path / "pad.csv").write_text("deflection (mm),force (N)\n0,0\n1,6\n")  # as long as it was
+    os.utime(tmp_path / "pad.csv", (stamp + 1.0, stamp + 1.0))
+    assert [record.get("sha256") for record in result.input_files.values()] == [None]
+    with pytest.raises(ScenarioError, match="its content is another"):
+        build_system(open_result(tmp_path / "case.h5").scenario)
 
 
 def test_every_form_of_naming_a_file_is_known():

@@ -410,7 +410,7 @@ def _refuse_names_of_fields(scenario: Scenario, varied: Iterable[VariedParameter
 
 def fingerprint_of(scenario: Scenario, *data: Any) -> str:
     """Hash of plain data, and of the contents of the files that a scenario names."""
-    contents = {key: record.get("sha256") for key, record in scenario.file_records(since=math.inf).items()}
+    contents = {key: record.get("sha256") for key, record in scenario.file_records(as_read=False).items()}
     return hashlib.sha256(json.dumps([*data, contents], sort_keys=True).encode()).hexdigest()
 
 
