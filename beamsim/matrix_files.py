@@ -6,7 +6,9 @@ OP2, OP4, DMIG, Abaqus, MatrixMarket, Harwell-Boeing, MATLAB and NumPy. Never he
 from __future__ import annotations
 
 import math
+import os
 import re
+import struct
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -189,6 +191,7 @@ def read_op4(path: Path, name: str | None = None) -> list[FileMatrix]:
 def read_op2(path: Path, name: str | None = None) -> list[FileMatrix]:
     """Matrices and DMIG tables of an OUTPUT2 file; only those of a name if it is given."""
     nastran = pyyeti()
+    _demand_records(path)
     with nastran.OP2(str(path)) as file:
         _demand_room(path, file.dblist, name)
         matrices = file.rdop2mats([name] if name else None, lower=True, which="all")
@@ -206,6 +209,23 @@ def read_op2(path: Path, name: str | None = None) -> list[FileMatrix]:
         axes = ([*zip(*axis, strict=True)] if axis.nlevels == 2 else (axis, [0] * axis.size) for axis in frame.axes)
         found.append(file_matrix(called, frame, *(names_of(*axis) for axis in axes)))
     return found
+
+
+def _demand_records(path: Path) -> None:
+    """Refuse an OUTPUT2 file that is no sequence of records, each between two counts of its bytes.
+
+    pyYeti skips by these counts, in circles where one is negative.
+    """
+    with open_input(path) as file:
+        order = "<" if file.read(4) in (struct.pack("<i", 4), struct.pack("<i", 8)) else ">"
+        size, at = os.fstat(file.fileno()).st_size, 0
+        while at < size:
+            file.seek(at)
+            (count,) = struct.unpack(f"{order}i", file.read(4))
+            file.seek(at + 4 + count if count >= 0 else size)
+            if file.read(4) != struct.pack(f"{order}i", count):
+                raise ValueError(f"the record at byte {at} does not end where it says")
+            at += 8 + count
 
 
 def _demand_room(path: Path, blocks: Iterable[Any], name: str | None) -> None:

@@ -23,8 +23,9 @@ from beamsim.analyses.assurance import assurance
 from beamsim.analyses.result import Result
 from beamsim.errors import ScenarioError
 from beamsim.fields import Counter, Entry, attribute, dataset, declared, stored
+from beamsim.input_files import reading
 from beamsim.measurements.read import TEXT, ending_of
-from beamsim.measurements.signal import MeasurementError, split_heading
+from beamsim.measurements.signal import MeasurementError, opening_faults, split_heading
 from beamsim.measurements.tables import read_named_columns
 from beamsim.measurements.universal import ENDINGS, DataSet, data_sets
 from beamsim.outcomes import COMPLETE
@@ -252,10 +253,11 @@ def read_shapes(path: Path, scenario: Scenario, decimal: DecimalMark | None = No
     """
     try:
         suffix = ending_of(path)
-        if suffix in (*ENDINGS, ".55"):
-            return _read_uff(path, scenario)
-        if suffix in TEXT:
-            return _read_csv(path, decimal)
+        with opening_faults(), reading(path, "mode shapes"):
+            if suffix in (*ENDINGS, ".55"):
+                return _read_uff(path, scenario)
+            if suffix in TEXT:
+                return _read_csv(path, decimal)
     except MeasurementError as fault:
         raise _wrong(path, fault.message, fault.remedy) from None
     raise _wrong(path, "has an unknown format", "use .csv or .uff")

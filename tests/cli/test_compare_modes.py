@@ -14,7 +14,7 @@ from beamsim.store.universal import Source, record_55, write_uff
 from beamsim.structures.places import Place
 from beamsim.system.parts import reduced_parts
 from tests.helpers.commands import invoke
-from tests.helpers.universal_files import units
+from tests.helpers.universal_files import nodes_2411, shapes_55, units
 
 pytestmark = pytest.mark.quick
 
@@ -199,29 +199,6 @@ def test_wrong_files_are_refused_with_their_line(tmp_path, shapes, message):
     assert done.exit_code == 2
 
 
-def shapes_55(frequency, *columns, kind=2, values=(8, 2), count=3, nodes=(1, 2, 3, 4, 5)):
-    """A data set 55 as text: values of each node by component, real or complex."""
-    complex_values = any(np.iscomplexobj(column) for column in columns)
-    of_kind = "".join(f"{v:13.5E}" for v in ((frequency, 1, 0.01, 0) if kind == 2 else (
-        -0.01 * 2 * np.pi * frequency, 2 * np.pi * frequency, 1, 0, 1, 0)))  # fmt: skip
-    header = f"         1{kind:10d}{values[1]:10d}{values[0]:10d}{5 if complex_values else 2:10d}{count:10d}"
-    rows = []
-    for number, row in zip(nodes, np.column_stack(columns), strict=True):
-        parts = row.astype(complex).view(float) if complex_values else row
-        rows += [f"{number:10d}", "".join(f"{v:13.5E}" for v in parts)]
-    names = "\n".join(5 * ["NONE"])
-    tag = "    -1\n"
-    return f"{tag}    55\n{names}\n{header}\n{2:10d}{4 if kind == 2 else 6:10d}{1:10d}{1:10d}\n{of_kind}\n" + "\n".join(
-        rows
-    ) + f"\n{tag}"  # fmt: skip
-
-
-def nodes_2411(scale=1.0):
-    rows = (f"{k:10d}{1:10d}{1:10d}{11:10d}\n" + "".join(f"{v:25.16E}" for v in (scale * x, 0.0, 0.0)).replace("E", "D")
-            for k, x in enumerate(X, 1))  # fmt: skip
-    return "    -1\n  2411\n" + "\n".join(rows) + "\n    -1\n"
-
-
 ZERO = np.zeros(5)
 
 
@@ -240,7 +217,7 @@ ZERO = np.zeros(5)
 def test_shapes_that_do_not_move_in_z_are_refused(tmp_path, text, columns, count, moving):
     (tmp_path / "case.yaml").write_text(text)
     (tmp_path / "a.uff").write_text(
-        nodes_2411() + shapes_55(56.0, *columns, count=count, values=(8, 2 if count == 3 else 3))
+        nodes_2411(X) + shapes_55(56.0, *columns, count=count, values=(8, 2 if count == 3 else 3))
     )
     refused = call(tmp_path / "case.yaml", tmp_path / "a.uff")
     assert refused.exit_code == 2
@@ -255,7 +232,7 @@ def test_nodes_of_data_set_2411_and_modes_of_every_kind_in_the_units_of_the_file
     turned = 1.0 if kind == 2 else np.exp(0.3j)
     modes = (shapes_55(f, ZERO, ZERO, 1e3 * turned * shape, kind=kind)
              for f, shape in zip(frequency[:2], shapes.T[:2], strict=True))  # fmt: skip
-    (tmp_path / "a.uff").write_text(units(1.0) + units(1e3) + nodes_2411(1e3) + "".join(modes))
+    (tmp_path / "a.uff").write_text(units(1.0) + units(1e3) + nodes_2411(1e3 * X) + "".join(modes))
     measured = read_shapes(tmp_path / "a.uff", load_scenario(BEAM))
     np.testing.assert_allclose(measured.frequency_hz, frequency[:2], rtol=1e-5)
     assert [place.position for place in measured.places] == pytest.approx(X)
@@ -266,11 +243,11 @@ def test_nodes_of_data_set_2411_and_modes_of_every_kind_in_the_units_of_the_file
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (nodes_2411() + shapes_55(50.0, ZERO, ZERO, X, values=(2, 4)), "modes of stresses, strains or forces alone"),
-        (nodes_2411() + shapes_55(50.0, ZERO, ZERO, X, kind=5), "has no mode shapes"),
+        (nodes_2411(X) + shapes_55(50.0, ZERO, ZERO, X, values=(2, 4)), "modes of stresses, strains or forces alone"),
+        (nodes_2411(X) + shapes_55(50.0, ZERO, ZERO, X, kind=5), "has no mode shapes"),
         (shapes_55(50.0, ZERO, ZERO, X), "no coordinates of node 1; export dataset 15 or 2411"),
-        ((nodes_2411() + shapes_55(50.0, ZERO, ZERO, X))[:-60], "ends within the data set that begins in line 14"),
-        (nodes_2411() + shapes_55(50.0, ZERO, ZERO, X) + shapes_55(90.0, ZERO, ZERO, X, nodes=(1, 2, 3, 4, 6)),
+        ((nodes_2411(X) + shapes_55(50.0, ZERO, ZERO, X))[:-60], "ends within the data set that begins in line 14"),
+        (nodes_2411(X) + shapes_55(50.0, ZERO, ZERO, X) + shapes_55(90.0, ZERO, ZERO, X, nodes=(1, 2, 3, 4, 6)),
          "modes at different nodes"),
     ],
 )  # fmt: skip

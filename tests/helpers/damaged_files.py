@@ -5,24 +5,34 @@ each, within 5 GB and 30 s a file; `outcomes` starts it again behind a file that
 """
 
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
+import h5netcdf
 import h5py
 import numpy as np
+import pyuff
 from scipy.io import mmwrite, savemat
 from scipy.sparse import csc_array, save_npz
 
+from beamsim.analyses.compare_modes import read_shapes
+from beamsim.analyses.identify.records import sweeps_of
 from beamsim.errors import BeamsimError
+from beamsim.inputs.measured import limit_curve, read_density, read_profile, target_curve
 from beamsim.matrix_files import read_matrices, write_matrices
 from beamsim.measurements.channels import read_signals
 from beamsim.measurements.read import read_file
-from beamsim.scenario.tree import read_file as read_yaml
+from beamsim.scenario import Scenario, load_scenario
+from beamsim.scenario.files import CurveFile
 from beamsim.structures.named_matrices import read_dof_table
-from tests.helpers.universal_files import function
+from beamsim.system.force_tables import force_tables
+from tests.helpers.universal_files import function, nodes_2411, shapes_55, units
 
 MATRIX = csc_array(np.diag([2.0, 3.0, 4.0, 5.0]) + np.diag([-1.0, -1.0, -1.5], 1) + np.diag([-1.0, -1.0, -1.5], -1))
 TIME = np.arange(20) / 100
@@ -41,12 +51,70 @@ RUA                        2             2             3             0
 """
 ABAQUS = "*MATRIX INPUT\n1,1,1,1,2.0\n1,1,2,1,-1.0\n2,1,2,1,3.0\n"
 DOFS = "node,direction,x (mm),y (mm),z (mm)\n" + "".join(f"{n},z,{n}.5,0,0\n" for n in range(1, 9))
-SCENARIO = """title: small
+SCENARIO = """# a beam with a stop
+title: small
 beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700 kg/m^3, elements: 6}
 snubbers:
-- {name: tip, position: 270 mm, side: below, stiffness: 20 kN/m, gap: 0.1 mm}
+- &stop {name: tip, position: 270 mm, side: below, stiffness: 20 kN/m, gap: 0.1 mm}
+- {<<: *stop, name: middle, position: 50 %}
+excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
+probes: [{name: end, position: 100 %}]
 run: {duration: 0.1 s, sample_rate: 2 kHz}
+limits: {peak_force: 2 kN}
+vary: {kind: grid, parameters: [{path: snubbers.tip.gap, values: [0.1 mm, 0.2 mm]}]}
 """
+LIMITS = "frequency (Hz),level (g)\n" + "".join(f"{f},{5 + f / 100}\n" for f in (20, 50, 50, 200, 800, 2000))
+TARGET = "frequency (Hz);level (g)\n" + "".join(f"{f},5;{level},2561\n" for f, level in ((20, 3), (50, 4), (200, 9)))
+PROFILE = "frequency (Hz)  level (g)\n" + "".join(f"{f} {5 + f / 100}\n" for f in (20, 50, 200, 800))
+DENSITY = "frequency (Hz)\tPSD (g^2/Hz)\n" + "".join(f"{f}\t{1 / f:.4f}\n" for f in (20, 50, 50, 200, 800, 1900))
+STOP = "time (s),deflection (mm),force (N)\n" + "".join(
+    f"{t:.2f},{2 * np.sin(t):.4f},{40 * np.sin(t) + 9 * np.sin(t) ** 3:.4f}\n" for t in np.arange(0.0, 1.5, 0.1)
+)
+SHAPES = "position (mm),10.5 Hz,70.2 Hz\n" + "".join(f"{x},{x**2},{x * (200 - x)}+0.1j\n" for x in range(0, 280, 30))
+SWEEPS = "level (g),direction,jump (Hz),frequency (Hz),absolute_acceleration (g)\n" + "".join(
+    f"{level},{way},{60 + level},{61 + level},{9 * level}\n" for level in (1, 2, 4) for way in ("up", "down")
+)
+
+
+@cache
+def _beam():
+    return load_scenario(SCENARIO)
+
+
+def _read_limits(path):
+    case = load_scenario(_beam(), {"limits": {"srs": {"end": str(path)}}, "run.srs": {"from": 10.0, "to": 1e3}})
+    return limit_curve(case, "srs", "end", "absolute_acceleration", np.array([30.0, 50.0, 400.0]))
+
+
+def _read_target(path):
+    matched = {"kind": "matched", "applied_to": "base", "srs": {"file": str(path)}, "duration": "1 s"}
+    return target_curve(_chain(excitation=matched).excitation)
+
+
+def _read_density(path):
+    random = {"kind": "random", "applied_to": "base", "psd": {"file": str(path)}, "seed": 1}
+    case = _chain(excitation=random)
+    return read_density(case.excitation, case.excitation.psd)
+
+
+def _read_stop(path):
+    """The curve of a stop: the measured points themselves, and a line of three segments through them."""
+    for curve in ({"file": str(path)}, {"file": str(path), "fit": {"segments": 3}}):
+        stop = {"name": "stop", "mass": 1, "side": "below", "gap": 1e-3, "force_deflection": curve}
+        force_tables(_chain(snubbers=[stop]))
+
+
+def _chain(snubbers=(), **sections):
+    chain = {"masses": [1.0], "springs": [1e3], "snubbers": [*snubbers]}
+    run = {"duration": 1.0, "sample_rate": 8000.0}
+    return Scenario.model_validate({"chain": chain, "run": run, **sections})
+
+
+def _read_sweeps(path):
+    test = {"name": "lab", "kind": "sweep", "file": path.name, "from": 7, "to": 1600, "scatter": 0.02}
+    fit = {"estimate": ["snubbers.tip.stiffness"], "tests": [test]}
+    case = load_scenario(_beam(), {"identify_stiffness": {"snubber": "tip", "nonlinear": fit}})
+    return sweeps_of(case.identify_stiffness.nonlinear.tests[0], path.parent, ["end"])
 
 
 def _csv(path):
@@ -71,8 +139,49 @@ def _mat73(path):
         file["M"].attrs["MATLAB_class"] = np.bytes_("double")
 
 
+def _netcdf(path):
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"time": TIME.size}
+        file.create_variable("time", ("time",), data=TIME).attrs["units"] = "s"
+        a = file.create_variable("a", ("time",), data=np.sin(9 * TIME))
+        a.attrs["units"], a.attrs["long_name"] = "m s-2", "acceleration"
+
+
 def _uff(path):
     path.write_text(function(np.sin(9 * TIME)))
+
+
+def _uff_binary(path):
+    record = pyuff.prepare_58(
+        binary=1, func_type=1, rsp_node=1, rsp_dir=3, ref_dir=0, ref_node=0, data=np.sin(9 * TIME), x=TIME,
+        abscissa_spacing=1, abscissa_spec_data_type=17, ordinate_spec_data_type=12, orddenom_spec_data_type=0,
+        ordinate_axis_units_lab="g", id1="a", rsp_ent_name="a", ref_ent_name="NONE",
+    )  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)  # pyuff leaves the closing of binary ones to Python
+        pyuff.UFF(str(path)).write_sets([record], "add")
+
+
+def _uff_shapes(path):
+    x = np.linspace(0.03, 0.27, 5)
+    shapes = [shapes_55(f, 0 * x, 0 * x, column) for f, column in ((50.0, x**2), (300.0, x * (0.2 - x)))]
+    path.write_text("".join([units(), nodes_2411(x), *shapes]))
+
+
+def _op2(path):
+    """An OUTPUT2 file with a heading and a matrix of doubles; each record stands between two counts of its bytes."""
+    heading = [3, (11, 29, 26), 7, b"NASTRAN FORT TAPE ID CODE - ", 2, b"XXXXXXXX", -1, 0]
+    of_matrix = [2, b"KHH     ", -1, 7, (101, 4, 4, 6, 2, 4, 7500), -2, 1, 0, 2, b"KHH     ", -3, 1, 1]
+    records = heading + of_matrix
+    for column, values in enumerate(MATRIX.toarray().T, 1):
+        first_row_and_numbers = _integers(1) + values.tobytes()
+        records += [len(first_row_and_numbers) // 4, first_row_and_numbers, -3 - column, 1, int(column < values.size)]
+    content = [each if isinstance(each, bytes) else _integers(each) for each in [*records, 0, 0]]
+    path.write_bytes(b"".join(_integers(len(each)) + each + _integers(len(each)) for each in content))
+
+
+def _integers(values):
+    return struct.pack(f"{np.size(values)}i", *np.atleast_1d(values))
 
 
 def _npz(path):
@@ -108,7 +217,20 @@ FORMATS = {
     "op4 binary": (".op4", _by_program(binary=True), read_matrices),
     "dmig": (".pch", _text(DMIG), read_matrices),
     "dofs": (".csv", _text(DOFS), read_dof_table),
-    "yaml": (".yaml", _text(SCENARIO), read_yaml),
+    "op2": (".op2", _op2, read_matrices),
+    "netcdf": (".nc", _netcdf, read_signals),
+    "uff binary": (".uff", _uff_binary, read_file),
+    "uff shapes": (".uff", _uff_shapes, lambda path: read_shapes(path, _beam())),
+    "shapes": (".csv", _text(SHAPES), lambda path: read_shapes(path, _beam())),
+    "limits": (".csv", _text(LIMITS), _read_limits),
+    "target": (".csv", _text(TARGET), _read_target),
+    "density": (".csv", _text(DENSITY), _read_density),
+    "profile": (
+        ".csv", _text(PROFILE), lambda path: read_profile(CurveFile(file=str(path)), Path(), ("acceleration",))
+    ),
+    "stop": (".csv", _text(STOP), _read_stop),
+    "sweeps": (".csv", _text(SWEEPS), _read_sweeps),
+    "scenario": (".yaml", _text(SCENARIO), load_scenario),
 }  # fmt: skip
 
 

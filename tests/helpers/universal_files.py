@@ -55,3 +55,26 @@ def amplitudes(number):
     record += "".join(f"{v:6d}" for v in (0, 0, number, *[0] * 9)) + "\n"
     record += 3 * ("".join(f"{0.0:15.7E}" for _ in range(5)) + "\n")
     return f"{TAG}  1858\n{record}{'NONE  NONE':<80s}\n{'NONE':<80s}\n{TAG}"
+
+
+def shapes_55(frequency, *columns, kind=2, values=(8, 2), count=3, nodes=(1, 2, 3, 4, 5)):
+    """A data set 55 as text: values of each node by component, real or complex."""
+    complex_values = any(np.iscomplexobj(column) for column in columns)
+    of_kind = "".join(f"{v:13.5E}" for v in ((frequency, 1, 0.01, 0) if kind == 2 else (
+        -0.01 * 2 * np.pi * frequency, 2 * np.pi * frequency, 1, 0, 1, 0)))  # fmt: skip
+    header = f"         1{kind:10d}{values[1]:10d}{values[0]:10d}{5 if complex_values else 2:10d}{count:10d}"
+    rows = []
+    for number, row in zip(nodes, np.column_stack(columns), strict=True):
+        parts = row.astype(complex).view(float) if complex_values else row
+        rows += [f"{number:10d}", "".join(f"{v:13.5E}" for v in parts)]
+    names = "\n".join(5 * ["NONE"])
+    return f"{TAG}    55\n{names}\n{header}\n{2:10d}{4 if kind == 2 else 6:10d}{1:10d}{1:10d}\n{of_kind}\n" + "\n".join(
+        rows
+    ) + f"\n{TAG}"  # fmt: skip
+
+
+def nodes_2411(places):
+    """A data set 2411: nodes 1, 2, ... at places along the x axis."""
+    rows = (f"{k:10d}{1:10d}{1:10d}{11:10d}\n" + "".join(f"{v:25.16E}" for v in (x, 0.0, 0.0)).replace("E", "D")
+            for k, x in enumerate(places, 1))  # fmt: skip
+    return f"{TAG}  2411\n" + "\n".join(rows) + f"\n{TAG}"

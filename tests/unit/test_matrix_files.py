@@ -1,5 +1,6 @@
 """Matrices in files of other programs."""
 
+import struct
 import sys
 import warnings
 from pathlib import Path
@@ -12,6 +13,7 @@ from scipy.sparse import coo_array, csc_array, save_npz
 
 from beamsim.errors import MethodError
 from beamsim.matrix_files import read_matrices, read_matrix, read_op4, write_matrices
+from tests.helpers.damaged_files import MATRIX, sound
 
 pytestmark = pytest.mark.quick
 
@@ -65,6 +67,20 @@ def test_junk_is_no_op2_file(tmp_path):
     (tmp_path / "junk.op2").write_bytes(b"junk" * 30)
     with pytest.raises(MethodError, match="cannot be read as OP2"):
         read_matrices(tmp_path / "junk.op2")
+
+
+@pytest.mark.parametrize("count", [-32, 0, 4, 2**30])
+def test_records_of_an_op2_file_end_where_they_say(tmp_path, count):
+    """A negative count of bytes sent pyYeti back to where it had been, for ever."""
+    path = tmp_path / "k.op2"
+    path.write_bytes(sound("op2", tmp_path))
+    np.testing.assert_array_equal(dense(read_matrix(path, "KHH").values), dense(MATRIX))
+    content = bytearray(path.read_bytes())
+    at = content.index(struct.pack("<i", 36))  # before the first column: its row and four numbers
+    content[at : at + 4] = struct.pack("<i", count)
+    path.write_bytes(content)
+    with pytest.raises(MethodError, match=rf"k\.op2 cannot be read as OP2 \(the record at byte {at} does not end"):
+        read_matrices(path)
 
 
 DMIG_LARGE = """\

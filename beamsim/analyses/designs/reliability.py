@@ -16,8 +16,9 @@ from beamsim.analyses.designs.plan import DesignPlan, mixing
 from beamsim.analyses.designs.result import DesignsResult, RandomNumber, Round
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import Problem, ScenarioError
+from beamsim.input_files import reading
 from beamsim.measurements.columns import column_named, only_column
-from beamsim.measurements.signal import MeasurementError
+from beamsim.measurements.signal import MeasurementError, opening_faults
 from beamsim.measurements.tables import read_csv
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, tell
 from beamsim.scenario import Scenario
@@ -87,7 +88,9 @@ def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: Varied
         return [float(x) for x in varied.values]
     at = ("vary", "parameters", index, "data")
     try:
-        columns = read_csv(scenario.folder_of(*at) / asked.data, asked.decimal)
+        file = scenario.folder_of(*at) / asked.data
+        with opening_faults(), reading(file, "a text table"):
+            columns = read_csv(file, asked.decimal)
         columns = [replace(each, axis="") for each in columns]  # a first column is no axis of values
         if asked.column is None:
             column = only_column(columns, key=path_text((*at[:-1], "column")))
@@ -97,9 +100,8 @@ def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: Varied
             raise MeasurementError(f"has {column.y.size} values", f"measure {LEAST_DATA} or more")
         texts = [f"{x!r} {column.unit}".rstrip() for x in column.y.tolist()]
         return [float(read_as(scenario, varied.places[0], text, at)) for text in texts]
-    except (MeasurementError, OSError) as fault:
-        message, remedy = getattr(fault, "message", "cannot be read"), getattr(fault, "remedy", "correct its name")
-        found = Problem(path_text(at), f"= {asked.data} {message}", remedy)
+    except MeasurementError as fault:
+        found = Problem(path_text(at), f"= {asked.data} {fault.message}", fault.remedy)
     except Unfit as fault:
         found = fault.problem(())
     raise scenario.located(ScenarioError(found))
