@@ -166,7 +166,10 @@ LAWS = {
 """Snubbers, friction and springs of two masses on a shaken base."""
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    "law",
+    [pytest.param(law, marks=pytest.mark.slow) if "cubic" in law else law for law in LAWS],  # integrated twice
+)
 def test_every_law_has_a_reference(law):
     """Friction without a spring broke away once and never again; that under a stop was refused."""
     snubbers, friction, springs = LAWS[law]
@@ -212,22 +215,27 @@ def test_runs_and_references_that_end_early_are_not_compared(result, monkeypatch
 @pytest.mark.slow
 @pytest.mark.parametrize("path", RUNS, ids=lambda path: path.stem)
 def test_every_shipped_run_agrees_with_the_reference(path):
-    """As long as a thousand periods of the fastest mode, where one is held by more than its stop."""
+    """Over 150 periods of the fastest mode; over 400 or 1,000, as far as it takes to four contacts made or lost."""
     scenario = shipped(path)
-    fastest = np.sqrt(build_system(scenario).dynamics.stiffness.max())
-    longest = 1000 * 2 * np.pi / fastest if fastest else np.inf
-    short = scenario.run.model_copy(
-        update={
-            "duration": min(longest, scenario.run.duration), "convergence": "off",
-            "spectrum": SpectrumSettings(), "srs": None, "fatigue": None, "impacts": None,
-        }
-    )  # fmt: skip
     excitation = scenario.excitation
     if excitation.kind == "random":  # the lines of the whole run
         excitation = excitation.model_copy(update={"period": scenario.run.duration})
-    result = beamsim.run(scenario.model_copy(update={"run": short, "excitation": excitation}))
+    fastest = np.sqrt(build_system(scenario).dynamics.stiffness.max())
+
+    def run(periods):
+        longest = periods * 2 * np.pi / fastest if fastest else np.inf  # where one is held by more than its stop
+        short = scenario.run.model_copy(
+            update={
+                "duration": min(longest, scenario.run.duration), "convergence": "off",
+                "spectrum": SpectrumSettings(), "srs": None, "fatigue": None, "impacts": None,
+            }
+        )  # fmt: skip
+        return beamsim.run(scenario.model_copy(update={"run": short, "excitation": excitation}))
+
+    runs = [run(periods) for periods in (150, 400, 1000)]
+    result = next((each for each in runs if each.work.events >= 4), runs[-1 if runs[-1].work.events else 0])
     compared = against(result, 1e-10).against
-    assert compared.agrees_until_s == short.duration
+    assert compared.agrees_until_s == result.scenario.run.duration
     assert compared.largest_state_difference < 1e-8
     for figure in compared.figures:
         assert figure.stepped == pytest.approx(figure.exact, rel=1e-5, abs=1e-12), figure

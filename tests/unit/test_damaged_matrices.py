@@ -271,7 +271,7 @@ def test_a_file_that_ends_the_process_of_hdf5_is_refused(end, message, tmp_path,
     with h5py.File(path := tmp_path / "a.h5", "w") as file:
         file["time"], file["a"] = np.arange(9.0), np.ones(9)
     monkeypatch.setattr("beamsim.hdf5._EXAMINE", end)
-    monkeypatch.setattr("beamsim.hdf5.LONGEST_EXAMINATION_S", 1.5)
+    monkeypatch.setattr("beamsim.hdf5.LONGEST_EXAMINATION_S", 0.3 if "sleep" in end else 60.0)
     if not message:
         assert len(read_file(path)) == 2
         return
