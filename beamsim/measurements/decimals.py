@@ -116,8 +116,11 @@ def number_format(cells: Iterable[tuple[int, str]], decimal: DecimalMark | None 
     proof: dict[str, tuple[int, str]] = {}  # by decimal mark the first number that has no other
     open_case: tuple[int, str] | None = None
     for line, cell in cells:
-        if "." not in cell and "," not in cell:
+        points, commas = cell.count("."), cell.count(",")
+        if not (points or commas):
             continue
+        if (commas == 0 and points == 1 and "." in proof) or (points == 0 and commas == 1 and "," in proof):
+            continue  # with its only mark as the decimal mark it is a number, or none at all
         number = _stripped(cell)
         possible = [mark for mark, pattern in _PATTERNS.items() if pattern.fullmatch(number)]
         if len(possible) == 1:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.input_files import read_text
+from beamsim.input_files import demand_memory, read_text
 from beamsim.measurements.decimals import NumberFormat, could_be_number, number_format, numbers_in
 from beamsim.measurements.functions import is_unit_of
 from beamsim.measurements.signal import (
@@ -41,6 +41,17 @@ _STARTS_WITH_NUMBER = re.compile(r'\s*"?[+\-−]?[0-9.,]')
 _BLANK_WITHIN = re.compile(r"[^ \t,][ \t]+[^ \t,]")
 
 
+MOST_LINES = 10_000_000
+MOST_CELLS = 10_000_000
+MOST_COLUMNS = 10_000
+MOST_CHARACTERS_OF_LINE = 1_000_000
+MOST_CHARACTERS_OF_CELL = 2_000
+"""Bounds of a text table; a cell takes five microseconds to be read."""
+_BYTES_OF_LINE, _BYTES_OF_CELL = 320, 90  # of memory, besides the characters
+_LINE_ENDS = "\n\r\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"
+_SMALLER = "export fewer channels or samples to a file, or export HDF5 or MATLAB"
+
+
 class TextRow(NamedTuple):
     """The cells of a line of a file."""
 
@@ -62,6 +73,7 @@ class TextRows:
         return self.separator == ","
 
 
+@opening_faults()
 def read_rows(path: Path) -> TextRows:
     """The cells of a file, and what separates them.
 
@@ -71,29 +83,36 @@ def read_rows(path: Path) -> TextRows:
     Raises
     ------
     MeasurementError
-        If the file cannot be read, is no text, has nothing in it, or commas and blanks could both separate its columns.
+        If the file cannot be read, is no text, has nothing in it, is too large, or commas and blanks could both
+        separate its columns.
     """
     try:
-        with opening_faults():
-            text = read_text(path)
+        text = read_text(path)
     except UnicodeDecodeError:
         raise MeasurementError("is not text", "export it as CSV again") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip(" \t;,")]
-    comments = [(number, line) for number, line in lines if line.lstrip().startswith(("#", "%"))]
-    lines = [each for each in lines if each not in set(comments)] if comments else lines
+    if (count := sum(map(text.count, _LINE_ENDS))) > 2 * MOST_LINES:  # two ends of a line of Windows
+        raise MeasurementError(f"has {count} line ends; up to {MOST_LINES} lines are read", _SMALLER)
+    demand_memory(path, _BYTES_OF_LINE * count + 2 * len(text), f"for its {count + 1} lines")
+    lines, comments = list[tuple[int, str]](), list[tuple[int, str]]()
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.strip(" \t;,"):
+            (comments if line.lstrip().startswith(("#", "%")) else lines).append((number, line))
     if not lines:
         raise MeasurementError("contains no data", "export it again")
     if stated := re.fullmatch(r"sep=([;,\t|])", lines[0][1].strip(" \r\n")):  # by spreadsheets, for spreadsheets
         lines = lines[1:] or lines
-    separator = stated[1] if stated else _separator(lines)
+    separator = stated[1] if stated else _separator(path, lines)
     remarks = [(number, line.lstrip().lstrip("#%")) for number, line in comments]
     return TextRows(
-        list(_split(lines, separator)), separator, {row.line: row.cells for row in _split(remarks, separator)}
+        list(_split(path, lines, separator)),
+        separator,
+        {row.line: row.cells for row in _split(path, remarks, separator)},
     )
 
 
-def _split(lines: Sequence[tuple[int, str]], separator: str) -> Iterator[TextRow]:
+def _split(path: Path, lines: Sequence[tuple[int, str]], separator: str) -> Iterator[TextRow]:
     """The cells of lines, without those that are empty because lines end with a separator."""
+    _demand_room(path, lines, separator)
     if separator == " ":
         rows = [TextRow(number, [cell.strip('"') for cell in _WORD.findall(line)]) for number, line in lines]
     else:
@@ -103,6 +122,10 @@ def _split(lines: Sequence[tuple[int, str]], separator: str) -> Iterator[TextRow
         except csv.Error as error:
             where = f"in line {lines[max(reader.line_num - 1, 0)][0]}"
             raise MeasurementError(f"cannot be read {where} ({error})", "export it again") from None
+    for row in rows:
+        if (longest := max(map(len, row.cells), default=0)) > MOST_CHARACTERS_OF_CELL:
+            message = f"has a cell of {longest} characters in line {row.line}; up to {MOST_CHARACTERS_OF_CELL} are read"
+            raise MeasurementError(message, "correct the line, or export it again")
     widths = Counter(len(row.cells) for row in rows)
     widest = max(widths, default=0)
     if widest > 1 and separator != " " and all(len(row.cells) < widest or not row.cells[-1] for row in rows):
@@ -110,7 +133,33 @@ def _split(lines: Sequence[tuple[int, str]], separator: str) -> Iterator[TextRow
     yield from rows
 
 
-def _separator(lines: Sequence[tuple[int, str]]) -> str:
+def _demand_room(path: Path, lines: Sequence[tuple[int, str]], separator: str) -> None:
+    """Refuse a table that is too large to be taken apart, by the numbers of its separators.
+
+    Raises
+    ------
+    InputFileError
+        If its cells have no room in memory.
+    MeasurementError
+        If a line is too long, or there are too many columns or cells.
+    """
+    cells = 0
+    for number, line in lines:
+        if len(line) > MOST_CHARACTERS_OF_LINE:
+            message = f"has {len(line)} characters in line {number}; up to {MOST_CHARACTERS_OF_LINE} are read"
+            raise MeasurementError(message, _SMALLER)
+        columns = len(line.split()) if separator == " " else line.count(separator) + 1
+        if columns > MOST_COLUMNS:
+            message = f"has {columns} columns in line {number}; up to {MOST_COLUMNS} are read"
+            raise MeasurementError(message, _SMALLER)
+        cells += columns
+    if cells > MOST_CELLS:
+        message = f"has {cells} cells in {len(lines)} lines; up to {MOST_CELLS} cells are read"
+        raise MeasurementError(message, _SMALLER)
+    demand_memory(path, _BYTES_OF_LINE * len(lines) + _BYTES_OF_CELL * cells, f"for its {cells} cells", _SMALLER)
+
+
+def _separator(path: Path, lines: Sequence[tuple[int, str]]) -> str:
     """What separates the cells of lines with their numbers."""
     data = [each for each in lines if _STARTS_WITH_NUMBER.match(each[1])] or list(lines)
     for mark in ";\t":
@@ -120,7 +169,7 @@ def _separator(lines: Sequence[tuple[int, str]]) -> str:
         return " "
     if not any(_BLANK_WITHIN.search(line) for _, line in data):
         return ","
-    possible = [mark for mark in ", " if _is_table(lines, data[0][0], mark)]
+    possible = [mark for mark in ", " if _is_table(path, lines, data[0][0], mark)]
     if len(possible) == 2:
         raise MeasurementError(
             f"can have its columns separated by commas or by blanks: line {data[0][0]} is {data[0][1].strip()}",
@@ -129,10 +178,10 @@ def _separator(lines: Sequence[tuple[int, str]]) -> str:
     return possible[0] if possible else ","
 
 
-def _is_table(lines: Sequence[tuple[int, str]], first: int, separator: str) -> bool:
+def _is_table(path: Path, lines: Sequence[tuple[int, str]], first: int, separator: str) -> bool:
     """Whether a separator makes rows of equal width from the headings on, of two cells or more that can be values."""
     begin = next(k for k, (number, _) in enumerate(lines) if number == first)
-    rows = [row.cells for row in _split(lines[max(begin - 1, 0) :], separator)]
+    rows = [row.cells for row in _split(path, lines[max(begin - 1, 0) :], separator)]
     cells = [cell for row in rows[min(begin, 1) :] for cell in row]
     return all(map(_can_be_value, cells)) and len({len(row) for row in rows}) == 1 < len(rows[0])
 
@@ -250,7 +299,9 @@ def read_csv(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSig
             value = numbers.value(cell)
             if value is None:
                 where = f"in line {row.line}, sample {i + 1} of {headings[j]}"
-                raise MeasurementError(f"has {cell!r} {where}: it is not a number", "only numbers follow the headings")
+                raise MeasurementError(
+                    f"has {cell[:60]!r} {where}: it is not a number", "only numbers follow the headings"
+                )
             values[i, j] = value
     return list(_signals(headings, values, str(path)))
 
@@ -339,9 +390,10 @@ _NUMBERED_AXIS = re.compile(r"(x|t)[ _]?([0-9]+|value|values|axis|achse|wert)?",
 def _signals(headings: Sequence[str], values: Floats, source: str) -> Iterator[MeasuredSignal]:
     """The columns of a table along their axes."""
     axes = _axes(headings, values)
+    starts = set(axes)
     for j, (heading, axis) in enumerate(zip(headings, axes, strict=True)):
         x, y = np.arange(len(values), dtype=float), values[:, j]
-        of_group = j if j in axes else axis
+        of_group = j if j in starts else axis
         if of_group is not None:  # cells below a group that is shorter than others are empty
             padding = np.isnan(values[:, of_group]) & np.isnan(y)
             end = padding.size - int(np.argmin(padding[::-1]))
@@ -368,18 +420,23 @@ def _axes(headings: Sequence[str], values: Floats) -> list[int | None]:
     axes = [j for j in others if axis_kind(headings[j])] or _numbered_axes(headings, others)
     named = bool(axes)
     axes = axes or [j for j in others if _kind(headings[j])][:1] or others[: len(others) > 1]
+    known = set(axes)
+    last = max((j for j in others if j not in known), default=-1)
     # one right behind another, or behind all columns, belongs to the same samples and starts no group
-    starts = [j for j in axes if j == axes[0] or (j - 1 not in axes and any(k not in axes for k in others if k > j))]
-    unknown = [
+    starts = {j for j in axes if j == axes[0] or (j - 1 not in known and j < last)}
+    unknown = {
         j
         for j in others
-        if j not in axes and _kind(headings[j]) == "time" and np.all(np.diff(values[np.isfinite(values[:, j]), j]) > 0)
-    ]
+        if j not in known and _kind(headings[j]) == "time" and np.all(np.diff(values[np.isfinite(values[:, j]), j]) > 0)
+    }
     found: list[int | None] = []
+    start = next(iter(starts)) if len(starts) == 1 else None  # also of the columns before it
+    doubtful = False
     for j in range(count):
-        before = [axis for axis in starts if axis < j] or (starts if len(starts) == 1 else [])
-        doubtful = any(before[-1] < k < j for k in unknown) if before and named else False
-        found.append(None if j in starts or counts[j] or not before or doubtful else before[-1])
+        if j in starts:
+            start, doubtful = j, False
+        found.append(None if j in starts or counts[j] or doubtful else start)
+        doubtful = doubtful or (named and start is not None and start < j and j in unknown)
     return found
 
 
