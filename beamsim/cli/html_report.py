@@ -180,6 +180,6 @@ def scene_of(result: Any, model: StructuralSystem | None = None, *, shown: bool,
         if motion is None:
             return None
         model = model or build_system(result.scenario)
-        frames = frames_of_orbit(result.scenario, result.modes.stations, motion)
+        frames = frames_of_orbit(model, result.modes.stations, motion)
     sketch = sketched(result, model)
     return None if sketch is None or not frames.deflection.any() else animation.scene_of(frames, sketch, result.title)

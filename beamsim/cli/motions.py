@@ -215,7 +215,8 @@ def _strongest(lines: Sequence[Mapping[str, Any]], probe: str, quantity: str) ->
     for line in sorted(shown, key=lambda line: float(line["frequency_hz"])):
         change = line.get("relative_change") or 0.0
         doubt = f", change {percent(change, 2 if change < 0.995 else 3)}" if change > ALLOWED_CHANGE else ""
-        if is_known(line["remainder"]) and line["remainder"] > ALLOWED_REMAINDER:
+        remainder = line.get("remainder")  # which older files lack
+        if remainder is not None and remainder > ALLOWED_REMAINDER:
             doubt += ", not resolved"
         yield f"{_order(line)} ({line['amplitude_db']:.0f} dB{doubt})"
 

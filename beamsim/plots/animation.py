@@ -22,6 +22,8 @@ from beamsim.structures.places import Place, ends_of
 from beamsim.typing import Bools, Floats
 
 MILLISECONDS = 40  # of a frame
+_SIDES = {"below": -1.0, "above": 1.0, "approach": 1.0, "separation": 0.0}  # of the face from the first place; a cable
+_MOUNT = 0.2  # rows, from the farthest face to what holds it
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,8 @@ class PictureStop:
     side: str  # below, above, approach, separation
     x: tuple[float, ...]  # of the places that it acts on
     y: tuple[float, ...]  # the same at rest
-    gap: float  # rows
+    face: Floats  # (nf,) row of its face
+    mount: float  # row of what holds the face of a stop at one place
     height: float  # rows, of what joins two masses of a row
     ends: Floats  # (nf, 1 or 2) rows above rest
     force: Floats  # (nf,) N
@@ -70,11 +73,11 @@ class Scene:
 
 
 def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
-    """The frames in the sketch of the model, deflections and gaps to one scale."""
+    """The frames in the sketch of the model, deflections and openings of stops to one scale."""
     stops = sketch.stops
     in_sketch = {name: stop for name, stop in stops.items() if stop.gap_unit == "m"}  # others act within a hinge
-    gaps = {name: float(stop.gap) if np.isfinite(stop.gap) else 0.0 for name, stop in in_sketch.items()}
-    sizes = [float(np.abs(frames.deflection).max(initial=0.0)), *(0.5 * abs(gap) for gap in gaps.values())]
+    openings = {name: np.where(np.isfinite(frames.opening[name]), frames.opening[name], 0.0) for name in in_sketch}
+    sizes = [float(np.abs(of).max(initial=0.0)) for of in (frames.deflection, *(0.5 * x for x in openings.values()))]
     largest = max(sizes) or 1.0
     factor, bar = HEIGHT / largest, round_length(largest)
     heights = frames.deflection * factor
@@ -85,7 +88,10 @@ def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
         site = sketch.sites[name]
         x, y = zip(*(sketch.point(place) for place in ends_of(site)), strict=True)
         height, ends = 0.22 + 0.1 * len(drawn), frames.ends[name] * factor
-        drawn.append(PictureStop(name, stops[name].side, x, y, gaps[name] * factor, height, ends, frames.force[name]))
+        side = _SIDES[stops[name].side]
+        face = y[0] + ends[:, 0] + side * openings[name] * factor
+        mount = y[0] + side * (float((side * (face - y[0])).max(initial=0.0)) + _MOUNT)
+        drawn.append(PictureStop(name, stops[name].side, x, y, face, mount, height, ends, frames.force[name]))
     bodies = sketch.scenario.all_bodies
     firsts = {name: sketch.lines_of(name)[0] for name in bodies if len(bodies) > 1}
     xy = np.concatenate(points)
@@ -97,7 +103,8 @@ def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
     )
     (left, _), (right, _) = (pick(xy, axis=0) for pick in (np.min, np.max))
     rest = xy[:, 1]
-    low, high = float((rest + heights).min()), float((rest + heights).max())
+    drawn_at = [(rest + heights).ravel(), *(stop.face for stop in drawn)]
+    low, high = (float(pick([pick(of) for of in drawn_at])) for pick in (np.min, np.max))
     margin = 0.09 * (float(right - left) or 1.0)
     limits = float(left) - margin, float(right) + 1.6 * margin, min(low - 0.12, -0.5), max(high + 0.3, 0.6)
     return Scene(
@@ -201,10 +208,8 @@ def _stop(stop: PictureStop, k: int) -> tuple[list[float], list[float]]:
     """The face of a stop in a frame; what acts between bodies is a rod or a cable."""
     y = (np.array(stop.y) + stop.ends[k]).tolist()
     if len(stop.x) == 1:
-        pick, side = (min, -1.0) if stop.side == "below" else (max, 1.0)
-        return [stop.x[0]], [pick(stop.y[0] + side * stop.gap, y[0])]
+        return [stop.x[0]], [float(stop.face[k])]
     if stop.y[0] == stop.y[1]:  # masses of a row
         top = stop.y[0] + stop.height
         return [stop.x[0], *stop.x, stop.x[1]], [y[0], top, top, y[1]]
-    end = y[0] if stop.side == "separation" else max(stop.y[0] + stop.ends[k, 1] + stop.gap, y[0])
-    return [stop.x[1], stop.x[0]], [y[1], end]
+    return [stop.x[1], stop.x[0]], [y[1], float(stop.face[k])]

@@ -142,15 +142,16 @@ def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> None:
 
 
 def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
-    """The deflection relative to the base when the contact force is largest; gaps to the same scale."""
+    """The deflection relative to the base when the contact force is largest; openings of stops to the same scale."""
     contact = result.contact
     if contact is None:
         raise ValueError("no snubber was in contact")
     shape = contact.deflection(result.modes)
-    gaps = [abs(s.gap) for s in result.snubbers.values() if math.isfinite(s.gap) and s.gap_unit == "m"]
-    largest = max(float(np.abs(shape).max()), *gaps, 0.0) or 1.0
+    known = {} if contact.opening is None else dict(zip(result.snubbers, contact.opening.tolist(), strict=True))
+    openings = {name: known.get(name, s.gap) for name, s in result.snubbers.items() if s.gap_unit == "m"}
+    largest = max(float(np.abs(shape).max()), *(x for x in openings.values() if math.isfinite(x)), 0.0) or 1.0
     factor, bar = HEIGHT / largest, round_length(largest)
-    _sketch(result).draw(ax, shape * factor, factor)
+    _sketch(result).draw(ax, shape * factor, factor, openings=known)
     ax.set_title(
         f"largest contact force, {amount(contact.force, 'N')} at {contact.snubber}, t = {contact.time:.4g} s",
         fontsize="medium", loc="left",

@@ -135,7 +135,12 @@ class Sketch:
         return float(x), float(y)
 
     def draw(
-        self, ax: Axes, heights: Floats, gaps: float = 0.0, clearance: float = 0.0
+        self,
+        ax: Axes,
+        heights: Floats,
+        gaps: float = 0.0,
+        clearance: float = 0.0,
+        openings: Mapping[str, float] | None = None,
     ) -> dict[str, tuple[float, float]]:
         """Draw bodies, supports, masses, joints and stops.
 
@@ -145,6 +150,7 @@ class Sketch:
         heights : (nx,) of the stations, rows.
         gaps : rows for a metre of gap; 0 where gaps have no scale, and stops are at the bodies at rest.
         clearance : rows, of the faces of stops from the middle of a body that they touch.
+        openings : m, by stop, distance to its face as it is; of those not named it follows from gap and heights.
 
         Returns
         -------
@@ -179,7 +185,8 @@ class Sketch:
             finish_positions(ax)
         else:
             ax.set_xticks([])
-        return self._stops(ax, heights, gaps, clearance)
+        of_stops = {name: opening * gaps for name, opening in (openings or {}).items() if math.isfinite(opening)}
+        return self._stops(ax, heights, gaps, clearance, of_stops)
 
     def masses(self, heights: Floats | None = None) -> list[tuple[float, tuple[float, float]]]:
         """Point masses, kg, and where they are drawn."""
@@ -222,8 +229,13 @@ class Sketch:
                 label=f"{joint.kind} joint",
             )  # fmt: skip
 
-    def _stops(self, ax: Axes, heights: Floats, gaps: float, clearance: float) -> dict[str, tuple[float, float]]:
-        """Faces at their gaps, or where a body presses them; between two bodies a rod on the second one."""
+    def _stops(
+        self, ax: Axes, heights: Floats, gaps: float, clearance: float, openings: Mapping[str, float]
+    ) -> dict[str, tuple[float, float]]:
+        """Faces at their openings, rows, else at their gaps, or where a body presses them.
+
+        Between two bodies there is a rod on the second one.
+        """
         places, top = {}, 0.2
         for name, stop in self.stops.items():
             site, side = self.sites[name], -1.0 if stop.side == "below" else 1.0
@@ -238,7 +250,7 @@ class Sketch:
             elif isinstance(site, Link):
                 (over, high), approach = other[0], stop.side == "approach"
                 stretch = (high - y) - (rest[0][1] - row)
-                apart = gap + (stretch if approach else -stretch)
+                apart = openings.get(name, gap + (stretch if approach else -stretch))
                 face = y + (max(apart, 0.0) if approach else 0.0)
                 rod, places[name] = [(over, high), (x, face)], (0.5 * (x + over), 0.5 * (face + high))
                 if row == rest[0][1]:  # masses of one row
@@ -248,10 +260,10 @@ class Sketch:
                     )
                     top += 0.12
             else:
-                rod, apart = [], side * (row - y) + gap
-                face = row + side * (max(gap, gap - apart) + clearance) if gaps else row
+                rod, apart = [], openings.get(name, side * (row - y) + gap)
+                face = y + side * (max(apart, 0.0) + clearance) if gaps else row
                 places[name] = (x, face + 0.06 * side)
-            shut = gaps > 0.0 and apart < 0.0
+            shut = gaps > 0.0 and (apart < 0.0 or openings.get(name) == 0.0)
             style: dict[str, Any] = {"color": STOP if shut else "0.4", "label": SHUT if shut else "stop", "zorder": 4}
             if rod:
                 dashes = "-" if stop.side == "approach" else "--"

@@ -24,15 +24,12 @@ function player(canvas, scene, controls) {
         const top = stop.y[0] + stop.height;
         return [[stop.x[0], y[0]], [stop.x[0], top], [stop.x[1], top], [stop.x[1], y[1]]];
       }
-      const end = stop.side === "separation" ? y[0] : Math.max(stop.y[0] + ends[1] + stop.gap, y[0]);
-      return [[stop.x[1], y[1]], [stop.x[0], end]];
+      return [[stop.x[1], y[1]], [stop.x[0], stop.face[frame]]];
     }
-    const side = stop.side === "below" ? -1 : 1, free = stop.y[0] + side * stop.gap;
-    const face = side < 0 ? Math.min(free, y[0]) : Math.max(free, y[0]);
-    const ground = stop.y[0] + side * (Math.max(stop.gap, 0) + 0.2), width = 0.009 * (right - left);
+    const face = stop.face[frame], width = 0.009 * (right - left);
     const across = [-1.6, 1.6, 0, 0, 1, -1, 1, -1, 0, 0, -2, 2];
     return [0, 0, 0, .15, .3, .45, .6, .75, .88, 1, 1, 1].map((share, k) =>
-      [stop.x[0] + across[k] * width, face + (ground - face) * share]);
+      [stop.x[0] + across[k] * width, face + (stop.mount - face) * share]);
   }
   function draw() {
     context.clearRect(0, 0, canvas.width, canvas.height);
@@ -48,7 +45,7 @@ function player(canvas, scene, controls) {
     });
     scene.names.forEach(([name, x, y]) => context.fillText(name, X(x) + 4, Y(y) - 12));
     scene.stops.forEach(stop => {
-      const shut = stop.force[frame] > 0;
+      const shut = stop.force[frame] !== 0;
       stroke(spring(stop), shut ? STOP : GREY, shut ? 3.2 : 1.4, stop.side === "separation" ? [6, 4] : []);
     });
     let first = 0;

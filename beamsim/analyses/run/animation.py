@@ -15,7 +15,7 @@ import numpy as np
 from beamsim.analyses.branch import OrbitMotion
 from beamsim.analyses.run.analysis import built_at_orbit, motion_of
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.values import FORCE
+from beamsim.analyses.values import FORCE, OPENING
 from beamsim.outcomes import Progress, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
@@ -24,7 +24,7 @@ from beamsim.structures.places import Place, Site, ends_of
 from beamsim.structures.stations import IN_PLANE, StationPart, Stations
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
-from beamsim.system.structural import StructuralSystem
+from beamsim.system.structural import SnubberNumbers, StructuralSystem
 from beamsim.typing import Bools, Floats, Ints, not_none
 
 PLATE_LINES, PLATE_POINTS = 5, 33
@@ -62,6 +62,7 @@ class Frames:
     deflection: Floats  # (nf, points of all lines) m, relative to the base
     ends: Mapping[str, Floats]  # by stop (nf, 1 or 2) m, deflection of the places that it acts on
     force: Mapping[str, Floats]  # by stop (nf,) N, positive when it pushes
+    opening: Mapping[str, Floats]  # by stop (nf,) m, distance to its face as it is then; 0 while it touches or is held
 
 
 def frames_of_run(result: RunResult, progress: Progress = None, model: StructuralSystem | None = None) -> Frames:
@@ -94,30 +95,34 @@ def frames_of_run(result: RunResult, progress: Progress = None, model: Structura
     known = motion.sampled()
     times, slow = known.time, slow[: known.time.size]
     q = np.array([motion.state_at(float(t))[: system.dynamics.size] for t in times])
-    forces = known.of(FORCE) if system.snubbers else np.zeros((times.size, 0))
-    return frames_at(system, times, slow, q, forces)
+    none = np.zeros((times.size, 0))
+    forces, openings = (known.of(key) if system.snubbers else none for key in (FORCE, OPENING))
+    return frames_at(system, (times, slow), q, forces, openings)
 
 
-def frames_at(system: StructuralSystem, times: Floats, slow: Bools, q: Floats, forces: Floats) -> Frames:
+def frames_at(
+    system: StructuralSystem, instants: tuple[Floats, Bools], q: Floats, forces: Floats, openings: Floats
+) -> Frames:
     """Frames of known coordinates.
 
     Parameters
     ----------
     system : that moves.
-    times, slow : (nf,) s, and whether the instant is slow.
+    instants : (nf,) s, and whether each is slow.
     q : (nf, n) coordinates of the model.
     forces : (nf, snubbers) N.
+    openings : (nf, snubbers) m, distances to the faces as they are at each instant.
 
     Returns
     -------
     Frames
     """
-    scenario, parts = system.scenario, system.assessment.parts
+    (times, slow), scenario, parts = instants, system.scenario, system.assessment.parts
     lines = tuple(line for part in system.stations for line in _lines_of(system.stations, part, scenario))
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
     of_lines = [parts.shapes(x.places) if x.stations is None else system.deflection[x.stations] for x in lines]
     at_stops = parts.shapes([end for site in sites.values() for end in ends_of(site)])
-    force = {name: forces[:, k] for k, name in enumerate(sites)}
+    force, opening = ({name: of[:, k] for k, name in enumerate(sites)} for of in (forces, openings))
     stations = [place for body in system.bodies for place in body.places]
     places = [
         place
@@ -125,7 +130,7 @@ def frames_at(system: StructuralSystem, times: Floats, slow: Bools, q: Floats, f
         for place in (line.places if line.stations is None else [stations[number] for number in line.stations])
     ]
     deflection = q @ np.vstack(of_lines).T + system.with_supports(places, times)
-    return Frames(lines, times, slow, deflection, _of_stops(sites, q @ at_stops.T), force)
+    return Frames(lines, times, slow, deflection, _of_stops(sites, q @ at_stops.T), force, opening)
 
 
 def paced_by_contact(time: Floats, forces: Floats) -> tuple[Floats, Bools]:
@@ -141,12 +146,12 @@ def paced_by_contact(time: Floats, forces: Floats) -> tuple[Floats, Bools]:
     return _paced(float(time[0]), float(time[-1]), intervals, MARGIN * float(time[-1] - time[0]))
 
 
-def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion) -> Frames:
-    """One period of a periodic motion, with the shapes at the stations of its result.
+def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: OrbitMotion) -> Frames:
+    """One period of a free periodic motion, with the shapes at the stations of its result.
 
     Parameters
     ----------
-    scenario : of the motion.
+    model : that moves; its stops have no memory, and nothing moves their places.
     stations, motion : of its result.
 
     Returns
@@ -154,7 +159,7 @@ def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion)
     Frames
         On lines through the stations.
     """
-    sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
+    sites = {located.item.name: snubber_site(located) for located in model.scenario.located_snubbers}
     forces = np.array([np.zeros(motion.time.size), *motion.force.values()]).T
     times, slow = paced_by_contact(motion.time, forces)
 
@@ -175,7 +180,15 @@ def frames_of_orbit(scenario: Scenario, stations: Stations, motion: OrbitMotion)
     of_ends = at(motion.stations[:, nearest]) if nearest else np.zeros((times.size, 0))
     ends = _of_stops(sites, of_ends)
     force = {name: np.interp(times, motion.time, values) for name, values in motion.force.items()}
-    return Frames(tuple(lines), times, slow, at(motion.stations[:, np.concatenate(columns)]), ends, force)
+    opening = {s.name: _opening(s, ends[s.name]) for s in model.snubbers}
+    return Frames(tuple(lines), times, slow, at(motion.stations[:, np.concatenate(columns)]), ends, force, opening)
+
+
+def _opening(stop: SnubberNumbers, ends: Floats) -> Floats:
+    """(nf,) m, distance to the face of a stop without memory, from deflections (nf, 1 or 2) of its places."""
+    towards = ends[:, 0] - (ends[:, 1] if ends.shape[1] == 2 else 0.0)  # from the first place to the second
+    sign = {"below": 1.0, "above": -1.0, "approach": -1.0, "separation": 1.0}[stop.side]
+    return np.asarray(np.maximum(stop.gap + sign * towards, 0.0))
 
 
 def _of_stops(sites: Mapping[str, Site], values: Floats) -> dict[str, Floats]:

@@ -117,6 +117,7 @@ class RunMotion:
     extremes: Extremes
     extreme_states: Floats  # (2, 2n) at `extreme_times`
     state_at: Callable[[float], Floats]  # (2n or more,) at a time; of a time-stepped motion at the nearest output time
+    openings_at: Callable[[float], Floats]  # (snubbers or more,) m, likewise; distances to the faces as they are then
     contact_share: Floats
     low_passed: Floats | None = None  # (nt or more, probes) acceleration behind the filter, where there is one
     last: Callable[[], Trajectory | None] = lambda: None  # see `trajectory`
@@ -315,8 +316,9 @@ def contact_instant(motion: RunMotion) -> ContactInstant | None:
         return None
     coordinates = motion.state_at(float(times[at]))[: system.dynamics.size]
     supports = system.with_supports([place for body in system.bodies for place in body.places], times[[at]])[0]
+    openings = motion.openings_at(float(times[at]))[: len(system.snubbers)]
     instant = ContactInstant(float(times[at]), system.snubbers[at].name, float(forces[at]), coordinates)
-    return replace(instant, supports=supports) if supports.any() else instant
+    return replace(instant, supports=supports if supports.any() else None, opening=openings)
 
 
 def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, OutputHistory]:

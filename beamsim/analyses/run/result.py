@@ -420,6 +420,10 @@ class ContactInstant:
         "m", "deflection at the stations of what moves with supports, which no mode has",
         along=(Counter("station", "station number"),), default=None,
     )  # fmt: skip
+    opening: Floats | None = dataset(
+        "m", "distance of each snubber to its face as it is then; 0 while it touches or is held",
+        along=(Counter("snubber", "number of the snubber"),), default=None,
+    )  # fmt: skip
 
     def deflection(self, modes: ModeTable) -> Floats:
         """(nx,) m, relative to the base at the stations."""

@@ -12,7 +12,7 @@ from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
 from beamsim.analyses.run.motion import Histories, RunMotion, with_limit
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, STRESS, Extreme, searched
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
@@ -84,6 +84,7 @@ def stepped_motion_of(
         extremes=outputs.extremes(trajectory),
         extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
         state_at=lambda time: trajectory.y[np.abs(at - time).argmin()],
+        openings_at=lambda time: histories.of(OPENING)[np.abs(at - time).argmin()],
         contact_share=trajectory.contact_share,
         low_passed=None if outputs.low is None else outputs.low.values,
         warnings=tuple(warnings),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,12 +14,14 @@ from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
 from beamsim.analyses.sweep.stepped import loads_at, steady_at, stepper_of, steps_of
 from beamsim.analyses.sweep.swept_sine import swept_march
+from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Progress, tell
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.build import build_system
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 
-SAMPLES = 1200  # of the cycles shown, between which frames are interpolated
+SAMPLES = 1200  # of the cycles shown, which say where there is contact
 
 
 def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | None:
@@ -47,39 +50,61 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
     cycle = int(np.argmax(_response(curve)))
     one = SweepLevel(system, settings, curve.level, curve.level_index)
     if isinstance(settings, SweptSine):
-        times, states, forces = _swept(one, curve, cycle, progress)
+        begin = float(curve.time[max(cycle - 1, 0)])
+        sampled = _swept(one, curve, (begin, begin + CYCLES_SHOWN / float(curve.frequency_hz[cycle])), progress)
     else:
         f = float(curve.frequency_hz[cycle])
-        times, states, forces = _stepped(one, curve.direction, f, progress)
+        sampled = _stepped(one, curve.direction, f, progress)
         system = replace(system, forcing=loads_at(one, f)[0])  # supports follow it
-    at, slow = paced_by_contact(times, forces)
-    states, forces = (np.array([np.interp(at, times, x) for x in of.T]).T for of in (states, forces))
-    return frames_at(system, at, slow, states, forces)
+    times = np.linspace(*sampled.span, SAMPLES)
+    instants = paced_by_contact(times, sampled.at(times)[1])
+    return frames_at(system, instants, *sampled.at(instants[0]))
 
 
-_Sampled = tuple[Floats, Floats, Floats]  # (nt,) s, (nt, n) coordinates, (nt, snubbers) N
+@dataclass(frozen=True)
+class _ShownMotion:
+    """The part of a motion that is shown.
+
+    Parameters
+    ----------
+    system : that moves.
+    parts : one after the other, each with the time at which its own begins, s.
+    span : s, begin and end.
+    """
+
+    system: StructuralSystem
+    parts: Sequence[tuple[float, Trajectory]]
+    span: tuple[float, float]
+
+    def at(self, times: Floats) -> tuple[Floats, Floats, Floats]:
+        """(nt, n) coordinates, (nt, snubbers) forces, N, and openings, m, at increasing times, s, of the span."""
+        number = np.searchsorted([since for since, _ in self.parts], times, side="right") - 1
+        n, snubbers = self.system.dynamics.size, len(self.system.snubbers)
+        rows = []
+        for k in np.unique(number):
+            since, motion = self.parts[k]
+            here = np.minimum(times[number == k] - since, motion.end)
+            forces, openings = (motion.sample(here, of) for of in (motion.flow.contact_forces, motion.flow.openings))
+            rows.append((motion.states_at(here)[:, :n], forces[:, :snubbers], openings[:, :snubbers]))
+        states, forces, openings = (np.vstack(of) for of in zip(*rows, strict=True))
+        return states, forces, openings
 
 
-def _swept(one: SweepLevel, curve: SweepCurve, cycle: int, progress: Progress) -> _Sampled:
-    """The cycles about one of a swept sine."""
-    system, begin = one.system, float(curve.time[max(cycle - 1, 0)])
-    times = np.linspace(begin, begin + CYCLES_SHOWN / float(curve.frequency_hz[cycle]), SAMPLES)
+def _swept(one: SweepLevel, curve: SweepCurve, span: tuple[float, float], progress: Progress) -> _ShownMotion:
+    """A part of a swept sine, as far as it goes."""
     march = swept_march(one, curve.notching, progress).motion
-    q: list[Floats] = [np.zeros((0, system.dynamics.size))]
-    force: list[Floats] = [np.zeros((0, system.dynamics.contacts.count))]
+    parts: list[tuple[float, Trajectory]] = []
     for stretch in march.stretches():
         since, motion = float(march.windows.edge[stretch.first]), stretch.motion
-        here = times[(times >= since) & (times < since + motion.end)] - since
-        if here.size:
-            q.append(motion.states_at(here)[:, : system.dynamics.size])
-            force.append(motion.sample(here, motion.flow.contact_forces))
-        if since + motion.end > times[-1]:
+        if since + motion.end > span[0]:
+            parts.append((since, motion.held()))
+        if since + motion.end > span[1]:
             break
-    states = np.vstack(q)
-    return times[: states.shape[0]], states, np.vstack(force)[:, : len(system.snubbers)]
+    since, last = parts[-1]
+    return _ShownMotion(one.system, parts, (span[0], min(span[1], since + last.end)))
 
 
-def _stepped(one: SweepLevel, direction: str, f: float, progress: Progress) -> _Sampled:
+def _stepped(one: SweepLevel, direction: str, f: float, progress: Progress) -> _ShownMotion:
     """The steady motion of a step, over whole periods where it has one."""
     steps, (stepper, motion) = steps_of(one), stepper_of(one)
     upto = steps.index((direction, f)) + 1
@@ -89,9 +114,7 @@ def _stepped(one: SweepLevel, direction: str, f: float, progress: Progress) -> _
         tell(progress, done / upto)
     cycles = math.ceil(CYCLES_SHOWN / max(period, 1)) * max(period, 1)
     steady = stepper.trajectory(motion, cycles)
-    times = np.linspace(0.0, steady.end, SAMPLES)
-    forces = steady.sample(times, steady.flow.contact_forces)[:, : len(one.system.snubbers)]
-    return times, steady.states_at(times)[:, : one.system.dynamics.size], forces
+    return _ShownMotion(one.system, [(0.0, steady)], (0.0, steady.end))
 
 
 def _response(curve: SweepCurve) -> Floats:
