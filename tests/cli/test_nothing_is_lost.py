@@ -1,0 +1,259 @@
+"""Commands that are interrupted, fail or lack `--resume` leave all solved cases and complete results in some file."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamsim
+from beamsim.files import protecting
+from tests.helpers.commands import invoke
+
+CHAIN = """
+chain: {masses: [1 kg], springs: [1 kN/m], dashpots: [1 N s/m]}
+snubbers: [{name: stop, mass: 1, side: below, gap: 1 mm, stiffness: 1e5}]
+excitation: {kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2}
+run: {duration: 0.2 s, convergence: off}
+"""
+STUDY = CHAIN + "vary: {kind: grid, parameters: [{path: snubbers.stop.gap, from: 1 mm, to: 2 mm, points: 6}]}\n"
+OPTIMUM = CHAIN + (
+    "limits: {peak_force: 1 kN}\n"
+    "optimise: {minimise: peak_force, most_cases: 12, parameters: [{path: snubbers.stop.gap, from: 1 mm, to: 2 mm}]}\n"
+)
+SAMPLE = CHAIN + (
+    "vary: {kind: latin_hypercube, samples: 6, seed: 1,\n"
+    "  parameters: [{path: snubbers.stop.gap, tolerance: 0.1 mm}]}\n"
+)
+PROBABILITY = CHAIN + (
+    "limits: {peak_displacement: 1.0 mm}\n"
+    "vary: {kind: reliability, samples: 20, most_cases: 40, parameters: [{path: snubbers.stop.gap, deviation: 5 %}]}\n"
+)
+SWEPT = CHAIN + "sweep: {kind: stepped, from: 4 Hz, to: 6 Hz, points: 5, most_cycles: 20}\n"
+OPTIONS = ("--workers", "1", "--no-plots")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, heeded):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def contents(folder="."):
+    return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
+
+
+def cases_in(path):
+    """Lines of a journal after the one that names the study."""
+    return Path(path).read_bytes().splitlines()[1:]
+
+
+def interrupted_after(monkeypatch, count, signals=1):
+    """Let signals arrive while the case after so many is solved."""
+    from beamsim.trust.studies import CaseSolver
+
+    solved = []
+
+    def solve(self, case, real=CaseSolver.__call__):
+        solved.append(case.number)
+        if len(solved) == count + 1:
+            for _ in range(signals):
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(0.05)  # in which the main thread hears of it
+        return real(self, case)
+
+    monkeypatch.setattr(CaseSolver, "__call__", solve)
+
+
+# --- a forgotten --resume ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text", [STUDY, OPTIMUM, SAMPLE, PROBABILITY], ids=["grid", "optimum", "sample", "reliability"]
+)
+@pytest.mark.parametrize("change", ["", "title: another study\n"], ids=["same", "another"])
+def test_a_forgotten_resume_keeps_the_cases(text, change, here, monkeypatch, caplog):
+    Path("case.yaml").write_text(text)
+    with monkeypatch.context() as patch:
+        interrupted_after(patch, 3)
+        first = invoke("sweep", "case.yaml", *OPTIONS)
+    assert first.exit_code == 130, first.output
+    before, kept = contents(), cases_in("case.h5.partial")
+    assert kept
+    Path("case.yaml").write_text(change + text)
+    again = invoke("sweep", "case.yaml", *OPTIONS)
+    assert again.exit_code in (0, 3), again.output  # of so few cases a search or a probability may not converge
+    after = contents()
+    assert after["case.h5.partial.1"] == before["case.h5.partial"]
+    assert "case.h5.partial held the cases solved before; it is kept in case.h5.partial.1" in caplog.text
+    assert not beamsim.open_result("case.h5").outcome.cut_short
+    # and the cases can still be used
+    os.rename("case.h5.partial.1", "case.h5.partial")
+    os.unlink("case.h5")
+    Path("case.yaml").write_text(text)
+    resumed = invoke("sweep", "case.yaml", *OPTIONS, "--resume")
+    assert resumed.exit_code == again.exit_code, resumed.output
+    assert f"{len(kept)} of" in resumed.output
+
+
+@pytest.mark.parametrize("change", ["", "title: another sweep\n"], ids=["same", "another"])
+def test_a_partial_sweep_is_moved_aside_unless_the_new_one_has_all_of_it(change, here, caplog):
+    Path("case.yaml").write_text(SWEPT)
+    stop = iter([False] * 2)
+    part = beamsim.sweep(beamsim.load_scenario("case.yaml"), stop=lambda: next(stop, True))
+    assert part.outcome.cut_short
+    with protecting([]):
+        beamsim.write_result(part, "case.h5")
+    before = Path("case.h5").read_bytes()
+    Path("case.yaml").write_text(change + SWEPT)
+    done = invoke("sweep", "case.yaml", "--no-plots")
+    assert done.exit_code == 0, done.output
+    assert beamsim.open_result("case.h5").complete
+    assert set(contents()) == {"case.yaml", "case.h5", *(["case.h5.1"] if change else [])}
+    if change:
+        assert Path("case.h5.1").read_bytes() == before
+        assert "case.h5 held a partial result; it is kept in case.h5.1" in caplog.text
+
+
+def test_a_partial_sweep_beside_a_complete_result_of_another_kind_is_resumed(here):
+    Path("case.yaml").write_text(SWEPT)
+    assert invoke("run", "case.yaml", "--no-plots").exit_code == 0
+    whole = Path("case.h5").read_bytes()
+    stop = iter([False] * 2)
+    part = beamsim.sweep(beamsim.load_scenario("case.yaml"), stop=lambda: next(stop, True))
+    assert beamsim.write_result(part, "case.h5") == Path("case_partial.h5")
+    assert Path("case.h5").read_bytes() == whole
+    done = invoke("sweep", "case.yaml", "--no-plots", "--resume", "-o", "swept.h5")
+    assert done.exit_code == 0, done.output
+    os.rename("case_partial.h5", "swept.h5")
+    done = invoke("sweep", "case.yaml", "--no-plots", "--resume", "-o", "swept.h5")
+    assert done.exit_code == 0, done.output
+
+
+# --- errors and signals -----------------------------------------------------------------------------------------------
+
+
+def complete_result(text=STUDY):
+    Path("case.yaml").write_text(text)
+    done = invoke("run", "case.yaml", "--no-plots")
+    assert done.exit_code == 0, done.output
+    return Path("case.h5").read_bytes()
+
+
+def test_a_second_signal_leaves_a_complete_result_and_keeps_the_cases(here, monkeypatch):
+    before = complete_result()
+    interrupted_after(monkeypatch, 2, signals=2)
+    done = invoke("sweep", "case.yaml", *OPTIONS)
+    assert done.exit_code == 130, done.output
+    assert Path("case.h5").read_bytes() == before
+    assert len(cases_in("case.h5.partial")) == 2
+    assert beamsim.open_result("case_partial.h5").outcome.cut_short
+    assert set(contents()) == {"case.yaml", "case.h5", "case.h5.partial", "case_partial.h5"}
+
+
+def test_an_optimum_of_a_partial_study_replaces_no_other(here, monkeypatch):
+    Path("case.yaml").write_text(OPTIMUM)
+    assert invoke("sweep", "case.yaml", *OPTIONS).exit_code == 0
+    before = contents()
+    assert "case_best.yaml" in before
+    Path("case.yaml").write_text(OPTIMUM + "title: another\n")
+    interrupted_after(monkeypatch, 5)
+    done = invoke("sweep", "case.yaml", *OPTIONS)
+    assert done.exit_code == 130, done.output
+    assert {name: contents()[name] for name in ("case.h5", "case_best.yaml")} == {
+        name: before[name] for name in ("case.h5", "case_best.yaml")
+    }
+
+
+def test_the_optimum_is_never_written_over_the_case(here):
+    """`case_best.yaml` of an earlier search is what this case extends: it is refused before anything is computed."""
+    Path("case_best.yaml").write_text(OPTIMUM)
+    Path("case.yaml").write_text("extends: case_best.yaml\n")
+    done = invoke("sweep", "case.yaml", *OPTIONS)
+    assert done.exit_code == 2
+    assert "cannot write case_best.yaml: this command reads that file" in done.output
+    assert Path("case_best.yaml").read_text() == OPTIMUM
+    assert set(contents()) == {"case.yaml", "case_best.yaml"}
+
+
+@pytest.mark.slow  # the connection is tried for ten seconds
+def test_a_scheduler_that_cannot_be_reached_touches_nothing(here, monkeypatch):
+    pytest.importorskip("distributed")
+    complete_result()
+    with monkeypatch.context() as patch:
+        interrupted_after(patch, 2)
+        assert invoke("sweep", "case.yaml", *OPTIONS).exit_code == 130
+    before = contents()
+    for words in ([], ["--resume"]):
+        done = invoke("sweep", "case.yaml", "--no-plots", "--scheduler", "tcp://127.0.0.1:1", *words)
+        assert done.exit_code == 2, done.output
+        assert "127.0.0.1:1" in done.output
+        assert contents() == before
+    Path("case.yaml").write_text(STUDY + "title: another\n")
+    done = invoke("sweep", "case.yaml", "--no-plots", "--scheduler", "tcp://127.0.0.1:1")
+    assert done.exit_code == 2, done.output
+    assert {name: data for name, data in contents().items() if name != "case.yaml"} == {
+        name: data for name, data in before.items() if name != "case.yaml"
+    }
+
+
+@pytest.mark.slow  # processes of their own
+@pytest.mark.skipif(os.name != "posix", reason="limits of file size are POSIX")
+@pytest.mark.parametrize("room", [100, 3000, 6000])
+def test_a_full_disk_under_a_journal(room, here):
+    """No file may become larger than so many bytes; the journal of all cases would."""
+    import resource
+
+    before = complete_result(STUDY.replace("points: 6", "points: 40"))
+
+    def sweep(*words, **how):
+        command = [sys.executable, "-m", "beamsim", "sweep", "case.yaml", *OPTIONS, *words]
+        environment = {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE_")}
+        environment |= {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+        return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, **how)
+
+    done = sweep(preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)))
+    assert done.returncode == 5, done.stderr
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("beamsim: cannot write case.h5.partial: File too large; the ")
+    assert last.endswith("make room and continue with --resume")
+    assert Path("case.h5").read_bytes() == before
+    whole = [
+        line for line in Path("case.h5.partial").read_bytes().splitlines(keepends=True)[1:] if line.endswith(b"\n")
+    ]
+    assert f"the {len(whole)} case" in last
+    again = sweep("--resume")
+    assert again.returncode == 0, again.stderr
+    assert (f"{len(whole)} of 40 cases are already computed" in again.stderr) == bool(whole)
+    result = beamsim.open_result("case.h5")
+    assert result.complete
+    assert np.isfinite(result.responses["snubbers/stop/peak_force"].values).all()
+    assert set(contents()) == {"case.yaml", "case.h5"}
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
+def test_a_disk_that_fails_under_the_result_of_a_study(code, here, monkeypatch):
+    """The journal has every case, so the table is written once there is room."""
+    complete_result()
+    before = contents()
+
+    def fail(*_):
+        raise OSError(code, os.strerror(code))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", fail)
+        done = invoke("sweep", "case.yaml", *OPTIONS)
+    assert done.exit_code == 5, done.output
+    assert os.strerror(code) in done.output
+    assert "case.h5" in done.output
+    assert contents()["case.h5"] == before["case.h5"]
+    assert len(cases_in("case.h5.partial")) == 6
+    interrupted_after(monkeypatch, 0)  # any case that is solved again is an interruption
+    again = invoke("sweep", "case.yaml", *OPTIONS, "--resume")
+    assert again.exit_code == 0, again.output
+    assert beamsim.open_result("case.h5").complete
