@@ -865,9 +865,8 @@ def in_metres(scenario: ScenarioParts, path: Any) -> Any:
 
 def _moved(scenario: ScenarioParts, path: SnubberPath) -> tuple[Any, Body]:
     """The snubber that changes, and the body that it is on."""
-    index = snubber_index(scenario, path)
-    assert index is not None
-    located = scenario.located_snubbers[index]
+    located = changed_snubber(scenario, path)
+    assert located is not None
     if (name := located.bodies[0]) not in scenario.all_bodies:
         raise Unfit(f"is on {name}, an unknown body", "name another body there", ("snubber",))
     return located.item, scenario.all_bodies[name]
@@ -881,12 +880,12 @@ def _value_in_scenario(scenario: ScenarioParts, sweep: Continuation, path: Any) 
     return body.metres(place) if isinstance(path, PositionPath) else getattr(snubber, path.kind)
 
 
-def snubber_index(scenario: ScenarioParts, path: SnubberPath) -> int | None:
-    """Which snubber a path means; None where it means none."""
-    names = [snubber.name for snubber in scenario.all_snubbers]
+def changed_snubber(scenario: ScenarioParts, path: SnubberPath) -> Located | None:
+    """The snubber, or pair of stops, that a path means; None where it means none."""
+    written = scenario.written_snubbers
     if path.snubber is None:
-        return 0 if len(names) == 1 else None
-    return names.index(path.snubber) if path.snubber in names else None
+        return written[0] if len(written) == 1 else None
+    return next((located for located in written if located.item.name == path.snubber), None)
 
 
 def _hinged(scenario: ScenarioParts) -> set[str]:
@@ -899,18 +898,22 @@ def _no_stop_of_hinge(at: str, name: str) -> Problem:
 
 
 def _snubber_problems(scenario: ScenarioParts, at: str, path: Any) -> Problems:
-    names = [snubber.name for snubber in scenario.all_snubbers]
-    index = snubber_index(scenario, path)
-    if index is None:
-        where = (*path_parts(at), "snubber")
+    names = [located.item.name for located in scenario.written_snubbers]
+    located, where = changed_snubber(scenario, path), (*path_parts(at), "snubber")
+    if located is None:
+        pairs = [each.item.name for each in scenario.written_snubbers for stop in each.item.stops
+                 if stop.name == path.snubber]  # fmt: skip
         if path.snubber is None:
             remedy = f"there are several: choose one of {', '.join(names)}" if names else "add one to snubbers"
             yield problem(where, "is missing", remedy)
+        elif pairs:
+            message = f"= {path.snubber} is one stop of a pair, and both have the same {path.kind}"
+            yield problem(where, message, f"name the pair: {pairs[0]}, or write two snubbers, side: above and below")
         else:
             yield from unknown(where, path.snubber, "snubber", names, "add one to snubbers")
         return
-    if names[index] in _hinged(scenario):
-        yield _no_stop_of_hinge(f"{at}.snubber", names[index])
+    if located.item.name in _hinged(scenario):
+        yield _no_stop_of_hinge(f"{at}.snubber", located.item.name)
         return
     preloaded = [snubber.name for snubber in scenario.all_snubbers if snubber.preload is not None]
     if preloaded:
@@ -920,7 +923,7 @@ def _snubber_problems(scenario: ScenarioParts, at: str, path: Any) -> Problems:
             "give its gap instead of its preload",
         )
     if isinstance(path, PositionPath):
-        yield from _position_problems(scenario, at, path, scenario.located_snubbers[index])
+        yield from _position_problems(scenario, at, path, located)
 
 
 def _position_problems(scenario: ScenarioParts, at: str, path: PositionPath, located: Located) -> Problems:

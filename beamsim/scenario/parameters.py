@@ -129,7 +129,8 @@ def body_of(scenario: ScenarioParts, place: Path) -> str:
     for part in place:
         value = _inside(value, part)
         if isinstance(value, PositionPath | IdentifyStiffness):
-            found = [each for each in scenario.located_snubbers if value.snubber in (None, each.item.name)]
+            stops = (*scenario.located_snubbers, *scenario.written_snubbers)  # of pairs each stop, and both as one
+            found = [each for each in stops if value.snubber in (None, each.item.name)]
             named = found[0].bodies[0] if found else ""
         elif isinstance(body := getattr(value, "body", None), str):
             named = body

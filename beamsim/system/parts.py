@@ -360,7 +360,8 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     shared = SharedBuilds() if shared is None else shared
     bodies = tuple(scenario.all_bodies.items())
     driven = tuple((path, each.applied_to) for path, each in driven_supports(scenario))
-    nodes = tuple(_sensed(scenario)) if driven else ()
+    # a place in an element that ends at a support which moves would move with it
+    nodes = (*_sensed(scenario), *also_at) if driven else ()
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
     moved = moved_supports(scenario, structure)
     _check_directions(scenario, structure)

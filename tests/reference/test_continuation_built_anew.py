@@ -71,15 +71,61 @@ CASES = {
     "stop on the ground, turning base: level": (beam({}), LEVEL, (20.0, 80.0)),
     "stop on the ground, gravity: level": (beam({}, **LOADED), LEVEL, (5.0, 15.0)),
 }  # fmt: skip
+
+
+def assembly(joint: dict, snubbers: list[dict], **others) -> dict:
+    """An arm, and a flap that is joined to its end."""
+    arm = beam({})["beam"] | {"kind": "beam", "length": 0.2, "elements": 2}
+    return {
+        "bodies": {"arm": arm, "flap": arm | {"length": 0.15, "supports": {"left": "free", "right": "free"}}},
+        "joints": [{"name": "root", "between": [{"body": "arm", "position": 0.2}, {"body": "flap", "position": 0.0}],
+                    **joint}],
+        "snubbers": [{"stiffness": 4e4} | ({} if "between" in each else {"side": "below"}) | each for each in snubbers],
+        "excitation": TURNING,
+        "reduction": {"modes": "all"},
+        "limits": {"peak_force": 1.0, "peak_acceleration": "1 g", "gap": "1 mm"},
+        "outputs": [{"name": "root", "kind": "reaction_moment", "support": "left", "body": "arm"}],
+        **others,
+    }  # fmt: skip
+
+
+def on(body: str, position: float) -> dict:
+    return {"body": body, "position": position}
+
+
+HINGED = {"kind": "hinge", "rotational_stiffness": 60.0, "rotational_dashpot": 0.2}
+SPRUNG = {"kind": "spring", "stiffness": 5e4, "dashpot": 20.0, "rotational_stiffness": 60.0, "rotational_dashpot": 0.2}
+ON_FLAP = {"name": "tip", "at": on("flap", 0.1), "gap": 1e-4, "mounted_on": "ground", **RATIO}
+ON_ARM = {"name": "arm", "at": on("arm", 0.15), "side": "above", "gap": 5e-5, "damping": STOP["damping"]}
+BETWEEN = {"name": "fold", "between": [on("arm", 0.05), on("flap", 0.12)], "gap": 1e-4, "damping": STOP["damping"]}
+BOTH = {**ON_FLAP, "side": "both"}
+SHAKEN = {"kind": "harmonic", "applied_to": {"support": "left", "body": "arm"}, "level": "1 g", "frequency": 20.0}
+CASES |= {
+    "assembly, hinge, two stops, turning base: position": (
+        assembly(HINGED, [ON_FLAP, ON_ARM]), "snubbers[0].at.position", (0.06, 0.14),
+    ),
+    "assembly, spring, pair of stops, turning base: position": (
+        assembly(SPRUNG, [BOTH]), "snubbers[0].at.position", (0.08, 0.14),
+    ),
+    "assembly, hinge, pair of stops and one more: gap": (assembly(HINGED, [BOTH, ON_ARM]), GAP, (5e-5, 2e-4)),
+    "assembly, rigid, stop between bodies, gravity: stiffness": (
+        assembly({"kind": "rigid"}, [BETWEEN, ON_ARM], **LOADED), STIFFNESS, (2e4, 5e4),
+    ),
+    "assembly, spring, moved support: gap": (assembly(SPRUNG, [ON_FLAP], excitation=SHAKEN), GAP, (0.0, 2e-4)),
+    "assembly, hinge, two stops, moved support: level": (
+        assembly(HINGED, [ON_FLAP, ON_ARM], excitation=SHAKEN), LEVEL, (5.0, 12.0),
+    ),
+}  # fmt: skip
 FIRST = "stop on the ground, turning base: position"
 
 
 def followed(scenario: dict, key: str, ends: tuple[float, float]):
     kind = key.rpartition(".")[2]
     along = {"kind": kind, "from": ends[0], "to": ends[1]}
-    result = continuation(
-        load_scenario({**scenario, "sweep": {"kind": "continuation", "continue_in": along, "longest_period": 1}})
-    )
+    if key != LEVEL:
+        along["snubber"] = scenario["snubbers"][0]["name"]
+    alone = {"longest_period": 1, "seek_at": 0, "side_branches": "none"}
+    result = continuation(load_scenario({**scenario, "sweep": {"kind": "continuation", "continue_in": along, **alone}}))
     return result.branches[0]
 
 
@@ -91,7 +137,7 @@ def stepped(scenario: dict, key: str, value: float):
 
 def measured(curve, at: int) -> dict[str, float]:
     """Peaks of probes, forces and outputs, the stress, gaps and shares of contact at a point of a curve."""
-    values = {"stress": curve.peak_bending_stress[at]}
+    values = {} if curve.peak_bending_stress is None else {"stress": curve.peak_bending_stress[at]}
     for section in ("displacement", "acceleration", "force", "outputs"):
         values |= {f"{section} {name}": of.peak[at] for name, of in getattr(curve, section).items()}
     for section in ("peak_gap", "contact_share"):

@@ -7,7 +7,7 @@ import pytest
 from sampling import slow_after
 
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.analyses.continuation.paths import MovedContact
+from beamsim.analyses.continuation.paths import MovedSnubber
 from beamsim.flow.variational import VariationalFlow
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
@@ -98,7 +98,7 @@ def family():
 )
 def test_contacts_have_exact_derivatives(family, quantity, value, h, changing):
     """The dashpot of a damping ratio and the share of a turning base included."""
-    moved = MovedContact(family, ("snubbers", 0, quantity), 0, quantity, 0.02)
+    moved = MovedSnubber(family, ("snubbers", 0, quantity), (0,), quantity, 0.02)
     above, below, rates = moved(value + h)[0], moved(value - h)[0], moved(value)[1]
     changed = set()
     for name in ("stiffness", "dashpot", "gap", "shape", "base_participation"):

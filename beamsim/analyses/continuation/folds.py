@@ -219,7 +219,7 @@ def _present(model: ResponseModel, level: float) -> float:
     second = not_none(model.second)
     if second.kind == "level":
         return level
-    index = not_none(second.moved).index
+    index = not_none(second.moved).contacts[0]
     if second.kind == "position":
         return snubber_site(model.scenario.located_snubbers[index]).coordinate
     contacts = model.system.dynamics.contacts

@@ -25,7 +25,7 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
-from beamsim.scenario.checks import in_metres, snubber_index
+from beamsim.scenario.checks import changed_snubber, in_metres
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, SnubberPath
@@ -50,7 +50,7 @@ class FollowedParameter:
     unit: str
     points_at: tuple[float, ...] = ()  # SI, values at which every branch gets a point
     snubber: str = ""
-    moved: MovedContact | None = None
+    moved: MovedSnubber | None = None
 
     def inward(self, value: float) -> float:
         """The continuation's unknown at a value."""
@@ -191,7 +191,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
     ends = None
     if moving:
         values = [x for p in moving for x in (p.from_, p.to)]
-        site = of_kind(Place, snubber_site(scenario.located_snubbers[not_none(snubber_index(scenario, moving[0]))]))
+        site = of_kind(Place, snubber_site(not_none(changed_snubber(scenario, moving[0]))))
         ends = replace(site, point=min(values)), replace(site, point=max(values))
     family = build_family(forced, ends)
     system = family.system
@@ -212,9 +212,9 @@ def _followed(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> F
     points_at = tuple(map(float, path.points_at))
     if not isinstance(path, SnubberPath):
         return FollowedParameter(path.kind, first, last, unit or scenario.level_unit or "1", points_at)
-    index, system = not_none(snubber_index(scenario, path)), family.system
-    located = scenario.located_snubbers[index]
+    located, system = not_none(changed_snubber(scenario, path)), family.system
     snubber: Any = located.item
+    contacts = [i for i, stop in enumerate(scenario.located_snubbers) if stop.path == located.path]
     damping = snubber.damping
     ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
     kind = path.kind  # type: ignore[attr-defined]
@@ -226,7 +226,9 @@ def _followed(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> F
                 "with cubic springs give the dashpot itself: damping: {kind: viscous, coefficient: …}",
             )
         )
-    if system.dynamics.contacts.laws[index].family is None and (kind == "stiffness" or (kind == "position" and ratio)):
+    if system.dynamics.contacts.laws[contacts[0]].family is None and (
+        kind == "stiffness" or (kind == "position" and ratio)
+    ):
         raise scenario.located(
             ScenarioError.at(
                 f"{at}.kind",
@@ -236,7 +238,7 @@ def _followed(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> F
             )
         )
     place = snubber.place_paths[0] if kind == "position" else ()
-    moved = MovedContact(family, (*located.path, *place, kind), index, kind, ratio)
+    moved = MovedSnubber(family, (*located.path, *place, kind), tuple(contacts), kind, ratio)
     return FollowedParameter(kind, first, last, unit, points_at, snubber.name, moved)
 
 
@@ -262,21 +264,21 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
 
 
 @dataclass(frozen=True)
-class MovedContact:
-    """One snubber with another gap, stiffness or position.
+class MovedSnubber:
+    """A snubber, or a pair of stops, with another gap, stiffness or position.
 
     Parameters
     ----------
     family : the systems, in coordinates that serve all values.
     path : of the number in the scenario.
-    index : of the snubber.
+    contacts : numbers of its contacts: one, or the two of a pair.
     quantity : "gap" (m), "stiffness" (N/m) or "position" (m).
     damping_ratio : of the snubber's dashpot; None if the dashpot is given by its coefficient, or there is none.
     """
 
     family: SystemFamily
     path: Path
-    index: int
+    contacts: tuple[int, ...]
     quantity: str
     damping_ratio: float | None = None
 
@@ -293,8 +295,14 @@ class MovedContact:
         """
         if self.quantity == "stiffness" and value <= 0:
             raise ArithmeticError("the stiffness became negative")
-        c, i = self.family.contacts_at(self.path, value), self.index
-        rates = ContactDirection.of(c)
+        contacts = self.family.contacts_at(self.path, value)
+        rates = ContactDirection.of(contacts)
+        for i in self.contacts:
+            self._differentiate(contacts, rates, i, value)
+        return contacts, rates
+
+    def _differentiate(self, contacts: Contacts, rates: ContactDirection, i: int, value: float) -> None:
+        """Write the derivatives of one contact at a value of the parameter."""
         if self.quantity == "gap":
             rates.gap[i] = 1.0
         elif self.quantity == "stiffness":
@@ -302,13 +310,12 @@ class MovedContact:
         else:
             site = of_kind(Place, self.family.parts.snubber_sites[i])
             rates.shape[i], rates.base_participation[i] = self.family.rates_along(replace(site, point=value))
-        law = c.laws[i]
+        law = contacts.laws[i]
         if self.damping_ratio is not None and self.quantity != "gap" and law.dashpot:
-            omega_squared, k, phi = self.family.system.dynamics.stiffness, law.stiffness, c.shape[i]
+            omega_squared, k, phi = self.family.system.dynamics.stiffness, law.stiffness, contacts.shape[i]
             square = (2 * self.damping_ratio * k / law.dashpot) ** 2
             values, vectors = np.linalg.eigh(np.diag(omega_squared) + k * np.outer(phi, phi))
             v = vectors[:, int(np.argmin(np.abs(values - square)))]
             moved = float(phi @ v)
             slope = moved**2 * rates.stiffness[i] + 2 * k * moved * float(rates.shape[i] @ v)
             rates.dashpot[i] = law.dashpot * (rates.stiffness[i] / k - 0.5 * slope / square)
-        return c, rates

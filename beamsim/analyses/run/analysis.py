@@ -46,6 +46,7 @@ from beamsim.inputs.statements import InputStatement
 from beamsim.outcomes import Stop, interruption
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.parameters import replaced
 from beamsim.scenario.run import OrbitStart, Reduction, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.build import build_system
@@ -412,13 +413,10 @@ def _at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool =
         return scenario.model_copy(update=changed)
     changed["excitation"] = excitation.at(orbit.frequency_hz, orbit.level)
     if orbit.parameter in ("gap", "stiffness"):
-        stops = [stop for snubber in scenario.snubbers for stop in snubber.stops]
-        names = [stop.name for stop in stops]
-        if orbit.snubber not in names:
-            _reject(f"follows the {orbit.parameter} of {orbit.snubber}, which is not in snubbers", "list it there")
-        k = names.index(orbit.snubber)
-        stops[k] = stops[k].model_copy(update={orbit.parameter: orbit.value})
-        changed["snubbers"] = tuple(stops)
+        named = [located for located in scenario.written_snubbers if located.item.name == orbit.snubber]
+        if not named:
+            _reject(f"follows the {orbit.parameter} of {orbit.snubber}, which is no snubber of this scenario", "add it")
+        scenario = replaced(scenario, {(*named[0].path, orbit.parameter): orbit.value})
     elif orbit.parameter == "position":
         _reject(
             "follows a position, in coordinates that change with it", "start from a continuation in another parameter"
