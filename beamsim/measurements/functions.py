@@ -78,11 +78,11 @@ MEASURED = (
 _DENSITIES = (
     *units.LEVEL_PSD,
     units.MOMENT_PSD,
-    Dimension("velocity spectral density", "m^2/s", "1 (m/s)^2/Hz", power=2),
-    Dimension("displacement spectral density", "m^2 s", "1 mm^2/Hz", power=2),
+    Dimension("velocity spectral density", "m^2/s", "1 (m/s)^2/Hz"),
+    Dimension("displacement spectral density", "m^2 s", "1 mm^2/Hz"),
 )
 _SQUARES = tuple(
-    Dimension(f"squared {each.name}", unit, "", gravity=each.gravity, power=2)
+    Dimension(f"squared {each.name}", unit, "", gravity=each.gravity)
     for each, unit in (
         (units.ACCELERATION, "m^2/s^4"), (units.VELOCITY, "m^2/s^2"), (units.LENGTH, "m^2"), (units.FORCE, "N^2"),
     )

@@ -363,4 +363,5 @@ def in_si(signal: MeasuredSignal, unit: str | None, dimension: units.Dimension, 
     except units.UnitError as error:
         given = f"= {named}" if unit else f"is missing, and {source} has values in {named}, which"
         raise ScenarioError.at(at, f"{given} {error.message}", remedy) from None
-    return replace(signal, y=signal.y * factor, unit=dimension.unit)
+    with np.errstate(over="ignore"):  # which `checked` finds
+        return replace(signal, y=signal.y * factor, unit=dimension.unit)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -549,6 +550,8 @@ def _flow(value: object) -> str:
         return value if value and value == value.strip() and value.isprintable() else repr(value)
     if isinstance(value, float):
         return f"{value:.12g}"
+    if isinstance(value, int) and abs(value) >= 10**LONGEST_VALUE:  # Python refuses to write more than 4,300 digits
+        return f"a whole number of about {value.bit_length() * math.log10(2):.0f} digits"
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, (list, tuple)):

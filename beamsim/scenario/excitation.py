@@ -787,7 +787,7 @@ class MatchedInput(Driven):
     """Quality factor Q = 1 / (2 damping ratio) of the oscillators of the curve, above that of critical damping."""
     duration: q.Duration
     """Duration of the record, at least 1.5 cycles of the lowest frequency; it begins and ends at rest."""
-    seed: q.NotNegativeWhole = 0
+    seed: q.RandomSeed = 0
     """Seed of the times and signs of its wavelets: the same seed gives the same record."""
 
     shock: ClassVar[bool] = True

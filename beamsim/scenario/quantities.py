@@ -16,8 +16,9 @@ from pydantic_core import CoreSchema, core_schema
 from beamsim.scenario import units
 from beamsim.scenario.units import Dimension, UnitError
 
-LARGEST_COUNT = 10**15
-"""Largest whole number that is accepted where there is no other limit."""
+LARGEST_COUNT = 10**9
+"""Largest number of anything, where there is no other limit."""
+LARGEST_SEED = 10**15
 
 
 class FieldType:
@@ -105,13 +106,28 @@ class Bounded(FieldType):
         raise UnitError(f"must {said}", f"write for example {self.example}")
 
     @property
+    def range(self) -> tuple[float, float]:
+        """Smallest size, other than zero, and largest size of a number."""
+        raise NotImplementedError
+
+    @property
     def bounds_schema(self) -> JsonSchemaValue:
-        """The number with its bounds for the JSON Schema."""
-        bounds = {
-            "minimum": self.minimum, "exclusiveMinimum": self.above, "maximum": self.maximum,
-            "exclusiveMaximum": self.below,
-        }  # fmt: skip
-        return {"type": "number"} | {name: bound for name, bound in bounds.items() if bound is not None}
+        """The number with its bounds for the JSON Schema: those of the field within those of the dimension."""
+        smallest, largest = self.range
+        bounds = {"minimum": -largest, "maximum": largest}
+        if self.above is not None and self.above >= 0.0:
+            bounds["minimum"] = smallest
+        if self.minimum is not None:
+            bounds["minimum"] = self.minimum
+        elif self.above is not None and self.above != 0.0:
+            bounds["exclusiveMinimum"] = self.above
+            del bounds["minimum"]
+        if self.maximum is not None:
+            bounds["maximum"] = min(self.maximum, largest)
+        elif self.below is not None:
+            bounds["exclusiveMaximum"] = self.below
+            del bounds["maximum"]
+        return {"type": "number"} | bounds
 
 
 @dataclass(frozen=True)
@@ -125,9 +141,15 @@ class Quantity(Bounded):
         """How to write one."""
         return self.dimension.example
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """That of the dimension."""
+        return self.dimension.smallest, self.dimension.largest
+
     def read(self, value: Any) -> float:
         """Return the SI number."""
-        return self.bounded(units.read_quantity(value, self.dimension))
+        number = self.bounded(units.read_quantity(value, self.dimension, any_size=True))
+        return units.in_range(number, (self.dimension,), f"write for example {self.example}")
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string, with the SI unit under ``x-unit``."""
@@ -282,6 +304,11 @@ class LevelType(Bounded):
     example: str = "2 g"
     examples: tuple[str, ...] = ("2 g", "0.1 N", "0.1 mm")
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """That of all quantities together, since a bare number may be any of them."""
+        return units.range_of(dimension for _, dimension in self.quantities)
+
     def read(self, value: Any) -> LevelValue:
         """Return the SI number with the quantity it is."""
         if isinstance(value, LevelValue):
@@ -337,16 +364,18 @@ class NumberOrText(FieldType):
 
     def read(self, value: Any) -> float | str:
         """Return it as it is."""
-        remedy = f"write for example {self.example}"
         if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+            remedy = f"write for example {self.example}"
             raise UnitError(f"must be a number, with or without unit{', or a word' * self.words}", remedy)
-        if isinstance(value, float) and not math.isfinite(value):
-            raise UnitError("must be finite", remedy)
+        if isinstance(value, str):
+            return printable(value, LONGEST_TEXT)
+        units.read_quantity(value, replace(units.ANY, example=self.example))
         return value
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string."""
-        return {"anyOf": [{"type": "number"}, {"type": "string"}]}
+        number = {"type": "number", "minimum": -units.ANY.largest, "maximum": units.ANY.largest}
+        return {"anyOf": [number, {"type": "string", "maxLength": LONGEST_TEXT}]}
 
 
 @dataclass(frozen=True)
@@ -354,7 +383,7 @@ class Whole(FieldType):
     """A whole number in a range."""
 
     minimum: int
-    maximum: int | None = None
+    maximum: int = LARGEST_COUNT
     word: str = ""  # beside numbers
     what: str = "whole number"
 
@@ -368,23 +397,22 @@ class Whole(FieldType):
         if self.word and value == self.word:
             return value
         remedy = f"write a {self.what}, {self.minimum} or more{f', or {self.word}' * bool(self.word)}"
-        if self.maximum is not None:
+        if self.maximum < LARGEST_COUNT:
             remedy = f"write a whole number from {self.minimum} to {self.maximum}"
         try:
-            number = units.read_quantity(value, units.NUMBER)
+            number = value if type(value) is int else units.read_quantity(value, units.NUMBER)
         except UnitError:
             raise UnitError("must be a whole number", remedy) from None
-        if number != int(number):
+        whole = int(number)
+        if whole != number:
             raise UnitError("must be a whole number", remedy)
-        whole = value if isinstance(value, int) else int(number)
-        if not self.minimum <= whole <= (LARGEST_COUNT if self.maximum is None else self.maximum):
+        if not self.minimum <= whole <= self.maximum:
             raise UnitError("is out of range", remedy)
         return whole
 
     def json_schema(self) -> JsonSchemaValue:
         """Return a bounded integer."""
-        schema: JsonSchemaValue = {"type": "integer", "minimum": self.minimum}
-        schema |= {} if self.maximum is None else {"maximum": self.maximum}
+        schema: JsonSchemaValue = {"type": "integer", "minimum": self.minimum, "maximum": self.maximum}
         return {"anyOf": [schema, {"const": self.word}]} if self.word else schema
 
 
@@ -393,6 +421,7 @@ class SeedType(Whole):
     """A seed, or a blend of the realisations of several: 0.8*4 + 0.6*7."""
 
     minimum: int = 0
+    maximum: int = LARGEST_SEED
 
     def read(self, value: Any) -> int | str:
         """Return the integer, or the text of the blend."""
@@ -416,7 +445,10 @@ def blended(seed: int | str) -> list[tuple[int, float]]:
     if not isinstance(seed, str):
         return [(seed, 1.0)]
     try:
-        terms = [(Whole(0).read(of), float(share)) for share, of in (term.split("*") for term in seed.split("+"))]
+        terms = [
+            (Whole(0, LARGEST_SEED).read(of), float(share))
+            for share, of in (term.split("*") for term in seed.split("+"))
+        ]
         size = math.hypot(*(share for _, share in terms))
         return [(of, share / size) for of, share in terms]
     except (ValueError, ZeroDivisionError):
@@ -464,6 +496,8 @@ class TextType(FieldType):
         """Return the text; a number is taken as it is written."""
         if isinstance(value, bool) or not isinstance(value, (str, int, float)):
             raise UnitError("must be text", "put the value in quotes")
+        if isinstance(value, int) and value.bit_length() > 4 * LONGEST_NAME:
+            raise UnitError("has too many digits", "put the value in quotes, and shorten it")
         text = printable(str(value), LONGEST_NAME if self.name else LONGEST_TEXT)
         if self.name and not re.fullmatch(r"\w(?:[\w .+-]*[\w+-])?", text):
             raise UnitError(
@@ -473,7 +507,9 @@ class TextType(FieldType):
 
     def json_schema(self) -> JsonSchemaValue:
         """Return a string."""
-        return {"type": "string", "minLength": 1} if self.name else {"type": "string"}
+        if self.name:
+            return {"type": "string", "minLength": 1, "maxLength": LONGEST_NAME}
+        return {"type": "string", "maxLength": LONGEST_TEXT}
 
 
 @dataclass(frozen=True)
@@ -509,6 +545,8 @@ Text = Annotated[str, TextType()]
 FileName = Annotated[str, FileType()]
 Name = Annotated[str, TextType(name=True)]
 Count = Annotated[int, Whole(1)]
+Few = Annotated[int, Whole(1, 10_000)]
+"""Number of what is computed or kept one by one."""
 
 Modes = Annotated[int | Literal["all"], Whole(1, word="all", what="number of modes")]
 Elements = Annotated[int, Whole(1, 5000)]
@@ -518,7 +556,7 @@ SteppedCount = Annotated[int, Whole(2, 100_000)]
 Coefficient = Annotated[float, Quantity(units.NUMBER)]
 PositiveNumber = Annotated[float, _positive(units.NUMBER)]
 Factor = Annotated[float, _not_negative(replace(units.NUMBER, name="factor"))]
-Ratio = Annotated[float, Quantity(units.RATIO, minimum=0.0, maximum=1e6)]
+Ratio = Annotated[float, _not_negative(units.RATIO)]
 Length = Annotated[float, _positive(units.LENGTH)]
 Amplitude = Annotated[float, Quantity(replace(units.LENGTH, example="1 mm"))]
 PositionOrShare = Annotated[float | Share, PositionType(replace(units.LENGTH, name="position"), minimum=0.0)]
@@ -575,6 +613,8 @@ Level = Annotated[float, LevelType()]
 PositiveLevel = Annotated[float, LevelType(above=0.0)]
 SweepRate = Annotated[Rate, RateType()]
 NotNegativeWhole = Annotated[int, Whole(0)]
+RandomSeed = Annotated[int, Whole(0, LARGEST_SEED)]
+"""Of what is drawn once; `Seed` takes blends as well."""
 Seed = Annotated[int | str, SeedType()]
 DENSITY_DIMENSIONS = dict(
     zip(("acceleration", "force", "force_per_length", "pressure", "angular_acceleration"), units.LEVEL_PSD, strict=True)

@@ -184,7 +184,7 @@ class Tolerances(Schema):
 
     samples: q.SteppedCount = 20
     """Number of deviations, a Latin-hypercube sample; it is the same for all cases."""
-    seed: q.NotNegativeWhole = 0
+    seed: q.RandomSeed = 0
     """Seed of the random generator."""
     quantile: q.Quantile = 1.0
     """Limits and the objective judge a case by this quantile of its values, counted from the good side; by default by
@@ -245,7 +245,7 @@ class LatinHypercube(_ToleratedStudy):
     """A Latin-hypercube sample."""
     samples: q.SteppedCount
     """Number of cases."""
-    seed: q.NotNegativeWhole = 0
+    seed: q.RandomSeed = 0
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters."""
@@ -260,7 +260,7 @@ class Sobol(_Study):
     """A sample for Sobol' indices."""
     samples: q.SteppedCount
     """Size n of the sample, a power of two; there are n times the number of parameters plus two cases."""
-    seed: q.NotNegativeWhole = 0
+    seed: q.RandomSeed = 0
     """Seed of the random generator."""
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters, which are independent of each other."""
@@ -289,7 +289,7 @@ class Reliability(Schema):
     """Histories of each level of a subset simulation, with which importance sampling begins, and of further batches."""
     most_cases: q.SteppedCount = 20_000
     """Number of histories at most."""
-    seed: q.NotNegativeWhole = 0
+    seed: q.RandomSeed = 0
     """Seed of the random generator."""
     parameters: tuple[RandomParameter, ...] = ()
     """The numbers that scatter; none is needed with a random or matched input."""
@@ -319,7 +319,7 @@ class Optimise(Schema):
     """Responses that are computed beside the objectives and those of limits; only these by default."""
     most_cases: q.SteppedCount = 400
     """Number of designs that are tried at most, each with its deviations."""
-    seed: q.NotNegativeWhole = 0
+    seed: q.RandomSeed = 0
     """Seed of the random generator."""
 
     def check(self) -> None:
@@ -423,7 +423,7 @@ class MonteCarlo(Schema):
 
     samples: q.SteppedCount = 10_000
     """Number of samples."""
-    seed: q.NotNegativeWhole = 0
+    seed: q.RandomSeed = 0
     """Seed of the random generator."""
 
 
@@ -524,7 +524,7 @@ class SteadyTest(_RecordedTest):
     level: q.Level | None = None
     """Excitation level of this test, in the quantity of the scenario's excitation; a frequency response is multiplied
     by it."""
-    harmonics: q.Count = 6
+    harmonics: Annotated[int, q.Whole(1, 500)] = 6
     """Number of harmonics of the excitation frequency that the fit uses; a frequency response has one."""
     last: q.Duration | None = None
     """Use only the last part of a time signal (the steady vibration); everything by default."""
@@ -640,11 +640,11 @@ class NonlinearFit(Schema):
     """The measured vibrations, transients and rows of tables of sweeps."""
     leave_out: tuple[q.Text, ...] = ()
     """Names, or files, of tests that are not used."""
-    starts: q.Count = 5
+    starts: q.Few = 5
     """Number of starting points: the values in the scenario and random points around them."""
     spread: q.Ratio = 0.3
     """Relative spread of the random starting points about the values in the scenario."""
-    seed: q.NotNegativeWhole = 0
+    seed: q.RandomSeed = 0
     """Seed of the random starting points."""
     profiles: bool = True
     """Compute the profile likelihood of every parameter, for the plot."""

@@ -331,9 +331,9 @@ class SteppedSine(_UpAndDown):
     """A motion is steady if it repeats to this fraction of its size."""
     most_cycles: q.Count = 2000
     """Largest number of cycles at one frequency."""
-    longest_period: q.Count = 16
+    longest_period: q.Few = 16
     """Longest period considered, in cycles of the excitation."""
-    measured_cycles: q.Count = 8
+    measured_cycles: q.Few = 8
     """Smallest number of cycles measured after the motion is steady."""
 
 
@@ -368,7 +368,7 @@ class BoxCoordinate(Schema):
 class _Starts(Schema):
     number: q.SteppedCount = 100
     """Number of starts at each frequency."""
-    seed: q.NotNegativeWhole = 0
+    seed: q.RandomSeed = 0
     """Seed of the random numbers."""
 
 
@@ -459,7 +459,7 @@ class Coexisting(Schema):
     """A motion is settled if it repeats to this fraction of its size; its shooting begins there."""
     most_cycles: q.Count = 1000
     """Largest number of cycles until a motion has settled."""
-    longest_period: q.Count = 16
+    longest_period: q.Few = 16
     """Longest period considered, in cycles of the excitation."""
     convergence: Literal["on", "off"] | None = None
     """Whether the largest values of stable motions are compared with those of a finer model; by default off, in a
@@ -508,7 +508,7 @@ class FullPeriodMethod(Schema):
     """Full-period shooting with a phase condition."""
     branches: q.NotNegativeWhole = 3
     """Largest number of branches of non-brake orbits to follow from their bifurcations; 0 for none."""
-    points: q.Count = 120
+    points: q.Few = 120
     """Largest number of points on each of these branches."""
 
 

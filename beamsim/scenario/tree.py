@@ -12,6 +12,7 @@ key that excludes inherited ones (``gap`` and ``preload``, ...) replaces them. `
 from __future__ import annotations
 
 import copy
+import math
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -71,7 +72,10 @@ def from_python(value: object) -> Any:
     if isinstance(value, Integral):
         return int(value)
     if isinstance(value, Real):
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError:  # of a fraction
+            return math.inf
     return from_python(value.tolist()) if hasattr(value, "tolist") else value  # NumPy arrays and scalars
 
 

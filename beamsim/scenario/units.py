@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -25,14 +25,20 @@ from beamsim.scenario.base import Unfit
 
 @dataclass(frozen=True)
 class Dimension:
-    """What a quantity measures: its name, its SI unit as text, and an example of how to write it."""
+    """What a quantity measures: its name, its SI unit as text, an example of how to write it, and its range.
+
+    The range is that of sizes, whatever their sign; zero is in it. It has room for resonators of nanometres, for
+    bridges, and for models without dimensions, in which masses and stiffnesses are about 1. What lies outside is a
+    typing error, or would overflow in what is computed of it.
+    """
 
     name: str
     unit: str
     example: str
+    smallest: float = 1e-30  # SI, other than zero
+    largest: float = 1e30
     gravity: bool = False  # `g` means standard gravity here
     plain: bool = False  # a number without any unit, not even % or mm/m
-    power: int = 1  # of a length, roughly: how far values may be from 1, see `LARGEST`
 
     @property
     def with_article(self) -> str:
@@ -41,56 +47,56 @@ class Dimension:
 
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
-LARGEST = 1e30
-"""Values outside 1/LARGEST to LARGEST (to its square for areas and the like) are no physical quantities."""
 
-NUMBER = Dimension("plain number", "", "0.5", plain=True)
-RATIO = Dimension("ratio", "", "2 %")
-LENGTH = Dimension("length", "m", "270 mm")
-AREA = Dimension("area", "m^2", "250 mm^2", power=2)
-SECOND_MOMENT = Dimension("second moment of area", "m^4", "520.8 mm^4", power=2)
-MASS = Dimension("mass", "kg", "4.2 g")
-DENSITY = Dimension("density", "kg/m^3", "2700 kg/m^3")
-PRESSURE = Dimension("modulus or stress", "Pa", "69 GPa")
-BENDING_STIFFNESS = Dimension("bending stiffness", "N m^2", "210 N m^2", power=2)
-ROTARY_INERTIA = Dimension("moment of inertia", "kg m^2", "2 kg mm^2", power=2)
-PLATE_STIFFNESS = Dimension("bending stiffness per width", "N m", "2967 N m")
-MASS_PER_AREA = Dimension("mass per area", "kg/m^2", "3.1 kg/m^2")
-TORSIONAL_STIFFNESS = Dimension("torsional stiffness", "N m^2", "35 N m^2", power=2)
-SECTION_MODULUS_PER_LENGTH = Dimension("section modulus per width", "m^2", "4.2 mm^2", power=2)
-MASS_PER_LENGTH = Dimension("mass per length", "kg/m", "3.1 kg/m")
-STIFFNESS = Dimension("stiffness", "N/m", "151.1 kN/m")
-CUBIC_STIFFNESS = Dimension("cubic stiffness", "N/m^3", "0.5 N/m^3", power=2)
-DASHPOT = Dimension("dashpot coefficient", "N s/m", "12 N s/m")
-ROTATIONAL_STIFFNESS = Dimension("rotational stiffness", "N m/rad", "200 N m/rad")
-ROTATIONAL_DASHPOT = Dimension("rotational dashpot coefficient", "N m s/rad", "0.05 N m s/rad")
-VISCOUS_PER_LENGTH = Dimension("viscous coefficient per unit length", "N s/m^2", "3 N s/m^2")
-PER_TIME = Dimension("reciprocal time", "1/s", "2 1/s")
-TIME = Dimension("time", "s", "0.4 s")
-FREQUENCY = Dimension("frequency", "Hz", "65 Hz")
-ANGLE = Dimension("angle", "rad", "90 deg")
-FORCE = Dimension("force", "N", "1.5 N")
-IMPULSE = Dimension("impulse", "N s", "50 mN s")
-MOMENT = Dimension("moment", "N m", "12 N m")
-WEAR_RATE = Dimension("wear rate", "m^2/N", "1e-6 mm^3/(N m)")
-OCTAVES_PER_TIME = Dimension("sweep rate", "oct/s", "2 oct/min")
-FREQUENCY_PER_TIME = Dimension("sweep rate in Hz", "Hz/s", "5 Hz/s")
-ENERGY = Dimension("energy", "J", "1 uJ")
-MEMORY = Dimension("memory", "byte", "2 GB")
-VELOCITY = Dimension("velocity", "m/s", "0.2 m/s")
-ACCELERATION = Dimension("acceleration", "m/s^2", "2 g", gravity=True)
-ACCELERATION_PSD = Dimension("acceleration spectral density", "m^2/s^3", "0.01 g^2/Hz", gravity=True, power=2)
-FORCE_PSD = Dimension("force spectral density", "N^2/Hz", "0.1 N^2/Hz", power=2)
-MOMENT_PSD = Dimension("moment spectral density", "N^2 m^2/Hz", "0.1 N^2 m^2/Hz", power=2)
-ANGULAR_ACCELERATION = Dimension("angular acceleration", "rad/s^2", "50 rad/s^2")
-ANGULAR_VELOCITY = Dimension("angular velocity", "rad/s", "2 rad/s")
+NUMBER = Dimension("plain number", "", "0.5", 1e-20, 1e20, plain=True)
+RATIO = Dimension("ratio", "", "2 %", 1e-20, 1e6)
+LENGTH = Dimension("length", "m", "270 mm", 1e-20, 1e6)
+AREA = Dimension("area", "m^2", "250 mm^2", 1e-24, 1e12)
+SECOND_MOMENT = Dimension("second moment of area", "m^4", "520.8 mm^4", 1e-44, 1e16)
+MASS = Dimension("mass", "kg", "4.2 g", 1e-27, 1e12)
+DENSITY = Dimension("density", "kg/m^3", "2700 kg/m^3", 1e-12, 1e12)
+PRESSURE = Dimension("modulus or stress", "Pa", "69 GPa", 1e-12, 1e20)
+BENDING_STIFFNESS = Dimension("bending stiffness", "N m^2", "210 N m^2", 1e-32, 1e24)
+ROTARY_INERTIA = Dimension("moment of inertia", "kg m^2", "2 kg mm^2", 1e-44, 1e18)
+PLATE_STIFFNESS = Dimension("bending stiffness per width", "N m", "2967 N m", 1e-24, 1e20)
+MASS_PER_AREA = Dimension("mass per area", "kg/m^2", "3.1 kg/m^2", 1e-15, 1e12)
+TORSIONAL_STIFFNESS = Dimension("torsional stiffness", "N m^2", "35 N m^2", 1e-32, 1e24)
+SECTION_MODULUS_PER_LENGTH = Dimension("section modulus per width", "m^2", "4.2 mm^2", 1e-24, 1e12)
+MASS_PER_LENGTH = Dimension("mass per length", "kg/m", "3.1 kg/m", 1e-24, 1e12)
+STIFFNESS = Dimension("stiffness", "N/m", "151.1 kN/m", 1e-18, 1e20)
+CUBIC_STIFFNESS = Dimension("cubic stiffness", "N/m^3", "0.5 N/m^3", 1e-24, 1e27)
+DASHPOT = Dimension("dashpot coefficient", "N s/m", "12 N s/m", 1e-24, 1e15)
+ROTATIONAL_STIFFNESS = Dimension("rotational stiffness", "N m/rad", "200 N m/rad", 1e-24, 1e20)
+ROTATIONAL_DASHPOT = Dimension("rotational dashpot coefficient", "N m s/rad", "0.05 N m s/rad", 1e-30, 1e15)
+VISCOUS_PER_LENGTH = Dimension("viscous coefficient per unit length", "N s/m^2", "3 N s/m^2", 1e-24, 1e15)
+PER_TIME = Dimension("reciprocal time", "1/s", "2 1/s", 1e-15, 1e15)
+TIME = Dimension("time", "s", "0.4 s", 1e-15, 1e10)
+FREQUENCY = Dimension("frequency", "Hz", "65 Hz", 1e-10, 1e15)
+ANGLE = Dimension("angle", "rad", "90 deg", 1e-15, 1e6)
+FORCE = Dimension("force", "N", "1.5 N", 1e-24, 1e15)
+IMPULSE = Dimension("impulse", "N s", "50 mN s", 1e-27, 1e15)
+MOMENT = Dimension("moment", "N m", "12 N m", 1e-30, 1e18)
+WEAR_RATE = Dimension("wear rate", "m^2/N", "1e-6 mm^3/(N m)", 1e-30, 1.0)
+OCTAVES_PER_TIME = Dimension("sweep rate", "oct/s", "2 oct/min", 1e-12, 1e9)
+FREQUENCY_PER_TIME = Dimension("sweep rate in Hz", "Hz/s", "5 Hz/s", 1e-12, 1e18)
+ENERGY = Dimension("energy", "J", "1 uJ", 1e-36, 1e21)
+MEMORY = Dimension("memory", "byte", "2 GB", 1.0, 1e15)
+VELOCITY = Dimension("velocity", "m/s", "0.2 m/s", 1e-20, 1e9)
+ACCELERATION = Dimension("acceleration", "m/s^2", "2 g", 1e-18, 1e18, gravity=True)
+ACCELERATION_PSD = Dimension("acceleration spectral density", "m^2/s^3", "0.01 g^2/Hz", 1e-36, 1e36, gravity=True)
+FORCE_PSD = Dimension("force spectral density", "N^2/Hz", "0.1 N^2/Hz", 1e-48, 1e30)
+MOMENT_PSD = Dimension("moment spectral density", "N^2 m^2/Hz", "0.1 N^2 m^2/Hz", 1e-60, 1e36)
+ANGULAR_ACCELERATION = Dimension("angular acceleration", "rad/s^2", "50 rad/s^2", 1e-18, 1e18)
+ANGULAR_VELOCITY = Dimension("angular velocity", "rad/s", "2 rad/s", 1e-18, 1e12)
 ANGULAR_ACCELERATION_PSD = Dimension(
-    "spectral density of an angular acceleration", "rad^2/s^3", "2 rad^2/s^4/Hz", power=2
+    "spectral density of an angular acceleration", "rad^2/s^3", "2 rad^2/s^4/Hz", 1e-36, 1e36
 )
-FORCE_PER_LENGTH = Dimension("force per length", "N/m", "50 N/m")
-FORCE_PER_LENGTH_PSD = Dimension("spectral density of a force per length", "N^2/m^2/Hz", "4 N^2/m^2/Hz", power=2)
-PRESSURE_PSD = Dimension("pressure spectral density", "Pa^2/Hz", "10 Pa^2/Hz", power=2)
-DENSITY_SLOPE = Dimension("slope of a density", "dB/oct", "3 dB/oct")
+FORCE_PER_LENGTH = Dimension("force per length", "N/m", "50 N/m", 1e-24, 1e15)
+FORCE_PER_LENGTH_PSD = Dimension("spectral density of a force per length", "N^2/m^2/Hz", "4 N^2/m^2/Hz", 1e-48, 1e30)
+PRESSURE_PSD = Dimension("pressure spectral density", "Pa^2/Hz", "10 Pa^2/Hz", 1e-36, 1e36)
+DENSITY_SLOPE = Dimension("slope of a density", "dB/oct", "3 dB/oct", 1e-6, 1e3)
+ANY = Dimension("number", "", "150 kN/m", 1e-60, 1e60)
+"""A number of which the field that it is meant for is known later."""
 LEVEL_PSD = (ACCELERATION_PSD, FORCE_PSD, FORCE_PER_LENGTH_PSD, PRESSURE_PSD, ANGULAR_ACCELERATION_PSD)
 """Densities of what an excitation may be."""
 
@@ -301,20 +307,27 @@ def _to_power(unit: Unit, power: int) -> Unit | None:
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
-def read_quantity(value: object, dimension: Dimension) -> float:
+def read_quantity(value: object, dimension: Dimension, *, any_size: bool = False) -> float:
     """Return the value in the SI unit of ``dimension``.
+
+    Parameters
+    ----------
+    value : number, or text with or without a unit.
+    dimension : of the quantity.
+    any_size : whether it may be out of the range of the dimension, which the caller then checks.
 
     Raises
     ------
     UnitError
-        If it is not a finite number, its unit is unknown, or its dimension is wrong.
+        If it is not a finite number, is out of the range, its unit is unknown, or its dimension is wrong.
 
     Examples
     --------
     >>> read_quantity("5 mm", LENGTH), read_quantity(0.005, LENGTH), read_quantity("60 rpm", FREQUENCY)
     (0.005, 0.005, 1.0)
     """
-    return read_level(value, (dimension,))[0]
+    number, of = _read(value, (dimension,))
+    return number if any_size else in_range(number, (of or dimension,), _example_of((dimension,)))
 
 
 def size_of(unit: str, dimension: Dimension) -> float:
@@ -332,13 +345,19 @@ def size_of(unit: str, dimension: Dimension) -> float:
 
 def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dimension | None]:
     """Return the SI value and which of the dimensions its unit has (``None`` for a bare number)."""
+    number, dimension = _read(value, dimensions)
+    return in_range(number, (dimension,) if dimension else dimensions, _example_of(dimensions)), dimension
+
+
+def _read(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dimension | None]:
+    """The SI value of any size, and which of the dimensions its unit has."""
     remedy = _example_of(dimensions)
     number, unit = _split(value, remedy)
     if not unit:
-        return _physical(_finite(number, remedy), dimensions[0], remedy), None
+        return _finite(number, remedy), None
     size, dimension = _size(unit, *dimensions)
     _note(dimension, unit)
-    return _physical(_scaled(number, size, remedy), dimension, remedy), dimension
+    return _scaled(number, size, remedy), dimension
 
 
 def is_in_gravities(unit: str) -> bool:
@@ -388,12 +407,20 @@ def _finite(value: str | float, remedy: str) -> float:
     return number
 
 
-def _physical(number: float, dimension: Dimension, remedy: str) -> float:
-    """The number, if its size is that of a physical quantity: products of a few of them are floats."""
-    largest = LARGEST**dimension.power
-    if number != 0.0 and not 1.0 / largest <= abs(number) <= largest:
-        limits = f"{1.0 / largest:g} to {largest:g} {dimension.unit}".rstrip()
-        raise UnitError(f"is outside the range of physical quantities, {limits}", remedy)
+def range_of(dimensions: Iterable[Dimension]) -> tuple[float, float]:
+    """Smallest size, other than zero, and largest size of a number that may be in any of the dimensions, SI."""
+    dimensions = list(dimensions)
+    return min(each.smallest for each in dimensions), max(each.largest for each in dimensions)
+
+
+def in_range(number: float, dimensions: tuple[Dimension, ...], remedy: str) -> float:
+    """The number, if its size is in the range of one of the dimensions."""
+    smallest, largest = range_of(dimensions)
+    if number != 0.0 and not smallest <= abs(number) <= largest:
+        of = dimensions[0]
+        raise UnitError(
+            f"is outside the range of {of.with_article}, {smallest:g} to {largest:g} {of.unit}".rstrip(), remedy
+        )
     return number
 
 

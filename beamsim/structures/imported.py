@@ -36,6 +36,8 @@ from beamsim.typing import Floats, Ints
 ROUND_OFF = 1e-6
 # Masses below this fraction of those around them are none.
 MASSLESS = 1e-11
+# In the units of the file; products of several entries are floats.
+LARGEST_ENTRY = 1e30
 
 
 def read_matrices_of(section: MatricesBody) -> NamedMatrices:
@@ -169,6 +171,9 @@ def _of_file(key: str, source: Any) -> FileMatrix:
         raise MethodError(f"{key}.{error.about}", error.message, error.remedy) from None
     if not np.all(np.isfinite(matrix.values.data)):
         raise MethodError(key, "has entries that are not finite", "check the analysis that wrote the file")
+    if (largest := float(np.abs(matrix.values.data).max(initial=0.0))) > LARGEST_ENTRY:
+        message = f"has an entry of {largest:.3g}, and takes entries up to {LARGEST_ENTRY:g}"
+        raise MethodError(key, message, "check the analysis that wrote the file")
     return matrix
 
 

@@ -162,9 +162,11 @@ def read_forces(
         remedy = "name all units in the headings: deflection (mm), force (N), time (s)"
         raise MeasurementError(f"cannot be used: {missing[0]}", remedy)
     values = np.column_stack([*found.values()])
+    largest = [_DIMENSIONS[kind].largest for kind in found]
+    ranges = ", ".join(f"{_DIMENSIONS[kind].with_article} up to {_DIMENSIONS[kind].largest:g} SI" for kind in found)
     for wrong, how in (
         (~np.isfinite(values), "is not complete"),
-        (np.abs(values) > units.LARGEST, f"is beyond {units.LARGEST:g} in SI units"),
+        (np.abs(values) > largest, f"is out of range: it takes {ranges}"),
     ):
         if wrong.any():
             row = np.flatnonzero(wrong.any(axis=1))[0] + 1

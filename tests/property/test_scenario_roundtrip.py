@@ -156,7 +156,7 @@ def test_any_text_is_a_quantity_or_a_unit_error(text):
             assert abs(units.read_quantity(text, dimension)) < float("inf")
 
 
-@given(st.floats(-1e30, 1e30).filter(lambda x: x == 0.0 or abs(x) >= 1e-30))
+@given(st.floats(-1e6, 1e6).filter(lambda x: x == 0.0 or abs(x) >= 1e-20))
 def test_numbers_survive_text(number):
     assert units.read_quantity(repr(number), units.LENGTH) == number
     assert units.read_quantity(f"{number!r} m", units.LENGTH) == number

@@ -555,7 +555,7 @@ def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimens
     for name, unit in contacts.items():
         found.setdefault(name, {}).update([OF_CONTACTS[unit]])
     for name, output in outputs.items():
-        dimension = Dimension(spoken(output.quantity), output.unit, f"1 {output.unit}", output.unit == "m/s^2")
+        dimension = Dimension(spoken(output.quantity), output.unit, f"1 {output.unit}", gravity=output.unit == "m/s^2")
         found.setdefault(name, {}).setdefault(output.quantity, dimension)
     return found
 
