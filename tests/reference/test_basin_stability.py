@@ -44,8 +44,8 @@ def states(result):
     return {m.number: np.array([b.coordinates[0, 0], b.coordinate_velocities[0, 0]]) for m, b in pairs}
 
 
-def test_200_starts_end_where_dop853_with_events_takes_them():
-    result = beamsim.coexisting(oscillator(200), workers=1)
+def test_80_starts_end_where_dop853_with_events_takes_them():
+    result = beamsim.coexisting(oscillator(80), workers=1)
     known, times = states(result), np.array([60.0 / 14.0])
     assert len(known) == 2
     stop, structure = Stop(np.ones(1), 4e4, gap=2e-3), chain([1.0], [4e3, 0.0], [4.0, 0.0])
