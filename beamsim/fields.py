@@ -100,6 +100,7 @@ OUTCOME = Codec(_outcome_attributes, _read_outcome)
 
 
 _DECLARED = "declared"
+_DEFERRED = "_deferred"  # of an object: its values that are not known yet, by field
 _REQUIRED: Any = dataclasses.MISSING
 _SCALARS: dict[str, Callable[[Any], Any]] = {"float": float, "int": int, "bool": bool, "str": str}
 
@@ -535,7 +536,49 @@ def declared(cls: Any = None, *, kw_only: bool = False, along: Along = ()) -> An
     if cls is None:
         return lambda made: declared(made, kw_only=kw_only, along=along)
     cls.__along__ = along
-    return dataclass(frozen=True, kw_only=kw_only)(cls)
+    made = dataclass(frozen=True, kw_only=kw_only)(cls)
+    for field in dataclasses.fields(made):
+        if isinstance(field.metadata.get(_DECLARED), Dataset):
+            setattr(made, field.name, _ReadWhenUsed(field.name))
+    return made
+
+
+class Deferred(NamedTuple):
+    """A value that is not known yet."""
+
+    read: Callable[[], Any]  # finds it
+
+
+def made_of(cls: _Class, values: Mapping[str, Any]) -> Any:
+    """An object of a declared class; values that are `Deferred` are found when its field is first used.
+
+    Parameters
+    ----------
+    cls : the class, made with `declared`.
+    values : by name of the field; those of arrays may be `Deferred`.
+    """
+    made = cls(**values)
+    vars(made)[_DEFERRED] = {
+        name: vars(made).pop(name) for name, value in values.items() if isinstance(value, Deferred)
+    }
+    return made
+
+
+class _ReadWhenUsed:
+    """Attribute of a class for a field: it finds a deferred value once; other values Python finds in the object."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, owner: Any, cls: Any = None) -> Any:
+        if owner is None:
+            return self
+        deferred = vars(owner).get(_DEFERRED, {})
+        if self.name not in deferred:
+            raise AttributeError(f"{type(owner).__name__} has no {self.name} yet")
+        value = vars(owner)[self.name] = deferred[self.name].read()
+        deferred.pop(self.name, None)  # another thread may have done the same
+        return value
 
 
 def stored(field: Any) -> Callable[[_Function], _Function]:

@@ -122,7 +122,7 @@ def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
         if not file.exists():
             continue
         try:
-            stored: SweepResult = open_result(file, "sweep")
+            stored: SweepResult = open_result(file, "sweep", whole=True)
         except ResultFileError as error:
             errors.append(error)
             continue
@@ -152,7 +152,7 @@ def continue_motions(
     BeamsimError
         As `concluded`.
     """
-    stored = [(path, open_result(path, "sweep")) for path in overlay]
+    stored = [(path, open_result(path, "sweep", whole=True)) for path in overlay]
 
     def followed(progress: Progress, stop: Interruption) -> ContinuationResult:
         result = checked.continuation(scenario, progress, stop)

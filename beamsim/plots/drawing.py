@@ -29,7 +29,7 @@ MOST_CURVES = 6  # in one plot; more cannot be distinguished
 DARK, RED, GREEN, PALE = "#0b3c5d", "#d1495b", "#3a7d44", "0.65"
 FARTHEST = 4.0  # of the largest value drawn: a line beyond that would leave no room for the curves
 MOST_DRAWN = 12_000  # points of a curve: ten for every pixel of its width
-MOST_AT_ONCE = 20_000  # points of a loop that are filled in one pass; more exceed the memory of the renderer
+MOST_AT_ONCE = 5_000  # points of a loop that are filled in one pass, for each of which the renderer takes some 10 kB
 WIDE = 8.0  # ratio of the ends of an axis from which it is logarithmic; below, it has no room for its numbers
 HERTZ = Scale(1.0, "Hz")
 

@@ -53,7 +53,7 @@ from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.typing import Bools, Floats, Ints
 
-MOST_STATES = 2**18  # samples in a phase portrait
+MOST_STATES = 2**16  # samples in a phase portrait or force-deflection loop
 CELLS = 20, 120  # along each axis of a phase portrait that is a density, at least and at most
 MOST_BANDS = 400  # of the spectrum of a random motion
 SPECTRUM_DB = 60.0  # below the highest point of a spectrum, down to which its frequencies are shown

@@ -86,7 +86,7 @@ class Column(NamedTuple):
     header: str
     unit: str
     meaning: str
-    values: NDArray[Any]  # along one axis those of an axis, along all of them those of an array
+    values: Any  # (n,) of an axis, along all axes of an array: NumPy's, or one that is read part by part
 
 
 class ExportTable(NamedTuple):
@@ -105,17 +105,32 @@ class ExportTable(NamedTuple):
         """The values of axes and columns in the rows between two numbers."""
         shape = [axis.values.size for axis in self.axes]
         index = np.unravel_index(np.arange(first, end), shape) if shape else ()
-        along = [axis.values[k] for axis, k in zip(self.axes, index, strict=True)]
-        return along + [np.reshape(column.values, -1)[first:end] for column in self.columns]
+        along = [_values_at(axis.values, k) for axis, k in zip(self.axes, index, strict=True)]
+        return along + [_flat_part(column.values, first, end) for column in self.columns]
+
+
+def _values_at(array: Any, index: NDArray[Any]) -> NDArray[Any]:
+    """Values of a one-dimensional array; the part between the first and the last of them is read."""
+    begin, end = (int(index.min()), int(index.max()) + 1) if index.size else (0, 0)
+    values: NDArray[Any] = np.asarray(array[begin:end])
+    return np.asarray(values[index - begin])
+
+
+def _flat_part(array: Any, first: int, end: int) -> NDArray[Any]:
+    """Values of an array, row after row, between two numbers; the rows that hold them are read."""
+    row = int(np.prod(array.shape[1:], dtype=int)) or 1
+    begin = first // row
+    rows: NDArray[Any] = np.asarray(array[begin : -(-end // row)] if array.ndim else array[()])
+    return rows.reshape(-1)[first - begin * row : end - begin * row]
 
 
 def tables_of(items: Items) -> list[ExportTable]:
     """All arrays except scales, as tables in the order of the items."""
     tables: dict[tuple[Any, ...], ExportTable] = {}
     for path, item in items.items():
-        if item.values is None or item.scale:
+        if item.array is None or item.scale:
             continue
-        axes = [_axis(items, item.axes, k, size) for k, size in enumerate(item.values.shape)]
+        axes = [_axis(items, item.axes, k, size) for k, size in enumerate(item.array.shape)]
         group = _owner(path, item.axes)
         key = (group, *(item.axes[k] if item.axes else (axis.header, axis.values.size) for k, axis in enumerate(axes)))
         along = f"by_{'_and_'.join(_name(items, axis, k) for k, axis in enumerate(item.axes or [''] * len(axes)))}"
@@ -125,7 +140,7 @@ def tables_of(items: Items) -> list[ExportTable]:
         title = header(_spelt(items, group, path), item.unit)
         while title in {column.header for column in (*table.axes, *table.columns)}:
             title += "_2"
-        values = np.array(item.attributes["names"])[item.values] if _is_index(items, path) else item.values
+        values = np.array(item.attributes["names"])[item.values] if _is_index(items, path) else item.array
         table.columns.append(Column(title, item.unit, item.meaning, values))
     return list(tables.values())
 
@@ -152,7 +167,7 @@ def _axis(items: Items, axes: Sequence[str], k: int, size: int) -> Column:
     if not axes or not axes[k]:
         return Column(_name(items, "", k), "1", "number along this dimension", np.arange(1, size + 1))
     scale = items[axes[k]]
-    return Column(header(last(axes[k]), scale.unit), scale.unit, scale.meaning, scale.values)
+    return Column(header(last(axes[k]), scale.unit), scale.unit, scale.meaning, scale.array)
 
 
 def _owner(path: str, axes: Sequence[str]) -> str:
@@ -172,7 +187,7 @@ def _spelt(items: Items, group: str, path: str) -> str:
     for folder, inner in pairwise(parts):
         here = joined(here, folder)
         place = items[joined(here, inner)]
-        of_names = not given and place.values is None and "name" in place.attributes
+        of_names = not given and place.array is None and "name" in place.attributes
         words.append(folder.removesuffix("s") if of_names else folder)
         given = of_names
     return "_".join((*words, parts[-1]))
@@ -181,7 +196,7 @@ def _spelt(items: Items, group: str, path: str) -> str:
 def _is_index(items: Items, path: str) -> bool:
     """Whether an array has the indices of names that are its attribute."""
     item = items[path]
-    return "names" in item.attributes and np.issubdtype(item.values.dtype, np.integer)
+    return "names" in item.attributes and np.issubdtype(item.array.dtype, np.integer)
 
 
 def _export_csv(result: Any, items: Items, folder: Path) -> list[Path]:
@@ -224,7 +239,7 @@ def _rows(table: ExportTable) -> Iterator[tuple[Any, ...]]:
 def _attributes(items: Items) -> Iterator[tuple[str, str, Any]]:
     """Attributes of all groups and single numbers; the scenario and the summary are in separate files."""
     for path, item in items.items():
-        if path != "/summary" and (item.values is None or not item.values.shape):
+        if path != "/summary" and (item.array is None or not item.array.shape):
             for name, value in _native(item.attributes).items():
                 if (path, name) != ("/", "scenario"):
                     values = value.tolist() if isinstance(value, np.ndarray) else value
@@ -263,7 +278,7 @@ def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
         if path in ("/", "/summary"):
             continue
         home, name = structs[parent(path)], last(path)
-        if item.values is None:
+        if item.array is None:
             structs[path] = home[name] = {"attributes": _native(item.attributes)} if item.attributes else {}
             continue
         stem = name.removesuffix("_real").removesuffix("_imag")

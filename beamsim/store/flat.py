@@ -6,8 +6,9 @@ The declarations of its fields (`beamsim.fields`) say where each of its numbers 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from beamsim.fields import (
     Axes,
     Counter,
     Dataset,
+    Deferred,
     Group,
     Key,
     Member,
@@ -28,6 +30,7 @@ from beamsim.fields import (
     filled,
     is_array,
     key_of,
+    made_of,
     members_of,
 )
 
@@ -37,9 +40,16 @@ class Item:
     """A group, or an array with its axes."""
 
     attributes: dict[str, Any] = field(default_factory=dict)
-    values: Any = None  # None of a group
+    array: Any = (
+        None  # None of a group; a large array of a file is not read yet, see `beamsim.store.results.StoredArray`
+    )
     axes: tuple[str, ...] = ()  # paths of the scales of an array, one a dimension; empty where one is unknown
     scale: bool = False
+
+    @property
+    def values(self) -> Any:
+        """The values of the array, which are read from its file if they were not; None of a group."""
+        return None if self.array is None else np.asarray(self.array)
 
     @property
     def unit(self) -> str:
@@ -220,7 +230,7 @@ class _Walk:
         item = self.item(path)
         texts = {"units": declared.unit, "long_name": declared.meaning, **(texts or {})}
         item.attributes |= {name: filled(text, here.owners) for name, text in texts.items()}
-        item.values, item.scale = _array(value), declared.scale
+        item.array, item.scale = _array(value), declared.scale
         if declared.flags is not None:
             item.attributes |= {
                 "flag_values": np.array([0, 1], dtype=np.uint8),
@@ -233,14 +243,14 @@ class _Walk:
         """Paths of the axes of an array, from the dimension ``first`` on."""
         if isinstance(along, Axes):
             along = self._named_axes(along, path, here.owners[-1])
-        if along and first + len(along) != np.ndim(self.items[path].values):
+        if along and first + len(along) != np.ndim(self.items[path].array):
             raise TypeError(
-                f"{path} is declared along {first + len(along)} axes, not {np.shape(self.items[path].values)}"
+                f"{path} is declared along {first + len(along)} axes, not {np.shape(self.items[path].array)}"
             )
         axes = []
         for number, axis in enumerate(along, first):
             if isinstance(axis, Counter):
-                axes.append(self._counted(here.counters, axis, self.items[path].values.shape[number]))
+                axes.append(self._counted(here.counters, axis, self.items[path].array.shape[number]))
                 continue
             found = _nearest_axis(self.items, path, axis)
             if found is None:
@@ -257,7 +267,7 @@ class _Walk:
             return ()
         if auxiliary and last(path) not in auxiliary:
             item.attributes["coordinates"] = " ".join(auxiliary)
-        return (*along, axes.more) if axes.more and item.values.ndim > len(along) else tuple(along)
+        return (*along, axes.more) if axes.more and item.array.ndim > len(along) else tuple(along)
 
     def _counted(self, group: str, counter: Counter, size: int) -> str:
         """The axis of a counter, made on first use."""
@@ -265,7 +275,7 @@ class _Walk:
         if path not in self.items:
             numbers = np.arange(counter.start, counter.start + size)
             item = self.item(path)
-            item.values, item.scale = _array(counter.labels) if counter.labels else numbers, True
+            item.array, item.scale = _array(counter.labels) if counter.labels else numbers, True
             item.attributes |= {"units": "1", "long_name": counter.meaning}
         return path
 
@@ -343,7 +353,7 @@ class Reader:
         Returns
         -------
         dict
-            Fields that the items lack have their defaults.
+            Fields that the items lack have their defaults; those of arrays that were not read yet are `Deferred`.
 
         Raises
         ------
@@ -385,7 +395,7 @@ class Reader:
                 path = joined(here.path, declared.path)
                 if path not in self.items:
                     raise Missing(f"{path} is missing")
-                return declared.of(**self.fields(declared.of, path, here.owners, key))
+                return made_of(declared.of, self.fields(declared.of, path, here.owners, key))
             case Members() as declared:
                 return self._members(member, declared, here)
             case Table() as declared:
@@ -418,7 +428,7 @@ class Reader:
             given = {name: value for name, value in known.items() if name not in stored}
             own = known.get(key_of(declared.of), key)
             fields = self.fields(declared.of, path, (given, *here.owners), own)
-            members[key] = declared.of(**given, **fields)
+            members[key] = made_of(declared.of, {**given, **fields})
         return members if member.type.startswith("dict") else tuple(members.values())
 
     def _table(self, declared: Table, home: str) -> tuple[Any, ...]:
@@ -431,49 +441,66 @@ class Reader:
             item = self.items.get(joined(home, column.stored_name))
             if column.derived or (item is None and column.default is not None):
                 continue
-            if item is None or np.ndim(item.values) == 0:
+            if item is None or np.ndim(item.array) == 0:
                 raise KeyError(f"{joined(home, column.stored_name)} is missing")
             columns[column.name] = [_of_type(value, column) for value in item.values]
         return tuple(declared.of(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
 
     def _array(self, member: Member, declared: Dataset, path: str) -> Any:
         if f"{path}_real" in self.items:
-            real, imaginary = (self._numbers(f"{path}{part}", member, declared) for part in ("_real", "_imag"))
-            return np.asarray(real + 1j * imaginary)
+            parts = (self._numbers(f"{path}{part}", member, declared) for part in ("_real", "_imag"))
+            return _when_used(_of_parts, *parts)
         item = self.items.get(path)
         if item is None:
             raise Missing(f"{path} is missing")
-        if item.values is not None and item.values.dtype == object and member.may_be_text:
+        if item.array is not None and item.array.dtype == object and member.may_be_text:
             words = [str(word) for word in np.ravel(item.values)]
-            return tuple(words) if member.type.startswith("tuple") else np.array(words).reshape(item.values.shape)
-        values = self._numbers(path, member, declared)
+            return tuple(words) if member.type.startswith("tuple") else np.array(words).reshape(item.array.shape)
+        array = self._numbers(path, member, declared)
         if declared.phase:
-            return values * np.exp(1j * np.radians(self._numbers(f"{path}_phase_deg", member, declared)))
-        return values if values.ndim else _of_type(values[()], member)
+            return _when_used(_of_amplitude, array, self._numbers(f"{path}_phase_deg", member, declared))
+        return _when_used(np.asarray, array) if array.ndim else _of_type(array[()], member)
 
     def _numbers(self, path: str, member: Member, declared: Dataset) -> Any:
-        """The values of an array, if they are numbers along as many axes as declared, and of their lengths."""
+        """An array, read or not, if it has numbers along as many axes as declared, and of their lengths."""
         item = self.items.get(path)
-        if item is None or item.values is None:
+        if item is None or item.array is None:
             raise ValueError(f"{path} is a group")
-        if item.values.dtype == object:
+        if item.array.dtype == object:
             raise ValueError(f"{path} holds text instead of numbers")
         if declared.scale and not item.scale:
             raise ValueError(f"{path} is no dimension scale")
-        if isinstance(declared.along, Axes) and item.values.ndim == 0:
+        if isinstance(declared.along, Axes) and item.array.ndim == 0:
             raise ValueError(f"{path} is a single number, not an array")
         along = () if isinstance(declared.along, Axes) else declared.along or ()
         dimensions = 1 if declared.scale else len(along)
-        if member.scalar is None and dimensions and item.values.ndim != dimensions:
-            raise ValueError(f"{path} has {item.values.ndim} dimensions, not {dimensions}")
-        for axis, size in zip(along, item.values.shape, strict=False):
+        if member.scalar is None and dimensions and item.array.ndim != dimensions:
+            raise ValueError(f"{path} has {item.array.ndim} dimensions, not {dimensions}")
+        for axis, size in zip(along, item.array.shape, strict=False):
             name = axis.name if isinstance(axis, Counter) else axis
             scale = _nearest_axis(self.items, path, name)
             if scale is None:
                 raise ValueError(f"{path} has no axis {name}")
-            if self.items[scale].values.shape != (size,):
+            if self.items[scale].array.shape != (size,):
                 raise ValueError(f"{path} has {size} values along {scale}")
-        return item.values
+        return item.array
+
+
+def _when_used(make: Callable[..., Any], *arrays: Any) -> Any:
+    """What a function makes of arrays: now if all of them were read, otherwise when it is first used."""
+    if all(isinstance(array, np.ndarray) for array in arrays):
+        return make(*arrays)
+    return Deferred(partial(make, *arrays))
+
+
+def _of_parts(real: Any, imaginary: Any) -> Any:
+    """Complex numbers of their parts."""
+    return np.asarray(real) + 1j * np.asarray(imaginary)
+
+
+def _of_amplitude(amplitude: Any, phase_deg: Any) -> Any:
+    """Complex numbers of amplitude and phase."""
+    return np.asarray(amplitude) * np.exp(1j * np.radians(phase_deg))
 
 
 def _decoded(value: Any, member: Member) -> Any:

@@ -22,15 +22,15 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import h5py
 import numpy as np
 
 from beamsim.errors import InputFileError, NotWrittenError, ResultFileError, ScenarioError
-from beamsim.fields import OUTCOME, demand_summary, plain
+from beamsim.fields import OUTCOME, demand_summary, made_of, plain
 from beamsim.files import Content, destination, partial_file, put_in_place, remove_own, temporary_file
-from beamsim.hdf5 import open_hdf5, scale_along, seal
+from beamsim.hdf5 import open_hdf5, read_array, scale_along, seal, values_size
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.scenario import Scenario
 from beamsim.scenario.loading import stored_scenario
@@ -130,16 +130,16 @@ def checksum(items: Items) -> str:
         named_values = sorted(item.attributes.items())
         attributes = {name: _comparable(value) for name, value in named_values if (place, name) != ("/", CHECKSUM)}
         digest.update(repr((place, attributes)).encode())
-        if item.values is None:
+        array = item.array
+        if array is None:
             continue
-        values = np.asarray(item.values)
-        axes = () if item.scale else tuple(item.axes) or ("",) * values.ndim
-        kind = values.dtype.str if values.dtype.kind in "iufc" else "text" if values.dtype.kind in "OU" else "truth"
-        digest.update(repr((item.scale, axes, values.shape, kind)).encode())
-        if values.dtype.kind in "OU":
-            digest.update(repr([str(text) for text in values.ravel()]).encode())
-        elif values.nbytes <= CHUNK_BYTES:
-            digest.update(np.ascontiguousarray(values).tobytes())
+        axes = () if item.scale else tuple(item.axes) or ("",) * array.ndim
+        kind = array.dtype.str if array.dtype.kind in "iufc" else "text" if array.dtype.kind in "OU" else "truth"
+        digest.update(repr((item.scale, axes, array.shape, kind)).encode())
+        if array.dtype.kind in "OU":
+            digest.update(repr([str(text) for text in array.ravel()]).encode())
+        elif array.nbytes <= CHUNK_BYTES:
+            digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 
@@ -227,18 +227,27 @@ def _nan_for_null(value: Any) -> Any:
 # --- Reading ---------------------------------------------------------------------------------------------------------
 
 
-def open_result(path: Path | str, kind: str = "") -> Any:
+def open_result(path: Path | str, kind: str = "", *, whole: bool = False) -> Any:
     """Read a result file of one of `KINDS` (of any kind without `kind`).
+
+    The file is closed again. Arrays larger than 1 MiB are checked by their declarations now, and their values read when
+    a field of the result is first used, for which the file must not have changed.
+
+    Parameters
+    ----------
+    path : of the file.
+    kind : of the result.
+    whole : whether to read all values now, so that the file may change.
 
     Raises
     ------
     ResultFileError
         If the file is missing, unreadable, damaged, not from beamsim, or of another layout, kind or scenario.
     """
-    return open_with_items(path, kind)[0]
+    return open_with_items(path, kind, whole=whole)[0]
 
 
-def open_with_items(path: Path | str, kind: str = "") -> tuple[Any, Items]:
+def open_with_items(path: Path | str, kind: str = "", *, whole: bool = False) -> tuple[Any, Items]:
     """A result as by `open_result`, and the items of its file."""
     with opened(path, KINDS[kind].command if kind else "run") as file:
         actual = _kind(file, path)
@@ -246,8 +255,12 @@ def open_with_items(path: Path | str, kind: str = "") -> tuple[Any, Items]:
             raise ResultFileError(f"{path}: contains {KINDS[actual].called}, not {KINDS[kind].called}")
         items, cls = read_items(file), named(KINDS[actual].result)
         _check_times(items)
+        if whole:
+            for item in items.values():
+                item.array = item.values
         summary = decode_summary(items["/summary"].attributes)
-        result = cls(scenario=_scenario(items["/"], path), summary=summary, **Reader(items).fields(cls))
+        about = {"scenario": _scenario(items["/"], path), "summary": summary}
+        result = made_of(cls, {**about, **Reader(items).fields(cls)})
         if items["/"].attributes.get(CHECKSUM) != checksum(items):
             raise ValueError("its checksum does not fit: it was changed after it was written")
         demand_summary(result)
@@ -356,7 +369,7 @@ def write_items(
 
 def _size(item: Item) -> int:
     texts = sum(len(value) for value in item.attributes.values() if isinstance(value, str))
-    values = 0 if item.values is None else item.values.size * item.values.dtype.itemsize
+    values = 0 if item.array is None else item.array.nbytes
     return values + 4 * texts + _ITEM_BYTES
 
 
@@ -408,7 +421,7 @@ def _checksum(array: Any) -> dict[str, Any]:
 
 
 def read_items(file: h5py.File) -> Items:
-    """The items of an open file.
+    """The items of an open file; large arrays are not read.
 
     Raises
     ------
@@ -418,12 +431,13 @@ def read_items(file: h5py.File) -> Items:
     items: Items = {"/": Item(_attributes(file))}
     scales: dict[int, str] = {}  # by address: to ask a scale for its name, HDF5 searches the file
     along: dict[str, list[int]] = {}
+    state = _state(file.filename)
 
     def note(name: str, owner: h5py.Group | h5py.Dataset) -> None:
         place = f"/{name}"
         item = items[place] = Item(_attributes(owner))
         if isinstance(owner, h5py.Dataset):
-            item.values, item.scale = _values(owner), owner.is_scale
+            item.array, item.scale = _stored(owner, state), owner.is_scale
             if item.scale:
                 scales[_address(owner)] = place
             else:
@@ -434,8 +448,8 @@ def read_items(file: h5py.File) -> Items:
         item = items[place]
         item.axes = tuple(scales.get(address, "") for address in addresses)
         for k, axis in enumerate(item.axes):
-            if axis and items[axis].values.shape != item.values.shape[k : k + 1]:
-                raise ValueError(f"{place} has {item.values.shape[k]} values along {axis}")
+            if axis and items[axis].array.shape != item.array.shape[k : k + 1]:
+                raise ValueError(f"{place} has {item.array.shape[k]} values along {axis}")
     return items
 
 
@@ -453,8 +467,58 @@ def _attributes(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
     return values
 
 
-def _values(dataset: h5py.Dataset) -> Any:
-    """The values: numbers, texts as objects, flags as truth values."""
+class StoredArray(NamedTuple):
+    """A large array of numbers in a result file, which is closed: values are read when they are used.
+
+    Indexing reads a part, `numpy.asarray` the whole. Both raise a `ResultFileError` if the file has changed since, or
+    cannot be read.
+    """
+
+    path: str
+    name: str  # of the dataset
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    state: tuple[int, ...]  # of the file, see `_state`
+
+    @property
+    def ndim(self) -> int:
+        """Number of axes."""
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return math.prod(self.shape)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the values take in memory."""
+        return self.size * self.dtype.itemsize
+
+    def __getitem__(self, index: Any) -> Any:
+        with self._opened() as dataset:
+            return np.asarray(dataset[index]).view(self.dtype)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        with self._opened() as dataset:
+            return np.asarray(read_array(dataset).view(self.dtype), dtype)
+
+    @contextmanager
+    def _opened(self) -> Iterator[h5py.Dataset]:
+        with opened(self.path) as file:
+            if _state(self.path) != self.state:
+                raise ResultFileError(f"{self.path}: has changed since it was opened; open it again")
+            yield file[self.name]
+
+
+def _state(path: str) -> tuple[int, ...]:
+    """What changes where a file is replaced or written to."""
+    status = os.stat(path)
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _stored(dataset: h5py.Dataset, state: tuple[int, ...]) -> Any:
+    """An array: texts as objects, flags as truth values; of numbers above `CHUNK_BYTES` a `StoredArray`."""
     compressed = dataset.compression is not None or dataset.scaleoffset is not None
     if compressed or dataset.is_virtual or dataset.external:
         raise ValueError(f"{dataset.name} is stored as no result is: compressed, virtual or in another file")
@@ -464,12 +528,14 @@ def _values(dataset: h5py.Dataset) -> Any:
         return np.asarray(dataset.asstr()[()], dtype=object)
     if not np.issubdtype(dataset.dtype, np.number) and dataset.dtype != np.bool_:
         raise ValueError(f"{dataset.name} holds {dataset.dtype}, neither numbers nor text")
+    flags = "flag_meanings" in dataset.attrs and dataset.dtype == np.uint8
+    kind = np.dtype(np.bool_) if flags else dataset.dtype
+    if values_size(dataset) > CHUNK_BYTES:
+        return StoredArray(os.path.abspath(dataset.file.filename), dataset.name, dataset.shape, kind, state)
     try:
-        values = np.asarray(dataset[()])
+        return np.asarray(dataset[()]).view(kind)
     except OSError as error:
         raise ValueError(f"{dataset.name} cannot be read: {error}") from None
-    flags = "flag_meanings" in dataset.attrs
-    return values.view(np.bool_) if flags and values.dtype == np.uint8 else values
 
 
 @contextmanager
@@ -500,6 +566,6 @@ def opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
 
 def _check_times(items: Items) -> None:
     """Raise a ValueError where the times of a result are not those from a start to an end, as a run writes them."""
-    times = items["/time"].values if "/time" in items else np.zeros(1)
+    times = items["/time"].array if "/time" in items else np.zeros(1)
     if not 0.0 <= times[0] <= times[-1] < np.inf:
         raise ValueError("its times are not those of a run")

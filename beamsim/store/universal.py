@@ -62,7 +62,7 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
     source = Source(result.title, result.created, f"beamsim {root['beamsim_version']} {root['command']}")
     records = []
     for path, item in items.items():
-        if item.values is None or item.scale:
+        if item.array is None or item.scale:
             continue
         name = _name(items, path)
         for function in _functions(items, path, name):
@@ -242,12 +242,10 @@ def _functions(items: Items, path: str, place: str) -> Iterator[Function]:
     """Functions in an array: one, one for each order of harmonics, or none."""
     item, stem = items[path], path.removesuffix("_real").removesuffix("_imag")
     parts = [items.get(f"{stem}_{part}") for part in ("real", "imag")] if stem != path else []
-    complex_pair = [part.values for part in parts if part is not None]
-    if item.values.dtype.kind != "f" or (len(complex_pair) == 2 and item is parts[1]):
+    complex_pair = [part for part in parts if part is not None]
+    if item.array.dtype.kind != "f" or (len(complex_pair) == 2 and item is parts[1]):
         return
-    y, name = item.values, last(path)
-    if len(complex_pair) == 2:
-        y, name = complex_pair[0] + 1j * complex_pair[1], last(stem)
+    name = last(stem if len(complex_pair) == 2 else path)
     about = items[parent(path)].attributes
     if name == "amplitude" and "quantity" in about:
         quantity = str(about["quantity"])
@@ -256,6 +254,7 @@ def _functions(items: Items, path: str, place: str) -> Iterator[Function]:
     if quantity not in ORDINATES:
         return
     text, names = _label(path, place, quantity), [last(axis) for axis in item.axes]
+    y = complex_pair[0].values + 1j * complex_pair[1].values if len(complex_pair) == 2 else item.values
     if names == ["time"]:
         yield Function(quantity, item.unit, text, items[item.axes[0]].values, y)
         return

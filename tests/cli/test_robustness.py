@@ -123,7 +123,7 @@ class Stop(BaseException):
     """What a signal handler may raise at any moment."""
 
 
-ITEMS = {"/": Item(), **{f"/a{k}": Item(values=np.zeros(10_000)) for k in range(20)}}
+ITEMS = {"/": Item(), **{f"/a{k}": Item(array=np.zeros(10_000)) for k in range(20)}}
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), Stop()])

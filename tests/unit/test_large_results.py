@@ -1,0 +1,152 @@
+"""Large arrays of result files: read when they are used, in part or whole, and never from another file."""
+
+from dataclasses import fields, is_dataclass, replace
+
+import h5py
+import numpy as np
+import pytest
+
+from beamsim.errors import ResultFileError
+from beamsim.kinds import KINDS, named
+from beamsim.store import results
+from beamsim.store.export import export_result
+from beamsim.store.flat import items_of
+from beamsim.store.results import StoredArray, open_result, open_with_items, write_result
+
+SAMPLES = 4001
+LARGE = 20_000  # bytes of an array, in place of 1 MiB
+
+
+@pytest.fixture
+def long_run(fabricated_run, tmp_path, monkeypatch):
+    """File of a run with large arrays, and the run."""
+    monkeypatch.setattr(results, "CHUNK_BYTES", LARGE)
+    run = fabricated_run()
+    assert run.time.size == SAMPLES
+    run.summary.pop("spectral_lines")  # which have not all that the table shows
+    return write_result(run, tmp_path / "long.h5"), run
+
+
+@pytest.fixture
+def read_bytes(monkeypatch):
+    """Bytes of the arrays that are read from files, by name of the dataset."""
+    counted = {}
+    read = h5py.Dataset.__getitem__
+
+    def counting(dataset, index, *more):
+        values = read(dataset, index, *more)
+        counted[dataset.name] = counted.get(dataset.name, 0) + np.asarray(values).nbytes
+        return values
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", counting)
+    return counted
+
+
+def large(counted):
+    """The arrays of which more than a sample was read, and how often."""
+    return {name: size / (8 * SAMPLES) for name, size in counted.items() if size > LARGE}
+
+
+def test_values_are_read_once_when_they_are_used(long_run, read_bytes):
+    path, run = long_run
+    result = open_result(path)
+    assert large(read_bytes) == {}
+    for _ in range(2):
+        np.testing.assert_array_equal(result.probes["tip"].velocity, run.probes["tip"].velocity)
+    assert large(read_bytes) == {"/probes/tip/velocity": 1.0}
+    assert result.probes["tip"].low_passed_acceleration is None
+
+
+def test_info_reads_no_large_array(long_run, read_bytes):
+    result = open_result(long_run[0])
+    assert "peak" in str(result)
+    assert large(read_bytes).keys() <= {"/time"}
+
+
+def test_plots_read_what_they_draw(long_run, read_bytes):
+    result = open_result(long_run[0])
+    pictures = named(KINDS["run"].figures)(result)
+    read = large(read_bytes)
+    assert "displacement" in pictures
+    assert set(read.values()) <= {1.0, 1.0 + 2 / SAMPLES}  # the ends of the time were read before
+    drawn = {f"/probes/{name}/{of}" for name in ("tip", "middle") for of in ("displacement", "absolute_acceleration")}
+    assert drawn <= read.keys()
+    unused = {"/energy/work_in", "/energy/stored", "/probes/tip/absolute_displacement", "/base/displacement"}
+    assert not unused & read.keys()
+
+
+def same(one, other):
+    """Whether two values hold the same, whatever they are made of."""
+    if is_dataclass(one):
+        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one) if f.name != "scenario")
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, (tuple, list)):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, np.ndarray):
+        numbers = one.dtype.kind in "fc"
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=numbers)
+    return one == other or (one != one and other != other)
+
+
+def test_results_are_the_same_whichever_arrays_are_large(fabricated_run, tmp_path, monkeypatch):
+    path = write_result(fabricated_run(), tmp_path / "case.h5")
+    read_at_once = open_result(path)
+    monkeypatch.setattr(results, "CHUNK_BYTES", 200)
+    path = write_result(fabricated_run(), tmp_path / "case.h5")
+    result, items = open_with_items(path)
+    stored = [item for item in items.values() if isinstance(item.array, StoredArray)]
+    assert len(stored) > 30
+    assert {item.array.dtype.kind for item in stored} == {"b", "f", "i"}
+    assert all(item.values.dtype == item.array.dtype and item.values.nbytes == item.array.nbytes for item in stored)
+    assert same(result, read_at_once)
+    assert same(items_of(result)["/probes/tip/velocity"].values, items_of(read_at_once)["/probes/tip/velocity"].values)
+
+
+def test_exports_are_the_same_whichever_arrays_are_large(fabricated_run, tmp_path, monkeypatch):
+    path = write_result(fabricated_run(), tmp_path / "case.h5")
+    tables = export_result(path, tmp_path / "whole", "csv")
+    monkeypatch.setattr(results, "CHUNK_BYTES", 200)
+    monkeypatch.setattr("beamsim.store.export.ROWS_AT_ONCE", 1500)
+    write_result(fabricated_run(), path)
+    again = export_result(path, tmp_path / "again", "csv")
+    assert len(tables) == len(again)
+    for one, other in zip(tables, again, strict=True):
+        assert one.name == "attributes.csv" or one.read_bytes() == other.read_bytes()  # the checksum differs
+
+
+def test_a_file_that_was_replaced_is_not_read_any_more(long_run, fabricated_run):
+    path, run = long_run
+    whole, result = open_result(path, whole=True), open_result(path)
+    force = result.snubbers["tip"].force
+    write_result(fabricated_run(), path)
+    assert result.snubbers["tip"].force is force
+    with pytest.raises(ResultFileError, match=r"long\.h5: has changed since it was opened; open it again"):
+        _ = result.probes["tip"].velocity
+    np.testing.assert_array_equal(whole.probes["tip"].velocity, run.probes["tip"].velocity)
+    path.unlink()
+    with pytest.raises(ResultFileError, match=r"long\.h5: no such result file"):
+        _ = result.probes["tip"].velocity
+
+
+def test_a_result_is_written_over_its_own_file(long_run):
+    path, run = long_run
+    result = open_result(path)
+    write_result(replace(result, wall_time_s=3.0), path)
+    again = open_result(path)
+    assert again.wall_time_s == 3.0
+    for each in (again, result):
+        np.testing.assert_array_equal(each.probes["tip"].velocity, run.probes["tip"].velocity)
+
+
+def test_damage_in_a_large_array_is_found_where_it_is_used(long_run):
+    path, run = long_run
+    with h5py.File(path) as file:
+        at = file["/probes/tip/velocity"].id.get_chunk_info(0).byte_offset
+    data = bytearray(path.read_bytes())
+    data[at + 1000] ^= 1
+    path.write_bytes(data)
+    result = open_result(path)
+    np.testing.assert_array_equal(result.probes["tip"].displacement, run.probes["tip"].displacement)
+    with pytest.raises(ResultFileError, match=r"long\.h5: damaged .*run the case again"):
+        _ = result.probes["tip"].velocity
