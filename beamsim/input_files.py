@@ -133,8 +133,15 @@ def _refusal(path: Path | str, error: OSError | ValueError) -> InputFileError:
     return InputFileError(path, f"cannot be read ({reason})", "check its path and permissions")
 
 
-def read_input(path: Path | str, most_bytes: float = MOST_BYTES_OF_TEXT, remedy: str = _EXPORT_LESS) -> bytes:
+def read_input(
+    path: Path | str, most_bytes: float = MOST_BYTES_OF_TEXT, remedy: str = _EXPORT_LESS, memory: float = 1.0
+) -> bytes:
     """The content of a file, which is opened by `open_input`.
+
+    Parameters
+    ----------
+    path, most_bytes, remedy : as of `open_input`.
+    memory : bytes of memory that a byte of the file takes until it is read.
 
     Raises
     ------
@@ -143,7 +150,7 @@ def read_input(path: Path | str, most_bytes: float = MOST_BYTES_OF_TEXT, remedy:
     """
     with open_input(path, most_bytes, remedy) as file:
         size = os.fstat(file.fileno()).st_size
-        demand_memory(path, size, "to be read")
+        demand_memory(path, memory * size, f"to be read from {bytes_text(size)}")
         try:
             raw = file.read(size + 1) or b""
         except OSError as error:

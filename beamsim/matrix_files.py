@@ -11,7 +11,7 @@ import re
 import struct
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from io import StringIO
 from itertools import islice, zip_longest
@@ -21,7 +21,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 import h5py
 import numpy as np
-from scipy.sparse import coo_array, csc_array, save_npz
+from scipy.sparse import coo_array, csc_array, issparse, save_npz
 
 from beamsim.errors import InputFileError, MethodError
 from beamsim.files import replacing
@@ -155,7 +155,8 @@ def names_of(nodes: Iterable[int], components: Iterable[int]) -> tuple[Dof, ...]
     return tuple((int(n), (MODAL, *DIRECTIONS)[c]) for n, c in zip(nodes, components, strict=True))
 
 
-_SYMMETRIC, _RECTANGULAR = 6, (2, 9)  # forms of a matrix
+_SYMMETRIC, _BY_COLUMN_NUMBER = 6, 9  # forms of a matrix
+_RECTANGULAR = (2, _BY_COLUMN_NUMBER)
 
 
 def pyyeti() -> Any:
@@ -193,22 +194,80 @@ def read_op2(path: Path, name: str | None = None) -> list[FileMatrix]:
     nastran = pyyeti()
     _demand_records(path)
     with nastran.OP2(str(path)) as file:
-        _demand_room(path, file.dblist, name)
+        wanted = [block for block in file.dblist if name in (None, block.name.lower())]
+        tables = [each for each in wanted if each.headers and each.headers[0][0] == _OF_DMIG]
+        _demand_room(path, [block for block in wanted if block.dbtype > 0], tables)
+        _demand_one_of_each(tables)
         matrices = file.rdop2mats([name] if name else None, lower=True, which="all")
-        # tables of DMIG entries begin with these numbers
-        tables = [each.name.lower() for each in file.dblist if each.headers and each.headers[0][0] == (114, 1, 120)]
-    if repeated := [called for called, times in Counter(tables).items() if times > 1 and called == (name or called)]:
-        places = [number for number, called in enumerate(tables, 1) if called == repeated[0]]
-        raise ValueError(f"it holds {repeated[0]} as DMIG tables {' and '.join(map(str, places))}: remove all but one")
-    found = [
+        labelled_ones = [_of_dmig_table(table.name.lower(), _record_of(file, table)) for table in tables]
+    return [
         replace(file_matrix(called, values), place=f"matrix {number} of this name")
         for called, several in matrices.items()
         for number, values in enumerate(several, 1)
-    ]
-    for called, frame in (nastran.rddmig(str(path), tables, square=True) if tables else {}).items():
-        axes = ([*zip(*axis, strict=True)] if axis.nlevels == 2 else (axis, [0] * axis.size) for axis in frame.axes)
-        found.append(file_matrix(called, frame, *(names_of(*axis) for axis in axes)))
-    return found
+    ] + labelled_ones
+
+
+_OF_DMIG = (114, 1, 120)
+"""First numbers of a table of DMIG entries."""
+
+
+def _demand_one_of_each(tables: Sequence[Any]) -> None:
+    """Refuse two tables of one name."""
+    names = [table.name.lower() for table in tables]
+    if repeated := [called for called, times in Counter(names).items() if times > 1]:
+        places = [number for number, called in enumerate(names, 1) if called == repeated[0]]
+        raise ValueError(f"it holds {repeated[0]} as DMIG tables {' and '.join(map(str, places))}: remove all but one")
+
+
+def _record_of(file: Any, table: Any) -> Any:
+    """(n,) the numbers of a table's first record."""
+    file.set_position(table.start)
+    file.rdop2nt()
+    return file.rdop2record()
+
+
+def _of_dmig_table(name: str, record: Any) -> FileMatrix:
+    """The matrix of a table of DMIG entries.
+
+    Twelve numbers, of which number 6 is the form and 7 the type, precede the columns: node and component of the column,
+    those of each row with the entry, and -1, -1. Layout: MSC Nastran, Programmer's reference, data block DMIG.
+
+    Parameters
+    ----------
+    name : of the matrix.
+    record : (n,) four-byte integers, two of which make an entry of double precision.
+
+    Returns
+    -------
+    FileMatrix
+        With names of rows and columns.
+
+    Raises
+    ------
+    ValueError
+        If it is not of four-byte integers, its type is unknown, or a column does not end.
+    """
+    if record.itemsize != 4 or record.size < 12 or not 1 <= record[7] <= 4:
+        raise ValueError(f"the DMIG table {name} is of an unknown type")
+    form, kind = int(record[6]), np.dtype(("f4", "f8", "c8", "c16")[record[7] - 1]).newbyteorder(record.dtype.byteorder)
+    step, begin = 2 + kind.itemsize // 4, 12
+    ends = np.flatnonzero((record[:-1] == -1) & (record[1:] == -1))
+    columns = []
+    while begin < record.size - 2:
+        start = begin + 2
+        later = ends[np.searchsorted(ends, start) :]
+        end = next((int(each) for each in later if (each - start) % step == 0), None)
+        if end is None:
+            raise ValueError(f"a column of the DMIG table {name} does not end")
+        rows = record[start:end].reshape(-1, step)
+        entries = np.empty((len(rows), 5), dtype=complex)
+        entries[:, :2] = rows[:, :2]
+        entries[:, 2:4] = record[begin], 0 if form == _BY_COLUMN_NUMBER else record[begin + 1]
+        entries[:, 4] = np.ascontiguousarray(rows[:, 2:]).view(kind)[:, 0]
+        columns.append(entries)
+        begin = end + 2
+    entries = np.concatenate(columns) if columns else np.empty((0, 5))
+    return labelled(name, entries, square=form not in _RECTANGULAR, one_triangle=form == _SYMMETRIC)
 
 
 def _demand_records(path: Path) -> None:
@@ -228,12 +287,20 @@ def _demand_records(path: Path) -> None:
             at += 8 + count
 
 
-def _demand_room(path: Path, blocks: Iterable[Any], name: str | None) -> None:
-    """Refuse matrices of an OUTPUT2 file, of a name if it is given, that have no room in memory as dense ones."""
-    for block in blocks:
-        if block.dbtype > 0 and name in (None, block.name.lower()):
-            rows, columns = matrix_shape(block.size)
-            demand_memory(path, 16 * rows * columns, f"for the {rows} x {columns} numbers of {block.name}")
+def _demand_room(path: Path, matrices: Iterable[Any], tables: Iterable[Any]) -> None:
+    """Refuse blocks of an OUTPUT2 file that together have no room in memory, where matrices are dense at first."""
+    needed = 0
+    for block in matrices:
+        rows, columns = matrix_shape(block.size)
+        needed += 16 * rows * columns
+        demand_memory(path, needed, f"up to the {rows} x {columns} numbers of {block.name}")
+    for block in tables:
+        needed += _BYTES_OF_TABLE * block.nbytes
+        demand_memory(path, needed, f"up to the entries of {block.name}")
+
+
+_BYTES_OF_TABLE = 30
+"""Bytes of memory for each byte of a table of DMIG entries."""
 
 
 def read_dmig(path: Path, _: str | None = None) -> list[FileMatrix]:
@@ -303,7 +370,9 @@ def read_matrix(path: Path, name: str | None) -> FileMatrix:
             "file", f"= {path.name} holds {len(found)} matrices {found[0].name}: {places}",
             "remove all but one of them from the file",
         )  # fmt: skip
-    known = ", ".join(matrix.name for matrix in read_matrices(path)) or "none"
+    known = ", ".join(matrix.name for matrix in read_matrices(path))
+    if not known:
+        raise MethodError("file", f"= {path.name} holds no matrix", "check the file")
     if name is None:
         raise MethodError("file", f"holds {len(found)} matrices", f"name one: {known}")
     raise MethodError("name", f"= {name} is not a matrix of {path.name}", f"it holds {known}")
@@ -320,9 +389,12 @@ def read_matrices(path: Path, name: str | None = None) -> list[FileMatrix]:
     ending = path.suffix.lower()
     if ending not in FORMATS:
         raise MethodError("file", f"= {path.name} has an unknown ending", f"known are {', '.join(FORMATS)}")
-    called, reader = FORMATS[ending]
+    called, memory, reader = FORMATS[ending]
     try:
-        with reading(path, called, "check the file"), open_input(path):  # which some readers open themselves
+        with reading(path, called, "check the file"), open_input(path) as file:  # which some readers open themselves
+            if not (size := os.fstat(file.fileno()).st_size):
+                raise InputFileError(path, "is empty", "check the file")
+            demand_memory(path, memory * size, f"for the {bytes_text(size)} of the file")
             return reader(path, name and name.lower())
     except InputFileError as error:
         raise MethodError("file", f"= {path.name} {error.message}", error.remedy) from None
@@ -535,7 +607,18 @@ def _hdf5_variables(name: str, item: Any, depth: int = 0) -> Iterator[tuple[str,
 
 
 def _matlab(path: Path, _: str | None) -> list[FileMatrix]:
-    return _named(matlab_variables(path))
+    variables = list(matlab_variables(path))
+    for name, value in variables:
+        if issparse(value):
+            _demand_unique_of(name, value)
+    return _named(variables)
+
+
+def _demand_unique_of(name: str, values: Any) -> None:
+    """Refuse two entries of one place in a sparse matrix of MATLAB, which has none."""
+    entries = values.tocoo()
+    rows, columns = entries.row, entries.col
+    _demand_unique(rows, columns, lambda k: f"row {rows[k] + 1}, column {columns[k] + 1} of {name}")
 
 
 def _hdf5_matrix(item: Any) -> Any:
@@ -620,16 +703,19 @@ def _named(items: Iterable[tuple[str, Any]]) -> list[FileMatrix]:
     ]
 
 
-FORMATS: dict[str, tuple[str, Callable[[Path, str | None], list[FileMatrix]]]] = {
-    ".op4": ("OP4", read_op4),
-    ".op2": ("OP2", read_op2),
-    **dict.fromkeys((".pch", ".dmig", ".bdf", ".dat"), ("DMIG", read_dmig)),
-    **dict.fromkeys((".mtx", ".mm"), ("MatrixMarket or Abaqus", _market_or_abaqus)),
-    **dict.fromkeys((".hb", ".rua", ".rsa"), ("Harwell-Boeing", _harwell_boeing)),
-    ".mat": ("MATLAB", _matlab),
-    ".npz": ("NumPy", _numpy),
+FORMATS: dict[str, tuple[str, int, Callable[[Path, str | None], list[FileMatrix]]]] = {
+    ".op4": ("OP4", 6, read_op4),
+    ".op2": ("OP2", 0, read_op2),
+    **dict.fromkeys((".pch", ".dmig", ".bdf", ".dat"), ("DMIG", 20, read_dmig)),
+    **dict.fromkeys((".mtx", ".mm"), ("MatrixMarket or Abaqus", 10, _market_or_abaqus)),
+    **dict.fromkeys((".hb", ".rua", ".rsa"), ("Harwell-Boeing", 10, _harwell_boeing)),
+    ".mat": ("MATLAB", 0, _matlab),
+    ".npz": ("NumPy", 0, _numpy),
 }
-"""Name of the format, and its reader of a path and a name, by ending."""
+"""By ending: name of the format, bytes of memory for a byte of the file, and the reader of a path and a name.
+
+The numbers of bytes were measured; OP2, MATLAB and NumPy files, whose headers say how large the matrices are, are
+checked by their readers."""
 ENDINGS = (".op4", ".mat", ".mtx", ".npz")
 """OP4, MATLAB, MatrixMarket, NumPy; the first two hold several matrices, of the others each has a file."""
 

@@ -329,6 +329,20 @@ def test_output4_claims_no_more_columns_than_are_read(tmp_path):
         read_matrices(tmp_path / "k.op4")
 
 
+def test_matlab_has_one_entry_for_each_place(tmp_path):
+    sparse = sp.csc_array(([1.0, 2.0, 3.0], [0, 1, 1], [0, 2, 3]), shape=(2, 2))
+    scipy.io.savemat(tmp_path / "5.mat", {"K": sparse})
+    content = (tmp_path / "5.mat").read_bytes()
+    rows = np.array([0, 1, 1], "<i4").tobytes()
+    (tmp_path / "5.mat").write_bytes(content.replace(rows, np.array([1, 1, 1], "<i4").tobytes()))
+    with h5py.File(tmp_path / "7.mat", "w") as file:
+        file.create_group("K").attrs["MATLAB_sparse"] = np.uint64(2)
+        file["K/data"], file["K/ir"], file["K/jc"] = sparse.data, [1, 1, 1], sparse.indptr
+    for name in ("5.mat", "7.mat"):
+        with pytest.raises(MethodError, match="two entries for row 2, column 1 of K, numbers 1 and 2"):
+            read_matrices(tmp_path / name)
+
+
 def test_no_room_for_a_copy_and_no_other_process_are_refusals(tmp_path, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")

@@ -12,7 +12,9 @@ import scipy.io
 from scipy.sparse import coo_array, csc_array, save_npz
 
 from beamsim.errors import MethodError
-from beamsim.matrix_files import read_matrices, read_matrix, read_op4, write_matrices
+from beamsim.input_files import bytes_text
+from beamsim.matrix_files import FORMATS, read_matrices, read_matrix, read_op4, write_matrices
+from tests.helpers.damaged_files import FORMATS as FORMATS_OF_FILES
 from tests.helpers.damaged_files import MATRIX, sound
 
 pytestmark = pytest.mark.quick
@@ -148,12 +150,61 @@ def test_files_that_nastran_wrote():
     assert abs(stiffness - stiffness.T).max() <= 1e-6 * abs(stiffness).max()
 
 
+@pytest.mark.skipif(not OF_NASTRAN.is_dir(), reason="pyYeti is installed without its test data")
+def test_damaged_tables_of_an_op2_file_are_refused(tmp_path):
+    raw = (OF_NASTRAN / "nastran_dmig_data" / "matrix.op2").read_bytes()
+    path = tmp_path / "k.op2"
+    no_end, unknown_type = raw.replace(8 * b"\xff", 2 * b"\1\0\0\0"), bytearray(raw)
+    first_table = raw.index(struct.pack("<3i", 114, 1, 120))
+    unknown_type[first_table + 28 : first_table + 32] = struct.pack("<i", 9)
+    for content, message in ((no_end, "a column .* does not end"), (bytes(unknown_type), "is of an unknown type")):
+        path.write_bytes(content)
+        with pytest.raises(MethodError, match=rf"k\.op2 cannot be read as OP2 \(.*{message}"):
+            read_matrices(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("op2", "up to the 4 x 4 numbers of KHH"), ("op4", "for the {size} of the file"),
+        ("op4 binary", "for the {size} of the file"), ("dmig", "for the {size} of the file"),
+        ("mtx", "for the {size} of the file"), ("abaqus", "for the {size} of the file"),
+        ("hb", "for the {size} of the file"), ("mat5", "to be read from {size}"), ("npz", "for its arrays"),
+    ],
+)  # fmt: skip
+def test_a_matrix_file_without_room_in_memory_is_refused_with_its_size(name, what, tmp_path, monkeypatch):
+    path = tmp_path / f"k{FORMATS_OF_FILES[name][0]}"
+    path.write_bytes(sound(name, tmp_path))
+    size = bytes_text(path.stat().st_size)
+    monkeypatch.setattr("beamsim.input_files.ALWAYS_TRIED", 0)
+    monkeypatch.setattr("beamsim.input_files.free_memory", lambda: 200.0)
+    what = what.format(size=size)
+    with pytest.raises(
+        MethodError, match=rf"= {path.name} needs .* of memory {what}, and 200 bytes are free"
+    ) as refused:
+        read_matrices(path)
+    assert "a machine with more memory" in refused.value.remedy
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_an_empty_file_is_called_that(ending, tmp_path):
+    (tmp_path / f"k{ending}").touch()
+    with pytest.raises(MethodError, match=rf"= k{ending} is empty"):
+        read_matrix(tmp_path / f"k{ending}", None)
+
+
+def test_a_file_without_a_matrix_is_called_that(tmp_path):
+    scipy.io.savemat(tmp_path / "k.mat", {"note": "text"})
+    with pytest.raises(MethodError, match=r"= k\.mat holds no matrix"):
+        read_matrix(tmp_path / "k.mat", None)
+
+
 @pytest.mark.parametrize("ending", [".op4", ".op2", ".pch"])
 def test_without_pyyeti_a_message_tells_what_to_install(tmp_path, monkeypatch, ending):
     monkeypatch.setitem(sys.modules, "pyyeti", None)
     monkeypatch.setitem(sys.modules, "pyyeti.nastran", None)
     path = tmp_path / f"model{ending}"
-    path.touch()
+    path.write_text("x")
     with pytest.raises(MethodError, match=r"pip install 'beamsim\[nastran\]'"):
         read_matrix(path, None)
     with pytest.raises(MethodError, match=r"pip install 'beamsim\[nastran\]'"):

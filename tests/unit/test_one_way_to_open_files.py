@@ -26,7 +26,7 @@ PERMITTED = {
     ("matrix_files.py", "ZipFile"): 1, ("matrix_files.py", "archive.open"): 1, ("matrix_files.py", "np.loadtxt"): 2,
     ("matrix_files.py", "whosmat"): 1, ("matrix_files.py", "loadmat"): 1, ("matrix_files.py", "rdcards"): 1,
     ("matrix_files.py", "dir"): 1, ("matrix_files.py", "load"): 1, ("matrix_files.py", "nastran.OP2"): 1,
-    ("matrix_files.py", "nastran.rddmig"): 1, ("measurements/universal.py", "pyuff.UFF"): 1,
+    ("measurements/universal.py", "pyuff.UFF"): 1,
     # files of this package, and of plotly
     ("flow/compiled.py", "file.read_bytes"): 1, ("report/page.py", "read_text"): 1,
     ("report/page.py", "script.read_bytes"): 1, ("scenario/loading.py", "read_text"): 1,

@@ -120,7 +120,9 @@ def test_sizes_are_bounded_before_anything_is_read(tmp_path):
         file.truncate(2**40)  # takes no room on the disk
     with pytest.raises(InputFileError, match=r"large\.csv has 1\.1 TB, more than the 1 GB of the largest"):
         read_text(large)
-    with pytest.raises(InputFileError, match=r"large\.csv needs 1\.1 TB of memory to be read, and .* are free"):
+    with pytest.raises(
+        InputFileError, match=r"large\.csv needs 1\.1 TB of memory to be read from 1\.1 TB, and .* are free"
+    ):
         read_input(large, most_bytes=2**41)
     with pytest.raises(BeamsimError, match=r"large\.yaml: has 1\.1 TB, more than the 4 MB"):
         load_scenario(large.rename(tmp_path / "large.yaml"))
