@@ -132,6 +132,18 @@ class NotWrittenError(ResultFileError):
         super().__init__(f"cannot write {path}: {reason}; {remedy}")
 
 
+class TooLongError(BeamsimError):
+    """A computation is estimated to take longer than is allowed."""
+
+    exit_code = ExitCode.USAGE
+
+    def __init__(self, what: str, hours: float, most_hours: float) -> None:
+        super().__init__(
+            f"{what} would take about {hours:.2g} h, more than the {most_hours:g} h that are allowed; check the "
+            f"numbers of the scenario, or allow it: --allow-hours {2.0 * hours:.1g}"
+        )
+
+
 class NotTrustedError(BeamsimError):
     """A computation ended without a reliable result."""
 

@@ -19,7 +19,7 @@ from beamsim.files import protecting
 from beamsim.kinds import TemplateKind
 from beamsim.version import __version__
 
-COMPUTING = ("overrides", "output", "json", "no_plots", "quiet", "verbose")
+COMPUTING = ("overrides", "output", "json", "no_plots", "quiet", "verbose", "allow_hours")
 ABOUT_A_RESULT = ("output", "json", "quiet")
 
 app = typer.Typer(

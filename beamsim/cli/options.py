@@ -41,6 +41,18 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         Annotated[bool, typer.Option("--verbose", "-v", help="Print everything: the whole table and all notes.")],
         False,
     ),
+    "allow_hours": (
+        Annotated[
+            float,
+            typer.Option(
+                "--allow-hours",
+                metavar="HOURS",
+                min=0.0,
+                help="End with exit code 2 if it is estimated, from the first seconds, to take longer.",
+            ),
+        ],
+        1000.0,
+    ),
     "check": (
         Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded, 3 if it may be.")],
         False,
@@ -67,5 +79,6 @@ class Given(NamedTuple):
     no_plots: bool = False
     quiet: bool = False
     verbose: bool = False  # whether the whole table is printed
+    allow_hours: float = 1000.0  # longest time that the computation may be estimated to take
     check: bool = False  # whether exceeding a limit is an error
     resume: bool = False  # whether to go on from what an interrupted command has kept

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -15,6 +16,7 @@ from beamsim.flow.extrema import Extrema
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_integrals, interpolated
+from beamsim.outcomes import never
 from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -107,16 +109,16 @@ class Observed:
         """(nt, C) at increasing times, s; at an event the state after it counts."""
         return self.channels.values(lambda squared: motion.sample(times, self.squared if squared else self.linear))
 
-    def extrema(self, motion: Trajectory) -> Extrema:
+    def extrema(self, motion: Trajectory, stop: Callable[[], bool] = never) -> Extrema:
         """(C,) extreme values of the continuous motion and their times, s; see `Trajectory.extrema`."""
-        found, squares = motion.extrema(self.linear, rivals=self._rivals), self.channels.squares
+        found, squares = motion.extrema(self.linear, rivals=self._rivals, stop=stop), self.channels.squares
         if squares.size:
-            found = found.beside(motion.extrema(self.squared, squares=squares))
+            found = found.beside(motion.extrema(self.squared, squares=squares, stop=stop))
         return found.some(self.channels.order)
 
-    def extremes(self, motion: Trajectory) -> dict[Key, Floats]:
+    def extremes(self, motion: Trajectory, stop: Callable[[], bool] = never) -> dict[Key, Floats]:
         """By section and quantity (4, k): lowest values of the continuous motion, their times, highest ones, theirs."""
-        return self.channels.split(np.array(self.extrema(motion).extremes))
+        return self.channels.split(np.array(self.extrema(motion, stop).extremes))
 
 
 @dataclass(frozen=True)

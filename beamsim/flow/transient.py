@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.errors import MethodError
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
@@ -116,6 +117,11 @@ class Motion:
         return code, segments, events, evaluations
 
 
+SPENT = 500_000  # evaluations, seconds of work, after which those of the whole motion are estimated
+HOPELESS = 10.0  # times the evaluations that are allowed, beyond which a motion is not marched on
+FEW_EVENTS = 20  # evaluations for each event; with more events than that contacts chatter, which comes to an end
+
+
 @dataclass
 class March:
     """The host loop around the compiled march: what it may take, and what it took.
@@ -126,12 +132,14 @@ class March:
         with an outcome that says so.
     progress : called with the time reached, now and then and where a motion ends.
     stop : says whether to end, several times a second.
+    foresees : whether to refuse a motion for which the evaluations are seen not to suffice by far.
     """
 
     max_events: int = field(default=1_000_000, kw_only=True)
     max_evaluations: int = field(default=2_000_000_000, kw_only=True)
     progress: Callable[[float], None] | None = field(default=None, kw_only=True)
     stop: Callable[[], bool] = field(default=never, kw_only=True)
+    foresees: bool = field(default=False, kw_only=True)
     segments: int = field(init=False, default=0)
     events: int = field(init=False, default=0)
     evaluations: int = field(init=False, default=0)
@@ -149,8 +157,14 @@ class March:
         Returns
         -------
         Segments and events since; ``outcome`` says whether the end was reached.
+
+        Raises
+        ------
+        MethodError
+            About the ``duration``, where that is foreseen.
         """
         parts, code = [Log.sized(0, motion.y.size, 0)], None
+        begin, before, events_before = motion.time, self.evaluations, self.events
         while self.outcome.complete and code != DONE:
             # 2048: between two reports of progress
             log = Log.sized(2048, motion.y.size, max(self.max_events + 1 - self.events, 0))
@@ -172,9 +186,31 @@ class March:
                 self.outcome = too_many_events(motion.time, self.max_events)
             elif self.stop():
                 self.outcome = interruption(at=Where(motion.time, "s"))
-            elif self.progress is not None:
-                self.progress(motion.time)
+            else:
+                spent, events = self.evaluations - before, self.events - events_before
+                if spent > SPENT and events * FEW_EVENTS < spent and self.foresees:
+                    self._refuse_hopeless(spent, (motion.time - begin) / (end - begin), end)
+                if self.progress is not None:
+                    self.progress(motion.time)
         return Log.join(parts)
+
+    def _refuse_hopeless(self, spent: int, share: float, end: float) -> None:
+        """Refuse a motion that would take many times as many evaluations as are allowed.
+
+        Parameters
+        ----------
+        spent : evaluations of the guards up to now.
+        share : of the motion, that they sufficed for.
+        end : of the motion, s.
+        """
+        if share * self.max_evaluations * HOPELESS < spent:
+            needed = f"about {spent / share:.0e}" if share > 0.0 else "countless"
+            raise MethodError(
+                "duration",
+                f"= {end:g} s would take {needed} evaluations of the contact gaps, of which {self.max_evaluations:.0e} "
+                "are allowed: some natural frequency, open or in contact, is very high",
+                "check stiffnesses and masses, shorten the motion, or leave out high modes (reduction)",
+            )
 
 
 def simulate(
@@ -280,7 +316,7 @@ class MotionInStretches(March):
     ) -> None:
         begin = processor_time()
         told = None if progress is None else lambda time: progress(time / flow.duration)
-        super().__init__(max_events=max_events, progress=told, stop=stop)
+        super().__init__(max_events=max_events, progress=told, stop=stop, foresees=True)
         self.flow, self.one_stretch = flow, pieces_at_once is None
         self._step, self._pieces, self._at_once = flow.duration, 1, 1  # a motion of one stretch is one piece
         if pieces_at_once is not None:

@@ -7,6 +7,7 @@ import pytest
 
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep
+from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -20,6 +21,29 @@ def test_a_run_with_too_many_events():
     assert "more than 3 contact events" in result.status
     assert result.outcome.remedy.startswith("raise run.max_events")
     assert result.summary["status"] == result.status
+
+
+def test_a_hopeless_motion_is_refused(monkeypatch):
+    """A mass of 1e-24 kg has 1e12 periods in a second, and the gap of its closed stop is evaluated in each."""
+    monkeypatch.setattr("beamsim.flow.transient.SPENT", 2000)
+    stiff = {
+        "chain": {"masses": [1e-24], "springs": [100.0]},
+        "snubbers": [{"mass": 1, "side": "above", "stiffness": 100.0, "gap": 0.0}],
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 65.0},
+        "run": {"duration": 1.0, "sample_rate": 1000.0},
+    }
+    with pytest.raises(ScenarioError, match=r"run\.duration = 1 s would take about .* evaluations") as refused:
+        beamsim.run(load_scenario(stiff))
+    assert refused.value.problems[0].remedy.startswith("check stiffnesses")
+
+
+def test_a_search_for_extremes_can_be_interrupted(monkeypatch):
+    """The motion that was marched when the request came is kept, unless that takes too long."""
+    scenario = load_scenario(CHAIN)
+    assert beamsim.run(scenario, stop=lambda: True).outcome.interrupted
+    monkeypatch.setattr("beamsim.analyses.run.exact_motion.GRACE_S", -1.0)
+    with pytest.raises(KeyboardInterrupt):
+        beamsim.run(scenario, stop=lambda: True)
 
 
 def test_an_integrator_that_fails(monkeypatch):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time as clock
 from collections.abc import Callable
 from functools import partial
 
@@ -20,7 +22,7 @@ from beamsim.analyses.values import (
     extreme_times,
     outer,
 )
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.flow.trajectory import Trajectory
@@ -133,8 +135,10 @@ def exact_motion_of(
     if not motion.one_stretch:
         _refuse_what_needs_all(system, settings)
     figures = StretchFigures(system, settings, motion.flow, times, needed)
-    for stretch in motion.stretches():
-        figures.add(stretch)
+    overdue = Overdue(stop)
+    with locating({"duration": "run.duration"}):
+        for stretch in motion.stretches():
+            figures.add(stretch, overdue)
     at = extreme_times(figures.extremes)
     order = np.argsort(at)
     return RunMotion(
@@ -240,6 +244,29 @@ def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats)
     return Histories(times, channels, values, touching, EnergyHistory(*energy))
 
 
+GRACE_S = 5.0
+"""Time after an interruption in which the extremes of what was marched may be found, so that it can be kept."""
+
+
+class Overdue:
+    """Whether a motion that was interrupted is still not evaluated after `GRACE_S`.
+
+    Parameters
+    ----------
+    stop : says whether it is interrupted.
+    """
+
+    def __init__(self, stop: Callable[[], bool]) -> None:
+        self._stop, self._since = stop, math.inf
+
+    def __call__(self) -> bool:
+        """Whether to give up."""
+        if not self._stop():
+            return False
+        self._since = min(self._since, clock.monotonic())
+        return clock.monotonic() - self._since > GRACE_S
+
+
 class StretchFigures:
     """What a run reports of a motion that is given stretch by stretch: peaks and energy balance.
 
@@ -269,10 +296,10 @@ class StretchFigures:
         largest_alone = STRESS if STRESS in channels.places and not needed.every_station else None
         self._observed = Observed(flow, channels, largest_alone)
 
-    def add(self, stretch: Trajectory) -> None:
-        """Include the next stretch."""
+    def add(self, stretch: Trajectory, stop: Callable[[], bool]) -> None:
+        """Include the next stretch; raises `KeyboardInterrupt` if ``stop`` says so during the search for extremes."""
         balance = energies_of_segments(stretch)
-        found = self._observed.extremes(stretch)
+        found = self._observed.extremes(stretch, stop)
         if (low := self.low_passed) is not None:
             hz, through = low.frequency_hz, low.filter
             low.add(stretch.end, lambda times: filtered(stretch, self._accelerations, hz, times, through))
