@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 
+from beamsim.analyses.run.aliasing import NOTABLE
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, OUTPUT, Value
 from beamsim.plots.drawing import (
@@ -245,6 +246,10 @@ def plot_spectrogram(result: SweepResult, ax: Axes, probe: str, level_index: int
     finish(ax, "Time (s)", f"Frequency in the displacement of {probe} (Hz)")
     ax.grid(visible=False)
     ax.set_ylim(0.0, min(2.0 * max(float(np.max(curves[0].orders)), 1.0) * float(highest), 0.5 * rate))
+    aliased = 0.0 if history.aliased is None else float(history.aliased[list(history.displacement).index(probe)])
+    if aliased > NOTABLE:
+        text = f"{100.0 * aliased:.2g} % of the rms lies above {0.5 * rate:.4g} Hz and is aliased"
+        ax.set_title(text, fontsize="small", loc="right")
 
 
 def level_family(result: SweepResult, probe: str, direction: str) -> Chart:

@@ -153,6 +153,14 @@ def _channel(
                 f"{settings.to:g} Hz: the records have {rate:.4g} samples a second, and oscillators above a tenth of "
                 "that follow the interpolation between samples"
             )
+    aliased = _aliased(result, place, quantity)
+    if aliased is not None:
+        rate = (result.time.size - 1) / float(result.time[-1] - result.time[0])
+        warnings.append(
+            f"{place} {spoken(quantity)}: {100.0 * aliased:.2g} % of the run's root mean square lies above half its "
+            f"output rate of {rate:.5g} Hz, and is aliased in its harmonics, spectrum and response spectra: raise "
+            "run.sample_rate"
+        )
     return ChannelComparison(
         place=place,
         quantity=quantity,
@@ -174,8 +182,17 @@ def _channel(
         predicted_spectrum=spectra[0],
         measured_spectrum=spectra[1],
         start_s=float(run.x[0]),
+        aliased_share=aliased,
         record=likeness,
     )
+
+
+def _aliased(result: RunResult, place: str, quantity: str) -> float | None:
+    """Share of the root mean square of a history above half the output rate; None where it is not notable."""
+    called = {"moment": "force", "absolute_displacement": "displacement"}.get(quantity, quantity)
+    shares = result.summary.get("aliased_in_histories") or {}
+    share = shares.get(f"{place} {called}")
+    return None if share is None else float(share)
 
 
 def _part_of_run(
@@ -311,7 +328,7 @@ def _rms(time_p: Floats, history_p: Floats, time_m: Floats, history_m: Floats) -
 
 def _compared(channel: ChannelComparison) -> dict[str, Any]:
     """Summary of one channel."""
-    names = ("place", "quantity", "channel", "excitation_hz", "start_s", "delay_s", "rms_difference")
+    names = ("place", "quantity", "channel", "excitation_hz", "start_s", "delay_s", "rms_difference", "aliased_share")
     harmonics = {
         "order": channel.order,
         "predicted": np.abs(channel.predicted),

@@ -92,6 +92,12 @@ class ChannelComparison(ComparedChannel):
     predicted_spectrum: Spectrum = group("predicted_spectrum", Spectrum)
     measured_spectrum: Spectrum = group("measured_spectrum", Spectrum)
     start_s: float | None = attribute("s", "start of the part of the run that is compared", default=None)
+    aliased_share: float | None = attribute(
+        "1",
+        "share of the run's root mean square above half its output rate, which its harmonics and spectrum show at "
+        "lower frequencies",
+        default=None,
+    )
     record: RecordComparison | None = group("record", RecordComparison, default=None)  # of histories that do not repeat
 
     @property

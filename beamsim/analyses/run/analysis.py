@@ -20,6 +20,7 @@ from beamsim.analyses.doubts import (
     line_warnings,
     reduction_checked,
 )
+from beamsim.analyses.run.aliasing import aliased_in_histories
 from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
@@ -130,8 +131,8 @@ def solved(
     scenario, system = _built(scenario, shared)
     settings, needed = not_none(scenario.run), Needed.of(scenario, entries)
     motion = motion_of(system, settings, output_times(scenario), progress, stop, needed)
-    sampled = needed.everything or needed.statistics
-    histories, left_out = history_fields(motion, motion.sampled()) if sampled else no_histories(), list[str]()
+    sampled = motion.sampled() if needed.everything or needed.statistics else None
+    histories, left_out = no_histories() if sampled is None else history_fields(motion, sampled), list[str]()
 
     def goes_on(to: str) -> bool:  # from then on each step is left out
         if stop():
@@ -157,6 +158,8 @@ def solved(
     warnings = _warnings(motion) + ([] if left_out else coverage_notes(motion))
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
     summary = summary_of_run(motion, spectra, needed, stop)
+    if needed.everything and sampled is not None:
+        summary["aliased_in_histories"] = aliased_in_histories(motion, sampled) or None
     warnings += jump_warnings(motion, summary["peak_acceleration_g"])
     fields, notes = _asked_for(result, motion, needed, goes_on)
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}

@@ -762,6 +762,9 @@ _SUMMARY = (
     Entry("matched", "", "of a matched base motion: how far its shock response spectrum is below and above the curve "
              "that was asked for, in which band and with which quality factor"),
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
+    Entry("aliased_in_histories", "1", "by place and quantity: share of the root mean square that lies above half the "
+          "output rate (of a time-stepped motion above a quarter), where above 0.1 %; a spectrum of the samples shows "
+          "it at lower frequencies, those of the run are free of it", "aliased in histories"),
     Entry("unresolved_lines", "", "lines with a remainder above 2 %, which are several lines or change during the "
           "record: probe, quantity, frequency_hz, remainder; resolution_hz, the distance from which on lines are told "
           "apart; separating_duration_s, which tells the two lines apart that explain the curve best (null: they are "

@@ -224,10 +224,14 @@ class SweepLevel:
             )
         return out
 
-    def history(self, time: Floats, values: Floats) -> SweepHistory:
-        """The time history of all columns (nt, K)."""
+    def history(self, time: Floats, values: Floats, aliased: Floats) -> SweepHistory:
+        """The time history of all columns (nt, K), with their shares (K,) above half its rate."""
         of_keys = (self._named(*key) for key in ((DISPLACEMENT,), (ACCELERATION,), (FORCE, "N"), (FORCE, "N m")))
-        return SweepHistory(time, *({name: values[:, k] for name, k in columns.items()} for columns in of_keys))
+        displacement, acceleration, force, moment = (
+            {name: values[:, k] for name, k in columns.items()} for columns in of_keys
+        )
+        shares = aliased[list(self._named(DISPLACEMENT).values())]
+        return SweepHistory(time, displacement, acceleration, force, moment, shares)
 
 
 def loss_owner(contacts: Contacts) -> Ints:

@@ -331,6 +331,12 @@ class SweepHistory:
     acceleration: dict[str, Floats] = per_probe("m/s^2", "absolute acceleration", name="absolute_acceleration")
     force: dict[str, Floats] = per_snubber("N", "contact force on the structure, positive when it pushes")
     moment: dict[str, Floats] = per_snubber("N m", "that of a stop of a hinge", default_factory=dict)
+    aliased: Floats | None = dataset(
+        "1",
+        "share of the root mean square of each probe's displacement that lies above half the rate",
+        along=(Counter("probe", "number of the probe"),),
+        default=None,
+    )
 
 
 @declared

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.analyses.run.aliasing import between_samples, share_above_half_rate
 from beamsim.analyses.run.motion import reached, samples_until
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
@@ -185,6 +186,7 @@ def _recorded(one: SweepLevel, march: SweptMotion) -> tuple[list[CycleRecord], S
     settings, windows = of_kind(SweptSine, one.settings), march.windows
     orders, rate = (0.0, *settings.tracked_orders), settings.history_rate
     times = np.arange(0 if rate is None else samples_until(windows.duration, rate)) / (rate or 1.0)
+    times = between_samples(times)
     parts: list[CycleRecord] = []
     samples: list[Floats] = []
     for stretch in march.stretches():
@@ -199,7 +201,8 @@ def _recorded(one: SweepLevel, march: SweptMotion) -> tuple[list[CycleRecord], S
     if rate is None:
         return parts, None
     values = np.concatenate(samples)
-    return parts, one.history(times[: values.shape[0]], values)
+    values = values[: values.shape[0] - 1 + values.shape[0] % 2]  # it may end between two samples
+    return parts, one.history(times[: values.shape[0] : 2], values[::2], share_above_half_rate(values))
 
 
 def _curves(one: SweepLevel, profile: Profile, windows: SweepWindows, record: CycleRecord) -> tuple[SweepCurve, ...]:
