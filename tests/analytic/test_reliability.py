@@ -144,7 +144,7 @@ def test_subset_simulations_are_as_sure_as_they_say(region):
     exact = probability if region == "plane" else 1.0 - (1.0 - 2.0 * norm.sf(sides)) ** count
     for seed in range(200):
         rng, origin = np.random.default_rng(seed), sampling.points_at(np.zeros((1, count)))
-        *_, last = sampling.subset_levels(state, rng, 5000, origin)
+        *_, last = sampling.subset_levels(state, rng, 2500, origin)
         each.append(last.estimate)
     found, stated = np.array(each).T
     factor = np.exp(1.96 * np.sqrt(np.log1p(stated**2)))

@@ -217,20 +217,20 @@ def test_a_steady_test_needs_a_sine_and_a_transient_does_not():
 
 @pytest.mark.slow
 def test_intervals_of_transients_hold_the_truth_as_often_as_they_say(released):
-    """Noise, an unknown begin, another zero and a wrong gain that is fitted, of 30 seeds: 24 or more hold, but for a
-    chance of 1 in 1000."""
+    """Noise, an unknown begin, another zero and a wrong gain that is fitted, of 20 seeds: 16 or more hold, but for a
+    chance of 1 in 400. Of 30 seeds and 24 another share than 95 % would be seen as rarely."""
     truth, scenario = TRUTH | {GAIN: 1.1}, load_scenario(case(
         transient(begin="2.5 s", duration="15 s"), start=RELEASED, numbers=TRUTH, estimate=(*TRUTH, GAIN)))  # fmt: skip
     held, delays = dict.fromkeys(truth, 0), 0
-    for seed in range(30):
+    for seed in range(20):
         begun, signal = record(released, seed)
         found = identify_stiffness(scenario, [signal]).nonlinear
         for p in found.parameters:
             held[p.parameter] += p.interval[0] <= truth[p.parameter] <= p.interval[1]
         low, high = found.transients[0].delay_interval
         delays += low <= 2.5 - begun <= high
-    assert all(count >= 24 for count in (*held.values(), delays))
-    assert any(count < 30 for count in held.values())
+    assert all(count >= 16 for count in (*held.values(), delays))
+    assert any(count < 20 for count in held.values())
 
 
 def test_sweeps_up_and_down_with_their_jumps():
