@@ -46,7 +46,7 @@ _MOVED_ASIDE = (Content.PARTIAL, Content.JOURNAL, Content.UNKNOWN)
 
 
 @dataclass(frozen=True)
-class Destination:
+class Placement:
     """Where a new file goes, and what becomes of the one that is there."""
 
     path: Path  # as the user gave it, or its `partial_file`
@@ -61,7 +61,7 @@ class Destination:
 
 def destination(
     path: Path | str, new: Content = Content.OUTPUT, examine: Callable[[Path], Content] | None = None
-) -> Destination:
+) -> Placement:
     """Decide where a file is written, and what becomes of the file that is there.
 
     ======================  ===================================  ===================
@@ -88,7 +88,7 @@ def destination(
 
     Returns
     -------
-    Destination
+    Placement
 
     Raises
     ------
@@ -105,9 +105,9 @@ def destination(
     try:
         there = target.stat()
     except OSError:  # nothing is there, or not any more
-        return Destination(Path(path), target, Content.OUTPUT)
+        return Placement(Path(path), target, Content.OUTPUT)
     if there.st_size == 0:
-        return Destination(Path(path), target, Content.OUTPUT)
+        return Placement(Path(path), target, Content.OUTPUT)
     own = access.written.get(target)
     found = Content.OUTPUT
     if own == state_of(there):
@@ -117,7 +117,7 @@ def destination(
     occupied = found is Content.RESULT or (own is not None and found is Content.PARTIAL)
     if new is Content.PARTIAL and occupied:
         return destination(partial_file(Path(path)), new, examine)
-    return Destination(Path(path), target, found)
+    return Placement(Path(path), target, found)
 
 
 def partial_file(path: Path) -> Path:
@@ -231,7 +231,7 @@ def temporary_file(path: Path | str) -> Iterator[Path]:
         _remove(temporary)
 
 
-def put_in_place(temporary: Path, place: Destination) -> None:
+def put_in_place(temporary: Path, place: Placement) -> None:
     """Move a complete file to its destination; on failure the file that is there stays as it was.
 
     Raises
