@@ -36,9 +36,12 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple, TypeVar, dataclass_transform
+from types import GenericAlias
+from typing import Annotated, Any, NamedTuple, NotRequired, TypeVar, dataclass_transform
 
 import numpy as np
+from pydantic import Field, JsonValue, TypeAdapter, ValidationError
+from typing_extensions import TypedDict  # comes with pydantic, which reads that of typing from Python 3.12 on
 
 from beamsim.outcomes import Outcome
 
@@ -114,11 +117,41 @@ class Counter(NamedTuple):
     labels: tuple[Any, ...] = ()
 
 
+Number = float | None
+Text = str | None
+Flag = bool | None
+ByName = dict[str, Number]
+Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Plain = dict[str, JsonValue]  # a record that is shown as it is
+"""Types of values of summaries, of which None is not known."""
+
+
+def record(required: Mapping[str, Any], optional: Mapping[str, Any] | None = None) -> Any:
+    """The type of a mapping with some keys whose values have types; other keys may have any values.
+
+    Parameters
+    ----------
+    required, optional : types by key.
+    """
+    parts = {**required, **{name: NotRequired[of] for name, of in (optional or {}).items()}}
+    return TypedDict("Record", parts)  # type: ignore[operator]
+
+
+def by_name(of: Any) -> Any:
+    """The type of a mapping from names to values of a type that `record` made."""
+    return GenericAlias(dict, (str, of))
+
+
+def list_of(of: Any) -> Any:
+    """The type of a list of values of a type that `record` made."""
+    return GenericAlias(list, (of,))
+
+
 class Entry(NamedTuple):
     """An entry of a result's summary (by name of probe, snubber or curve where there are several).
 
     An entry with a label has a row, or several, in the printed table. An entry that repeats a field of the result says
-    which one; unit and meaning are then those of the field.
+    which one; unit and meaning are then those of the field. Every other entry says what type its value has.
     """
 
     name: str  # in ``--json`` and among the attributes of /summary
@@ -127,6 +160,7 @@ class Entry(NamedTuple):
     label: str = ""
     of: str = ""  # the field with the value, ``work.cycles``; the entry is left out where the field is None
     columns: tuple[str, ...] = ()  # of a tuple of dataclasses: the fields to be listed of each
+    form: Any = None  # type of the value as it is stored, `Number` by default; that of the field where it repeats one
 
 
 UNITS = {
@@ -201,7 +235,7 @@ def summary_of(result: Any, **computed: Any) -> dict[str, Any]:
 
 
 def demand_summary(result: Any) -> None:
-    """Refuse a stored summary that has entries which are not declared, or not of the form of the field they repeat.
+    """Refuse a stored summary with entries that are not declared, of another type, or of another form than their field.
 
     Parameters
     ----------
@@ -210,16 +244,31 @@ def demand_summary(result: Any) -> None:
     Raises
     ------
     ValueError
-        If an entry is unknown, or of another form than its field.
+        If it has one.
     """
-    entries = {entry.name: entry for entry in result.SUMMARY}
+    cls: Any = type(result)
+    entries = {entry.name: entry for entry in cls.SUMMARY}
     for name, value in result.summary.items():
         if name not in entries:
             raise ValueError(f"summary: {name} is unknown")
         entry = entries[name]
         field = _at(result, entry.of) if entry.of else None
-        if field is not None and _form(value) != _form(plain(_listed(field, entry.columns))):
+        if entry.form is not None or not entry.of:
+            try:
+                _checker(name, cls).validate_python(plain(value), strict=True)
+            except ValidationError as error:
+                first = error.errors()[0]
+                where = ".".join(map(str, (name, *first["loc"])))
+                raise ValueError(f"summary: {where}: {first['msg']}") from None
+        elif field is None or _form(value) != _form(plain(_listed(field, entry.columns))):
             raise ValueError(f"summary: {name} is not what its field {entry.of} holds")
+
+
+@cache
+def _checker(name: str, cls: Any) -> TypeAdapter[Any]:
+    """What checks the type of an entry of the summary of a class."""
+    form: Any = next(entry.form or Number for entry in cls.SUMMARY if entry.name == name)
+    return TypeAdapter(form)
 
 
 def _form(value: Any) -> Any:

@@ -22,7 +22,7 @@ from pydantic import ValidationError
 from beamsim.analyses.assurance import assurance
 from beamsim.analyses.result import Result
 from beamsim.errors import ScenarioError
-from beamsim.fields import Counter, Entry, attribute, dataset, declared, stored
+from beamsim.fields import Counter, Entry, Number, attribute, dataset, declared, list_of, record, stored
 from beamsim.input_files import reading
 from beamsim.measurements.read import TEXT, ending_of
 from beamsim.measurements.signal import MeasurementError, opening_faults, split_heading
@@ -45,13 +45,16 @@ _PREDICTED = Counter("predicted", "number of the computed mode")
 UNPAIRED = 0.2  # largest MAC of a pair that is none
 
 
+MODE_PAIR = record(dict.fromkeys(("number", "measured_hz", "predicted", "predicted_hz", "difference", "mac"), Number))
+
+
 @declared(along=(_MEASURED,))
 class ModeComparison(Result):
     """Result of ``beamsim compare-modes``."""
 
     SUMMARY = (
         Entry("pairs", "", "by measured mode: number, measured_hz, predicted (0 where no mode fits), predicted_hz, "
-                 "difference (relative, of the prediction), mac"),
+                 "difference (relative, of the prediction), mac", form=list_of(MODE_PAIR)),
         Entry("lowest_mac", "1", "smallest MAC of the pairs, 0 where a mode has no partner"),
         Entry("largest_difference", "1", "largest relative difference of a paired frequency"),
     )  # fmt: skip

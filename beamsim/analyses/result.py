@@ -11,7 +11,21 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from beamsim.analyses.values import judged
-from beamsim.fields import JSON, Entry, attribute, declared, ending, stored, summary_of
+from beamsim.fields import (
+    JSON,
+    ByName,
+    Entry,
+    Flag,
+    Number,
+    Text,
+    attribute,
+    by_name,
+    declared,
+    ending,
+    record,
+    stored,
+    summary_of,
+)
 from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, interruption
 from beamsim.scenario import Scenario
@@ -26,17 +40,32 @@ if TYPE_CHECKING:
 
 # entries that the summaries of several analyses share
 STATUS = Entry("status", "", "complete, or why the computation stopped early", of="status")
+MARGIN = record(
+    {"limit": Number, "value": Number, "margin": Number, "at": Text, "verdict": Text},
+    {"lowest": Number, "highest": Number, "margin_db": Number, "exceeded": Flag},
+)
+CONTACT_CHANGE = record(
+    {"closed_at_rest": Flag},
+    {"not_predicted": Text, "first_change_hz": ByName, **dict.fromkeys(
+        ("level", "share_of_level", "sigmas", "frequency_hz", "time_s", "first_change_s", "largest_gap_m",
+         "largest_gap_rad", "preload_n", "preload_alone_n", "preload_n_m", "preload_alone_n_m"), Number)},
+)  # fmt: skip
+FINER_MODEL = record(
+    {"reason": Text},
+    dict.fromkeys(("modes", "first_modes", "compared_s", "sequences_part_s", "disturbance_parts_s",
+                   "round_off_parts_s"), Number),
+)  # fmt: skip
 MARGINS = Entry(
     "margins", "", "by limit: limit, value, lowest and highest (the value less and plus its change with a finer "
     "model), margin = limit / value - 1, at, verdict (ok or exceeded if both are, else not reliable), exceeded",
-    "limits",
+    "limits", form=by_name(MARGIN)
 )  # fmt: skip
 GAPPING = Entry(
     "gapping", "", "by snubber: whether it is closed at rest, level (SI) and frequency (of a shock or a record: time) "
     "at which the linear motion first opens or closes it, that level over the one here (of a random input instead: "
     "standard deviations of the linear motion), nan where another contact changes first, which not_predicted says; "
     "contact force at equilibrium that keeps contact (of a random input to 3 sigma) "
-    "with all snubbers closed and alone; what the motion did", "gapping",
+    "with all snubbers closed and alone; what the motion did", "gapping", form=by_name(CONTACT_CHANGE)
 )  # fmt: skip
 MODES = (
     Entry("open_frequencies_hz", label="natural frequencies", of="modes.open_frequencies_hz"),
@@ -54,13 +83,13 @@ MODES = (
 )
 CONVERGENCE = (
     Entry("convergence", "1", "by value, and by its place where there are several, its relative change with 1.5 times "
-             "the modes and twice the elements", "convergence"),
-    Entry("doubtful", "", "values that change by more than 2 %: value.place"),
+             "the modes and twice the elements", "convergence", form=dict[str, Number | ByName]),
+    Entry("doubtful", "", "values that change by more than 2 %: value.place", form=list[str]),
     Entry("after_parting", "", "values that depend on the motion after its contact sequences diverge, which is one of "
-             "many: value.place; their changes are those of means where the excitation goes on"),
+             "many: value.place; their changes are those of means where the excitation goes on", form=list[str]),
     Entry("convergence_model", "", "the finer model: modes (0 where nothing is left out); times at which the contact "
              "sequences diverge from its own, and from those of a stiffness changed by 1e-9 and by 1e-15 (round-off); "
-             "processor time, and why there is no comparison"),
+             "processor time, and why there is no comparison", form=FINER_MODEL),
 )  # fmt: skip
 PROCESSOR_TIME = Entry("processor_time_s", "s", "processor time of the solver alone", "solver")
 """Last in the table; its row says what the solver did."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.fields import Entry, dataset, declared, per_snubber
+from beamsim.fields import ByName, Entry, Number, dataset, declared, per_snubber
 from beamsim.outcomes import COMPLETE, OnLimit, Outcome, on_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import Limits
@@ -150,10 +150,12 @@ class Value(NamedTuple):
         """Whether sweeps follow it in any case: what has a limit and a row in the table, at probes and snubbers."""
         return bool(self.limit and self.label) and self.section in ALWAYS_THERE
 
-    def summary_entry(self, before: str = "") -> Entry:
-        """Its entry in the summary, with words before its meaning."""
+    def summary_entry(self, before: str = "", *, by_curve: bool = False) -> Entry:
+        """Its entry in the summary, with words before its meaning; of a sweep by curve."""
         unit = "g" if self.entry.endswith("_g") else "" if self.section == "outputs" else self.unit
-        return Entry(self.entry, unit, before + self.meaning, self.label)
+        form: Any = Number if self.single or not self.section else ByName
+        meaning = ("by curve, " if by_curve else before) + self.meaning
+        return Entry(self.entry, unit, meaning, self.label, form=dict[str, form] if by_curve else form)
 
 
 VALUES = (

@@ -288,7 +288,7 @@ def export(
     stored.export(given, form)
 
 
-@command(Stored, *ABOUT_A_RESULT)
+@command(Stored, *ABOUT_A_RESULT, "open_files")
 def report(
     given: Given,
 ) -> None:
@@ -298,7 +298,7 @@ def report(
     html_report.report(given)
 
 
-@command(Stored, *ABOUT_A_RESULT)
+@command(Stored, *ABOUT_A_RESULT, "open_files")
 def animate(
     given: Given,
 ) -> None:

@@ -24,7 +24,7 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.loading import describe
 from beamsim.scenario.records import RecordPreparation
-from beamsim.store.results import kind_of, open_result
+from beamsim.store.results import kind_of, stored_result
 
 
 def identify(given: Given) -> None:
@@ -59,26 +59,23 @@ def compare_signals(
     path = given.case
     target = output_file(given.output, f"{path.stem}_compare", ".h5", ".hdf5")
     preparation = _preparation({name: value for name, value in prepared_by.items() if value is not None})
-    if kind_of(path) == "sweep":
-        sweep = open_result(path, "sweep")
-        pairs = pair_channels(sweep, measured, preparation=preparation, **pairing)
-        name, chosen = of_sweeps["reference"], {key: of_sweeps[key] for key in ("curve", "detector")}
+    with stored_result(path, "sweep" if (swept := kind_of(path) == "sweep") else "run") as result:
+        pairs = pair_channels(result, measured, preparation=preparation, **pairing)
+        if not swept:
+            _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
 
         def compared(*_: object) -> Comparison:
+            if not swept:
+                return compare(result, pairs, **of_runs)
+            name = of_sweeps["reference"]
             excitation = (
                 None if name is None else history_named(measured, name, pairing["axis_unit"], pairing["decimal"])
             )
             tracking = Tracking(of_sweeps["begin"], excitation, of_sweeps["cycles"])
-            return compare_sweep(sweep, pairs, tracking=tracking, **chosen)
-    else:
-        run = open_result(path, "run")
-        pairs = pair_channels(run, measured, preparation=preparation, **pairing)
-        _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
+            chosen = {key: of_sweeps[key] for key in ("curve", "detector")}
+            return compare_sweep(result, pairs, tracking=tracking, **chosen)
 
-        def compared(*_: object) -> Comparison:
-            return compare(run, pairs, **of_runs)
-
-    concluded("compare", target, given, compared, f"comparing with {measured.name}")
+        concluded("compare", target, given, compared, f"comparing with {measured.name}")
 
 
 def _preparation(options: Mapping[str, str]) -> RecordPreparation:

@@ -26,7 +26,7 @@ from beamsim.plots.style import shown_in
 from beamsim.report.contents import page_of
 from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
-from beamsim.store.results import kind_of, open_result
+from beamsim.store.results import kind_of, stored_result
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
@@ -68,8 +68,7 @@ def report(given: Given) -> None:
     target = output_file(given.output, f"{path.stem}_report", ".html", ".htm")
     plotly()  # that it is missing is said before anything is computed
     kind = kind_of(path)
-    result: Any = open_result(path)
-    with shown_in(result.scenario.display_scales):
+    with stored_result(path, open_files=given.open_files) as result, shown_in(result.scenario.display_scales):
         about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = named(KINDS[kind].figures)(result)
         screen = named(KINDS[kind].screen)(result).text(result, [path.name]).rpartition("\n")[0]  # without the files
@@ -98,8 +97,7 @@ def animate(given: Given) -> None:
         folder = output_folder(output, path.stem)
         targets = [folder / f"{path.stem}_animation{suffix}" for suffix in (".gif", ".html")]
     shown = not (given.json or given.quiet)
-    result: Any = open_result(path)
-    with shown_in(result.scenario.display_scales):
+    with stored_result(path, open_files=given.open_files) as result, shown_in(result.scenario.display_scales):
         scene = scene_of(result, shown=shown, sweeps=True)
         if scene is None:
             remedy = "animate a run, a sweep or a nonlinear mode of a model with nodes that move"

@@ -64,6 +64,10 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         ],
         False,
     ),
+    "open_files": (
+        Annotated[bool, typer.Option("--open-files", help="Open the matrices and records that the result names.")],
+        False,
+    ),
     "debug": (Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")], False),
 }  # fmt: skip
 """By name of a field of `Given`, and ``debug``: what Typer reads, and the default."""
@@ -82,3 +86,4 @@ class Given(NamedTuple):
     allow_hours: float = 1000.0  # longest time that the computation may be estimated to take
     check: bool = False  # whether exceeding a limit is an error
     resume: bool = False  # whether to go on from what an interrupted command has kept
+    open_files: bool = False  # whether files that a result names may be opened to build its model again

@@ -15,7 +15,7 @@ from beamsim.kinds import KINDS, named
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import shown_in
 from beamsim.store.export import FORMATS, export_result, export_target, remark_on_places
-from beamsim.store.results import kind_of, open_result
+from beamsim.store.results import kind_of, stored_result
 
 
 def info(given: Given) -> None:
@@ -28,13 +28,12 @@ def info(given: Given) -> None:
     """
     path = given.case
     kind = kind_of(path)
-    result = open_result(path)
-    if given.json:
-        about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
-        made = {"created": result.created, "beamsim_version": result.beamsim_version}
-        print_json({**about, **result.summary, "wall_time_s": result.wall_time_s, **made})
-        return
-    with shown_in(result.scenario.display_scales):
+    with stored_result(path) as result, shown_in(result.scenario.display_scales):
+        if given.json:
+            about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
+            made = {"created": result.created, "beamsim_version": result.beamsim_version}
+            print_json({**about, **result.summary, "wall_time_s": result.wall_time_s, **made})
+            return
         made_by = ("written", f"{result.created} by beamsim {result.beamsim_version} {KINDS[kind].command}")
         warnings = (("warning", warning) for warning in result.warnings)
         print_table(": ".join(filter(None, (str(path), result.title))), [made_by, *all_rows(kind, result), *warnings])
@@ -52,8 +51,7 @@ def plot(given: Given, form: str) -> None:
     folder = output_folder(given.output, path.stem)
     with progress_of(f"plotting {path.name}", shown=not (given.json or given.quiet)):
         figures = named(KINDS[kind_of(path)].figures)
-        result = open_result(path)
-        with shown_in(result.scenario.display_scales):
+        with stored_result(path) as result, shown_in(result.scenario.display_scales):
             files = save_figures(figures(result), folder, path.stem, form)
     print_files(files, json=given.json, quiet=given.quiet)
 

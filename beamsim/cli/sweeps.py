@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from signal import SIGINT
 from typing import Any
@@ -25,7 +25,14 @@ from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import plain
-from beamsim.store.results import holds, keep_result, open_result, write_result
+from beamsim.store.results import (
+    CONTRADICTION,
+    holds,
+    keep_result,
+    open_result,
+    refusing_damage,
+    write_result,
+)
 from beamsim.store.studies import Journal, journal_path, opened_journal, stored_study
 from beamsim.trust import checked
 from beamsim.version import __version__
@@ -106,7 +113,8 @@ def _sweep_sine(scenario: Scenario, target: Path, given: Given) -> None:
             raise KeyboardInterrupt
         return result
 
-    concluded("sweep", target, given, computed, "sweeping")
+    with refusing_damage(target, CONTRADICTION) if given.resume else nullcontext():
+        concluded("sweep", target, given, computed, "sweeping")
 
 
 def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
@@ -157,7 +165,8 @@ def continue_motions(
     def followed(progress: Progress, stop: Interruption) -> ContinuationResult:
         result = checked.continuation(scenario, progress, stop)
         for path, sweep in stored:
-            result = with_overlay(result, sweep, path.name)
+            with refusing_damage(path, CONTRADICTION):
+                result = with_overlay(result, sweep, path.name)
         with scenario.locating():
             return with_forced_expansion(result) if expansion and not result.outcome.interrupted else result
 
@@ -248,7 +257,7 @@ def _finished(kind: str, target: Path, given: Given, **same: object) -> bool:
         return False
     if not given.quiet:
         say(f"beamsim: {target} has all of it; there is nothing to compute")
-    with interruptible() as interrupted:
+    with refusing_damage(target, CONTRADICTION), interruptible() as interrupted:
         conclude(kind, stored, target, given._replace(no_plots=True), interrupted)
     return True
 

@@ -38,7 +38,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from beamsim.fields import Entry, attribute, declared
+from beamsim.fields import Entry, Number, attribute, declared
 from beamsim.inputs.profiles import Leg, Profile
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -199,8 +199,19 @@ class CorrectionSize:
     """How large the largest of some corrections is."""
 
     ENTRIES: ClassVar[tuple[Entry, ...]] = (  # of a summary
-        Entry("base_correction_m_s2", "m/s^2", "largest correction that keeps the motion of a swept base continuous"),
-        Entry("base_correction_share", "1", "that correction over the level of the sweep there", "base correction"),
+        Entry(
+            "base_correction_m_s2",
+            "m/s^2",
+            "largest correction that keeps the motion of a swept base continuous",
+            form=Number,
+        ),
+        Entry(
+            "base_correction_share",
+            "1",
+            "that correction over the level of the sweep there",
+            "base correction",
+            form=Number,
+        ),
     )
     acceleration: float = attribute("m/s^2", "largest correction of the base's acceleration")
     share: float = attribute("1", "that correction over the level of the sweep there")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import nan
 from typing import Any, ClassVar
 
-from beamsim.fields import Entry, dataset, declared
+from beamsim.fields import Entry, Plain, dataset, declared
 
 
 @declared
@@ -16,6 +16,7 @@ class InputStatement:
     ENTRY: ClassVar[Entry] = Entry(
         "inputs", "", "by path of the excitation, of random inputs and records: rms (of a random input that of its "
         "density, clipping included), unit, sample_rate_hz, and what was done to make it", "inputs",
+        form=dict[str, Plain],
     )  # fmt: skip
     path: str = dataset("1", "path of the excitation in the scenario")
     quantity: str = dataset("1", "quantity of the input")

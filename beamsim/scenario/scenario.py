@@ -67,6 +67,7 @@ class SolvedFiles:
 
     records: Mapping[str, Record]  # by key
     beside: FilePath  # folder of the result file
+    may_be_opened: bool = True  # False where a result is only shown
 
     def folder_of(self, path: Path) -> FilePath:
         """Folder of the file that a key names: the current one, that of the result, or that in which it was solved.
@@ -362,12 +363,28 @@ class Scenario(ScenarioParts):
         Raises
         ------
         ScenarioError
-            If the file that was solved is nowhere.
+            If the file that was solved is nowhere, or is not to be opened.
         """
         if self._solved is not None:
+            self._demand_consent(path)
             return self._solved.folder_of(path)
         file = None if self._text is None else locate(self._text, path)[0]
         return FilePath(file).parent if file else FilePath()
+
+    def _demand_consent(self, path: Path) -> None:
+        """Refuse to open a file at or below a path, where the scenario is that of a result that is only shown.
+
+        Raises
+        ------
+        ScenarioError
+            If it names one.
+        """
+        if self._solved is None or self._solved.may_be_opened:
+            return
+        for at, name in named_files(self):
+            if at[: len(path)] == path or path[: len(at)] == at:
+                message = f"= {name} is a file that the result names, and is not opened just because it does"
+                raise ScenarioError(problem(at, message, "add --open-files if it is yours, or run the case again"))
 
     def whole_paths(self, part: Schema, where: Path = ()) -> dict[Path, str]:
         """By path in a part the files that it names, from the root.

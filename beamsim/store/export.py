@@ -23,7 +23,14 @@ from beamsim.analyses.result import Result
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.store.flat import Items, items_of, joined, last, parent
-from beamsim.store.results import decode_summary, open_result, open_with_items, write_result
+from beamsim.store.results import (
+    CONTRADICTION,
+    decode_summary,
+    open_with_items,
+    refusing_damage,
+    stored_result,
+    write_result,
+)
 from beamsim.store.universal import bodies_without_places, records_of, write_uff
 
 if TYPE_CHECKING:
@@ -74,7 +81,8 @@ def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]
     if form not in FORMATS:
         raise ResultFileError(f"no format {form!r}; choose one of {', '.join(FORMATS)}")
     result, items = open_with_items(path)
-    return FORMATS[form](result, items, Path(target))
+    with refusing_damage(path, CONTRADICTION):
+        return FORMATS[form](result, items, Path(target))
 
 
 # --- Tables ----------------------------------------------------------------------------------------------------------
@@ -335,7 +343,8 @@ def _export_uff(result: Any, items: Items, target: Path) -> list[Path]:
 
 def remark_on_places(path: Path) -> str:
     """That nodes of imported bodies have no coordinates in a universal file of a result; empty where all have some."""
-    bodies = bodies_without_places(open_result(path))
+    with stored_result(path) as result:
+        bodies = bodies_without_places(result)
     if not bodies:
         return ""
     return (

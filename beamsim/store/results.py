@@ -26,9 +26,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import h5py
 import numpy as np
+from pydantic import TypeAdapter
 
-from beamsim.errors import InputFileError, NotWrittenError, ResultFileError, ScenarioError
-from beamsim.fields import OUTCOME, demand_summary, made_of, plain
+from beamsim.errors import BeamsimError, InputFileError, NotWrittenError, ResultFileError, ScenarioError
+from beamsim.fields import OUTCOME, by_name, demand_summary, made_of, plain, record
 from beamsim.files import Content, destination, partial_file, put_in_place, remove_own, temporary_file
 from beamsim.hdf5 import open_hdf5, read_array, scale_along, seal, values_size
 from beamsim.kinds import KINDS, kind_of_class, named
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = 3
 CHECKSUM = "checksum"
 JSON_ENCODED = "json_encoded"
+CONTRADICTION = "its contents contradict each other"
 
 
 # --- Writing ---------------------------------------------------------------------------------------------------------
@@ -227,7 +229,7 @@ def _nan_for_null(value: Any) -> Any:
 # --- Reading ---------------------------------------------------------------------------------------------------------
 
 
-def open_result(path: Path | str, kind: str = "", *, whole: bool = False) -> Any:
+def open_result(path: Path | str, kind: str = "", *, whole: bool = False, open_files: bool = True) -> Any:
     """Read a result file of one of `KINDS` (of any kind without `kind`).
 
     The file is closed again. Arrays larger than 1 MiB are checked by their declarations now, and their values read when
@@ -238,16 +240,19 @@ def open_result(path: Path | str, kind: str = "", *, whole: bool = False) -> Any
     path : of the file.
     kind : of the result.
     whole : whether to read all values now, so that the file may change.
+    open_files : whether files that its scenario names may be opened when the scenario is solved again.
 
     Raises
     ------
     ResultFileError
         If the file is missing, unreadable, damaged, not from beamsim, or of another layout, kind or scenario.
     """
-    return open_with_items(path, kind, whole=whole)[0]
+    return open_with_items(path, kind, whole=whole, open_files=open_files)[0]
 
 
-def open_with_items(path: Path | str, kind: str = "", *, whole: bool = False) -> tuple[Any, Items]:
+def open_with_items(
+    path: Path | str, kind: str = "", *, whole: bool = False, open_files: bool = False
+) -> tuple[Any, Items]:
     """A result as by `open_result`, and the items of its file."""
     with opened(path, KINDS[kind].command if kind else "run") as file:
         actual = _kind(file, path)
@@ -259,7 +264,7 @@ def open_with_items(path: Path | str, kind: str = "", *, whole: bool = False) ->
             for item in items.values():
                 item.array = item.values
         summary = decode_summary(items["/summary"].attributes)
-        about = {"scenario": _scenario(items["/"], path), "summary": summary}
+        about = {"scenario": _scenario(items["/"], path, open_files), "summary": summary}
         result = made_of(cls, {**about, **Reader(items).fields(cls)})
         if items["/"].attributes.get(CHECKSUM) != checksum(items):
             raise ValueError("its checksum does not fit: it was changed after it was written")
@@ -267,7 +272,12 @@ def open_with_items(path: Path | str, kind: str = "", *, whole: bool = False) ->
     return result, items
 
 
-def _scenario(root: Item, path: Path | str) -> Scenario:
+_FILE_RECORDS: TypeAdapter[Any] = TypeAdapter(
+    by_name(record({"file": str, "folder": str}, {"bytes": int, "sha256": str}))
+)
+
+
+def _scenario(root: Item, path: Path | str, open_files: bool) -> Scenario:
     """The scenario as it was written; the files that it names are those that were solved.
 
     Raises
@@ -283,8 +293,8 @@ def _scenario(root: Item, path: Path | str) -> Scenario:
             f"{path}: its scenario, written by beamsim {writer}, is none of this version ({error.problems[0]}); "
             "open it with that version, or correct the scenario and run it again"
         ) from error
-    files = json.loads(root.attributes.get("input_files", "{}"))
-    return scenario.with_solved_files(SolvedFiles(files, Path(path).absolute().parent))
+    files = _FILE_RECORDS.validate_json(str(root.attributes.get("input_files", "{}")), strict=True)
+    return scenario.with_solved_files(SolvedFiles(files, Path(path).absolute().parent, open_files))
 
 
 def kind_of(path: Path | str) -> str:
@@ -554,14 +564,55 @@ def opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
         if error.missing:
             raise ResultFileError(f"{path}: no such result file; `beamsim {command} case.yaml` writes one") from None
         raise ResultFileError(f"{path}: {error.message}; {remedy}, or run the case again") from None
-    with file:
-        try:
-            yield file
-        except (ResultFileError, InputFileError):
+    with file, refusing_damage(path):
+        yield file
+
+
+@contextmanager
+def refusing_damage(path: Path | str, said: str = "damaged") -> Iterator[None]:
+    """The boundary around what uses a result file: whatever a damaged or edited one causes becomes a refusal.
+
+    Reading finds wrong types, forms and sizes. That parts of a result contradict each other (a value of a snubber that
+    its scenario does not have) shows where they are used together: in a picture, a table, an export.
+
+    Parameters
+    ----------
+    path : of the result file.
+    said : what is said of the file, before the reason.
+
+    Raises
+    ------
+    ResultFileError
+        In place of any exception but those of this package, of the operating system, and for lack of memory.
+    """
+    try:
+        yield
+    except (BeamsimError, MemoryError):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
             raise
-        except Exception as error:  # whatever a damaged or crafted file causes in HDF5, in a codec or in a result
-            reason = str(error.args[0] if isinstance(error, KeyError) and error.args else error).partition("\n")[0]
-            raise ResultFileError(f"{path}: damaged ({reason or type(error).__name__}); run the case again") from error
+        reason = str(error).partition("\n")[0][:200]
+        if isinstance(error, KeyError) and error.args:
+            missing = str(error.args[0])[:200]
+            reason = missing if " " in missing else f"{missing} is missing"
+        raise ResultFileError(f"{path}: {said} ({reason or type(error).__name__}); run the case again") from error
+
+
+@contextmanager
+def stored_result(path: Path | str, kind: str = "", *, open_files: bool = False) -> Iterator[Any]:
+    """A result that is read by `open_result` and shown in the block, inside the boundary for damaged files.
+
+    No file that its scenario names is opened meanwhile, unless ``open_files`` says so.
+
+    Raises
+    ------
+    ResultFileError
+        As `open_result`; also if parts of the result contradict each other.
+    """
+    result = open_result(path, kind, open_files=open_files)
+    with refusing_damage(path, CONTRADICTION):
+        yield result
 
 
 def _check_times(items: Items) -> None:

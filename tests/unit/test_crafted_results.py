@@ -6,11 +6,15 @@ from hashlib import sha256
 import h5py
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from beamsim.cli.failures import say, show
 from beamsim.errors import ResultFileError
+from beamsim.kinds import KINDS, named
 from beamsim.report.page import embedded
 from beamsim.store.results import CHECKSUM, checksum, open_result, read_items, write_result
+from tests.helpers.commands import invoke
+from tests.helpers.crafted_results import commands, outcome, outcomes, write_crafted
 
 VALUES = (7.0, -1, "text", "", "null", '[1, {"a": null}]', np.nan, np.zeros(3), np.void(b"\xff\xfe"), h5py.Empty("f8"))
 
@@ -109,6 +113,61 @@ def test_summary_entries_that_repeat_a_field_have_its_form(whole):
 
         with pytest.raises(ResultFileError, match=rf"damaged \(summary: {name} is"):
             open_result(edited(whole, edit, sealed=True))
+
+
+def test_other_summary_entries_have_the_declared_type(whole):
+    for name, value, at in (
+        ("events", "many", "events"),
+        ("peak_force_n", '{"tip": "large"}', "peak_force_n.tip"),
+        ("contacts", "[1]", "contacts"),
+        ("spectral_lines", '[{"probe": "tip"}]', "spectral_lines.0"),
+        ("margins", '{"gap": {"limit": 1.0, "value": 1.0, "margin": 0.0, "at": 3, "verdict": "ok"}}', "margins.gap.at"),
+        ("doubtful", '[["a"]]', "doubtful.0"),
+        ("linear", '"no"', "linear"),
+    ):
+
+        def edit(file, name=name, value=value):
+            summary = file["summary"].attrs
+            summary["json_encoded"] = " ".join(sorted({*str(summary["json_encoded"]).split(), name} - {"events"}))
+            summary[name] = value
+
+        with pytest.raises(ResultFileError, match=rf"damaged \(summary: {at}"):
+            open_result(edited(whole, edit, sealed=True))
+
+
+def test_every_summary_entry_has_a_type():
+    for kind in KINDS.values():
+        cls = named(kind.result)
+        for entry in cls.SUMMARY:
+            assert (entry.form is None) or not entry.of
+            TypeAdapter(entry.form)
+
+
+@pytest.mark.parametrize("number", range(16))
+def test_crafted_results_are_shown_or_refused(number, tmp_path):
+    """One crafted file of each kept result with two commands; `python -m tests.helpers.crafted_results` tries more."""
+    path = write_crafted(number, tmp_path)
+    for name in ("info", "info --json"):
+        assert outcome(commands(path, tmp_path)[name]) in ("right", "refused")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(100, 132))
+def test_more_crafted_results_and_every_command(number, tmp_path):
+    found = outcomes(number, tmp_path)
+    assert set(found.values()) <= {"right", "refused"}, found
+
+
+def test_contents_that_contradict_each_other_are_no_internal_error(whole):
+    """Types and sizes are right, but the limited value is of a snubber that the case does not have."""
+
+    def edit(file):
+        summary = file["summary"].attrs
+        summary["contacts"] = '{"another": 3}'
+
+    done = invoke("info", edited(whole, edit, sealed=True))
+    assert done.exit_code == 2
+    assert "its contents contradict each other (tip is missing); run the case again" in done.output
 
 
 def test_the_scenario_in_a_result_opens_no_file(whole, tmp_path):

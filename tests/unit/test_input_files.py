@@ -17,6 +17,7 @@ from beamsim.scenario import load_scenario
 from beamsim.scenario.scenario import named_files
 from beamsim.store.results import open_result
 from beamsim.system.build import build_system
+from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SHORT = ["run.duration=1 ms", "run.convergence='off'", "reduction.modes=2", "reduction.highest_frequency=null"]
@@ -146,3 +147,16 @@ vary: {kind: grid, parameters: [{path: snubbers.stop.gap, values: [0.1, 0.2]}]}
     assert plan_designs(load_scenario(case)).fingerprint == plan.fingerprint
     table.write_text("deflection (mm),force (N)\n0,0\n1,6\n")
     assert plan_designs(load_scenario(case)).fingerprint != plan.fingerprint
+
+
+def test_files_that_a_result_names_are_not_opened_to_show_it(solved, tmp_path):
+    _, file, _ = solved
+    scenario = open_result(file, open_files=False).scenario
+    with pytest.raises(
+        ScenarioError, match=r"mass\.file = matrices/panel\.op4 is a file that the result names.*--open-files"
+    ):
+        build_system(scenario)
+    refused = invoke("animate", file, "-o", tmp_path / "motion.html")
+    assert refused.exit_code == 2
+    assert "--open-files" in refused.output
+    assert invoke("animate", file, "--open-files", "-q", "-o", tmp_path / "motion.html").exit_code == 0

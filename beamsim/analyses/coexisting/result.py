@@ -6,7 +6,23 @@ import numpy as np
 
 from beamsim.analyses.continuation.result import OF_STABLE, ContinuationResult
 from beamsim.analyses.result import CONVERGENCE, MARGINS, MODES, PROCESSOR_TIME, STATUS
-from beamsim.fields import JSON, Counter, Entry, attribute, axis, dataset, declared, stored, table
+from beamsim.fields import (
+    JSON,
+    ByName,
+    Counter,
+    Entry,
+    Flag,
+    Number,
+    Text,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    list_of,
+    record,
+    stored,
+    table,
+)
 from beamsim.typing import Floats, Ints
 
 _START = Counter("start_number", "number of the start")
@@ -44,6 +60,17 @@ class SmallestDisturbance:
     largest_tried: float = dataset("1", "largest amplitude that is tried")
 
 
+MOTION = record({
+    "kind": Text, "stable": Flag,
+    **dict.fromkeys(("frequency_hz", "number", "period_cycles", "share", "share_low", "share_high",
+                     "largest_multiplier"), Number),
+}, dict.fromkeys(("peak_displacement_m", "peak_force_n"), ByName))  # fmt: skip
+DISTURBANCE = record({
+    "probe": Text, "unit": Text,
+    **dict.fromkeys(("frequency_hz", "number", "amplitude", "time_s", "largest_tried"), Number),
+})  # fmt: skip
+
+
 @declared(kw_only=True)
 class CoexistingResult(ContinuationResult):
     """Everything `beamsim sweep` of kind coexisting computes: each motion is a branch of one point.
@@ -54,11 +81,11 @@ class CoexistingResult(ContinuationResult):
     SUMMARY = (
         STATUS,
         Entry("motions", "", "each motion: frequency, kind, period, stability, share of the starts with its interval, "
-              "largest multiplier and Lyapunov exponent, largest values by entry and name"),
+              "largest multiplier and Lyapunov exponent, largest values by entry and name", form=list_of(MOTION)),
         Entry("not_settled", "1", "by frequency (Hz) the number of starts that are near no motion after the largest "
-              "number of cycles"),
+              "number of cycles", form=ByName),
         Entry("disturbances", "", "the smallest disturbance found that leaves each stable periodic motion: amplitude "
-              "(unknown where none leaves), unit, time in its period"),
+              "(unknown where none leaves), unit, time in its period", form=list_of(DISTURBANCE)),
         Entry("starts", "1", "number of starts at each frequency"),
         *OF_STABLE,
         Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy"),

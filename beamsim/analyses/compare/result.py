@@ -8,7 +8,19 @@ import numpy as np
 
 from beamsim.analyses.result import CONVERGENCE, MARGINS, Result
 from beamsim.analyses.run.result import Spectrum
-from beamsim.fields import Counter, Entry, attribute, axis, dataset, declared, group, members, stored, table
+from beamsim.fields import (
+    Counter,
+    Entry,
+    Plain,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    group,
+    members,
+    stored,
+    table,
+)
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.typing import Bools, Complexes, Floats
 
@@ -185,8 +197,9 @@ class Comparison(Result):
     SUMMARY = (
         Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one; of "
                  "a record that does not repeat peaks, scale, correlation, largest difference of response spectra",
-                 "channels"),
-        Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks", "channels"),
+                 "channels", form=list[Plain]),
+        Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks", "channels",
+                 form=list[Plain]),
         MARGINS,
         *(entry for entry in CONVERGENCE if entry.name == "doubtful"),
     )  # fmt: skip

@@ -15,13 +15,19 @@ from beamsim.analyses.values import DISPLACEMENT, VALUES
 from beamsim.fields import (
     Counter,
     Entry,
+    Number,
+    Pair,
+    Text,
     attribute,
     axis,
+    by_name,
     dataset,
     declared,
     group,
+    list_of,
     members,
     per_probe,
+    record,
     stored,
 )
 from beamsim.system.modes import ModeTable
@@ -73,9 +79,23 @@ OF_STABLE = (
     *(value.summary_entry("of all stable motions, ") for value in VALUES
       if value.followed and value.key != DISPLACEMENT),
     Entry("peak_output", "", "by output its largest magnitude in stable motions: value in its output_unit, parameter",
-             "outputs"),
-    Entry("output_unit", "", "units of the outputs"),
+             "outputs", form=by_name(record({"value": Number, "parameter": Number}))),
+    Entry("output_unit", "", "units of the outputs", form=dict[str, Text]),
 )  # fmt: skip
+SPECIAL_POINT = record(
+    {"kind": Text, "parameter": Number, "snubber": Text, "level": Number, "period_multiple": Number},
+    {"frequency_hz": Number},
+)
+PEAK = record(
+    {"kind": Text, "probe": Text,
+     **dict.fromkeys(("frequency_hz", "parameter", "value_m", "level", "period_multiple"), Number)},
+    {"direction": Text},
+)  # fmt: skip
+FOLD_CURVE = record(
+    dict.fromkeys(("smallest_parameter", "largest_parameter", "smallest_hz", "largest_hz"), Number),
+    {"start_hz": Number, "points": Number, "touching": Text, "status": Text},
+)
+BAND = record({"band": Pair, "level": Number})
 _SUMMARY = (
     STATUS,
     Entry("parameter", of="parameter"),
@@ -84,17 +104,18 @@ _SUMMARY = (
     Entry("branches", "1", "number of branches", "branches"),
     Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy"),
     Entry("special_points", "", "folds, bifurcations and grazings: kind, frequency, parameter, snubber, level",
-             "special points"),
+             "special points", form=list_of(SPECIAL_POINT)),
     Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, kind, period",
-             "peak displacement"),
+             "peak displacement", form=list_of(PEAK)),
     *OF_STABLE,
-    Entry("without_stable_motion", "", "bands of the parameter without a stable motion found: band, level"),
-    Entry("second_parameter", "", "what folds are followed in"),
+    Entry("without_stable_motion", "", "bands of the parameter without a stable motion found: band, level",
+             form=list_of(BAND)),
+    Entry("second_parameter", "", "what folds are followed in", form=Text),
     Entry("fold_curves", "", "by curve of folds: its start, points, extents in the second parameter and frequency",
-             "folds"),
+             "folds", form=list_of(FOLD_CURVE)),
     MARGINS,
     Entry("multiple_scales", "", "by level, of the expansion: points, differences from exact motions, observed orders",
-             "multiple scales"),
+             "multiple scales", form=list_of(record({"level": Number, "observed_orders": list[Number]}))),
     Entry("neglected_harmonics", "1", "largest share of the motion that harmonic balance leaves out",
              "neglected harmonics"),
     *MODES,

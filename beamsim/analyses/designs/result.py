@@ -19,15 +19,23 @@ from beamsim.errors import ScenarioError
 from beamsim.fields import (
     JSON,
     Axes,
+    ByName,
     Counter,
     Entry,
+    Flag,
+    Number,
+    Plain,
+    Text,
     as_text,
     attribute,
     axis,
+    by_name,
     dataset,
     declared,
     key,
+    list_of,
     members,
+    record,
     stored,
     table,
 )
@@ -247,6 +255,29 @@ def _failures(text: str) -> tuple[CaseFailure, ...]:
 FAILURES = as_text(_failures_text, _failures)
 """Cases that failed: number, values of the parameters, text and code of the outcome."""
 
+PROBABILITY = record({"share": Number, "low": Number, "high": Number})
+RELIABILITY = record(
+    {"event": Text,
+     **dict.fromkeys(("probability", "coefficient_of_variation", "low", "high", "histories"), Number)},
+    {"method": Text, "distance": Number, "reliability_index": Number, "design_point": ByName},
+)  # fmt: skip
+BEST = record(
+    {"case": Number, "value": Number, "parameters": Plain}, {"margin": Number, "limit": Text, "values": ByName}
+)
+TOLERANCES = record({
+    "parameters": by_name(record({"tolerance": Number, "relative": Flag, "unit": Text})),
+    "quantile": Number, "realisations": Number,
+})  # fmt: skip
+RANGE = record(
+    {"smallest": Number, "largest": Number},
+    {"smallest_at": Plain, "largest_at": Plain,
+     "populations": list_of(record(dict.fromkeys(("smallest", "largest", "cases"), Number)))},
+)  # fmt: skip
+WORST = record(
+    dict.fromkeys(("limit", "value", "margin"), Number) | {"at": Text, "verdict": Text},
+    {**dict.fromkeys(("lowest", "highest", "margin_db", "case", "cases_exceeding", "cases_not_reliable"), Number),
+     "exceeded": Flag, "parameters": Plain, "probability": PROBABILITY},
+)  # fmt: skip
 _SUMMARY = (
     Entry("analysis", of="analysis"),
     Entry("cases", "1", "number of cases", "varied", of="cases"),
@@ -257,32 +288,33 @@ _SUMMARY = (
     Entry("reliability", "", "probability that limits are exceeded, with the ends of its 95 % interval and its "
              "coefficient of variation; reliability_index; method, event, target of the coefficient, histories and how "
              "many of them failed; design_point by path with its distance in standard deviations; and by path what a "
-             "number has to do with it"),
+             "number has to do with it", form=RELIABILITY),
     Entry("passing", "1", "cases that meet every limit"),
-    Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin"),
-    Entry("as_it_is", "", "of a search: the scenario as it is, as the best cases are"),
+    Entry("objective", "", "what makes a case the best: the response that is smallest or largest, or the margin",
+             form=Text),
+    Entry("as_it_is", "", "of a search: the scenario as it is, as the best cases are", form=Plain),
     Entry("near_best", "", "of a search for one objective: by number its smallest and largest value in the designs "
              "that meet every limit and are within 1 % of the best one; at_end says whether the best is at an end of "
-             "its range"),
+             "its range", form=by_name(record({"smallest": Number, "largest": Number}, {"at_end": Flag}))),
     Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "
-             "parameters, smallest margin and its limit"),
+             "parameters, smallest margin and its limit", form=list_of(BEST)),
     Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "
-             "unit", "tolerances"),
+             "unit", "tolerances", form=TOLERANCES),
     Entry("scatter", "", "by response of the best case, or of the only one: nominal, smallest and largest value and "
              "what responses have of a sample, over the realisations; and the probability that every limit is met",
-             "within tolerances"),
+             "within tolerances", form=record({"responses": by_name(RANGE)}, {"probability": PROBABILITY})),
     Entry("margins", "", "by limit, of the worst case: limit, value, lowest and highest, margin, at, case, parameters; "
              "the verdict on all cases, the number of cases that exceed the limit and of those with the verdict not "
-             "reliable, and of a sample the probability that it is met"),
+             "reliable, and of a sample the probability that it is met", form=by_name(WORST)),
     Entry("probability", "", "of a sample: share of the cases that meet every limit, with the ends of the 95 % "
-             "interval of its probability"),
+             "interval of its probability", form=PROBABILITY),
     *CONVERGENCE,
     Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, standard deviation, the "
              "5 %, 50 % and 95 % quantiles with their 95 % intervals, and the populations of values that are in "
-             "several", "responses"),
+             "several", "responses", form=by_name(RANGE)),
     Entry("sensitivity", "", "by response and parameter: of a sample rank_correlation and p_value; of kind: sobol "
              "first_order and total_order, each with the ends of its 95 % interval; of kind: one_at_a_time smallest "
-             "and largest value, and where they are", "sensitivity"),
+             "and largest value, and where they are", "sensitivity", form=dict[str, dict[str, Plain]]),
     Entry("processor_time_s", "s", "processor time of all cases", "solver"),
 )  # fmt: skip
 

@@ -13,14 +13,20 @@ from beamsim.analyses.run.orbit_energy import largest_error
 from beamsim.fields import (
     Counter,
     Entry,
+    Flag,
+    Number,
+    Plain,
+    Text,
     attribute,
     axis,
     dataset,
     declared,
     ending,
     group,
+    list_of,
     members,
     per_probe,
+    record,
     stored,
     table,
 )
@@ -232,6 +238,19 @@ class RelaxedComparison:
 
 # --- The result ------------------------------------------------------------------------------------------------------
 
+POINT = record(dict.fromkeys(("parameter", "frequency_hz", "energy_j"), Number))
+REQUESTED_POINT = record(
+    {"quantity": Text, **dict.fromkeys(("value", "branch", "parameter", "frequency_hz", "energy_j"), Number)},
+    {"stable": Flag},
+)
+RESONANCE = record(
+    {"found": Flag, "level": Number, "predicted_frequency_hz": Number, "predicted_amplitude_m": Number},
+    {"stable": Flag, **dict.fromkeys(("frequency_hz", "amplitude_m", "level_for_amplitude"), Number)},
+)
+FULL_PERIOD = record({"symmetry_breakings": list[Plain], "never_at_rest": list[Plain]})
+RELAXED = record(dict.fromkeys(("steps", "steps_reached", "largest_frequency_difference", "cost_ratio"), Number))
+PHASE_RESONANCE = record({"quantity": Text, "unit": Text, "probe": Text, "levels": list_of(RESONANCE)})
+TONGUE = record(dict.fromkeys(("mode", "ratio", "parameter"), Number))
 _SUMMARY = (
     STATUS,
     Entry("mode", of="mode"),
@@ -239,27 +258,28 @@ _SUMMARY = (
     Entry("points", "1", "points of the backbone"),
     Entry("energy_error", "1", "largest change of the energy along a motion of any branch, relative to the energy"),
     Entry("stable_points", "1", "those of them that are stable"),
-    Entry("start", "", "first point of the backbone: parameter, frequency, energy", "start"),
-    Entry("end", "", "last point of the backbone: parameter, frequency, energy", "end"),
+    Entry("start", "", "first point of the backbone: parameter, frequency, energy", "start", form=POINT),
+    Entry("end", "", "last point of the backbone: parameter, frequency, energy", "end", form=POINT),
     Entry("period_s", "s", "period of the last point"),
     Entry("linear_frequency_hz", "Hz", "frequency of the linear mode"),
     Entry("internal_resonances", "", "by tongue: mode, ratio, parameter where it leaves the backbone, points",
-             "internal resonances"),
+             "internal resonances", form=list_of(TONGUE)),
     Entry("jumps", "", "gaps of the backbone at tongues: start and end in the parameter, mode and ratio where known",
-             "jumps over tongues"),
+             "jumps over tongues", form=list[Plain]),
     Entry("grazings", "1", "grazing contacts along the backbone"),
     Entry("special_points", "", "folds and branch points of the backbone: kind, parameter, frequency",
-             "special points"),
+             "special points", form=list[Plain]),
     Entry("requested_points", "", "points at the energies and frequencies asked for: quantity, value, branch and point "
-             "(from 1), parameter, frequency, energy, share, stable or not", "points asked for"),
+             "(from 1), parameter, frequency, energy, share, stable or not", "points asked for",
+             form=list_of(REQUESTED_POINT)),
     Entry("full_period", "", "of full-period shooting: difference from half-period shooting, symmetry breakings and "
-             "branches of non-brake orbits", "full period"),
+             "branches of non-brake orbits", "full period", form=FULL_PERIOD),
     Entry("multiple_scales", "", "of the expansion: frequencies, differences from exact motions and observed orders",
-             "multiple scales"),
+             "multiple scales", form=record({"observed_order_frequency": list[Number]})),
     Entry("thesis", "", "of relaxed minimisation: steps, functional, differences from exact motions and cost",
-             "relaxed minimisation"),
+             "relaxed minimisation", form=RELAXED),
     Entry("phase_resonance", "", "of forced motions at phase resonance: quantity, unit, probe, and level by level "
-             "what was predicted and found", "phase resonance"),
+             "what was predicted and found", "phase resonance", form=PHASE_RESONANCE),
     Entry("motion_frequency_hz", "Hz", "frequency of the motion that is drawn"),
     Entry("motion_drift", "1", "how far it is from its start after the periods of its spectrum, relative", "spectrum",
              "motion.drift"),

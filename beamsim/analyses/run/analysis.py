@@ -43,6 +43,7 @@ from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, sum
 from beamsim.analyses.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.hdf5 import open_hdf5
+from beamsim.input_files import reading
 from beamsim.inputs.statements import InputStatement
 from beamsim.outcomes import Stop, interruption
 from beamsim.scenario import Scenario
@@ -353,7 +354,7 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
     """
     path = (folder or Path()) / start.orbit
     try:
-        with open_hdf5(path) as file:
+        with reading(path, "a result", "run the continuation again"), open_hdf5(path) as file:
             if file.attrs.get("command") != "sweep" or file.attrs.get("kind") != "continuation":
                 _reject(f"= {start.orbit} holds no continuation", "give the file of a sweep with kind: continuation")
             prefix, branch = "", None
@@ -394,8 +395,6 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
         if error.missing:
             remedy = "give its path, relative to the folder of the scenario"
         _reject(f"= {start.orbit} {error.message}", remedy)
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        _reject(f"= {start.orbit} cannot be read ({error})", "run the continuation again")
 
 
 def _at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = False) -> Scenario:

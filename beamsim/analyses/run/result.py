@@ -11,16 +11,24 @@ import numpy as np
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.values import BY_ENTRY, VALUES, of_angles
 from beamsim.fields import (
+    ByName,
     Counter,
     Entry,
+    Flag,
+    Number,
+    Plain,
+    Text,
     attribute,
     axis,
+    by_name,
     dataset,
     declared,
     group,
     key,
+    list_of,
     members,
     named,
+    record,
     stored,
     table,
 )
@@ -712,76 +720,102 @@ def _spectrum_group(key: tuple[str, str]) -> tuple[str, ...]:
     return (name,) if quantity == MAIN_QUANTITY else (name, quantity)
 
 
+LINE = record(
+    {"probe": Text, "quantity": Text, "kind": Text,
+     **dict.fromkeys(("order", "frequency_hz", "amplitude", "amplitude_db"), Number)},
+    {"relative_change": Number},
+)  # fmt: skip
+UNRESOLVED_LINE = record(
+    {"probe": Text, "quantity": Text,
+     **dict.fromkeys(("frequency_hz", "remainder", "resolution_hz", "separating_duration_s"), Number)},
+)  # fmt: skip
+COMPARED = record({
+    "method": Text, "figures": by_name(by_name(record({"exact": Number, "stepped": Number, "unit": Text}))),
+    **dict.fromkeys(
+        ("agrees_until_s", "largest_state_difference", "largest_time_difference_s", "exact_processor_time_s",
+         "processor_time_s", "evaluations"), Number),
+})  # fmt: skip
+RANDOM_SIGNAL = record(dict.fromkeys(("rms", "crest_factor", "kurtosis"), Number))
+MATCHED = record(dict.fromkeys(("lowest_db", "highest_db", "from_hz", "to_hz", "quality"), Number))
 _SUMMARY = (
     STATUS,
     InputStatement.ENTRY,
     BY_ENTRY["contact_share"].summary_entry(),
     BY_ENTRY["contacts"].summary_entry(),
     Entry("events", "1", "closings and openings of all snubbers"),
-    Entry("linear", "", "whether contact neither begins nor ends and no spring is nonlinear"),
+    Entry("linear", "", "whether contact neither begins nor ends and no spring is nonlinear", form=Flag),
     GAPPING,
     BY_ENTRY["gapping_ratio"].summary_entry(),
     *(value.summary_entry() for value in VALUES if value.of),
     Entry("peak_times_s", "s", "by entry (peak_force_n, peak_displacement_m, peak_acceleration_g) and name: when the "
-             "peak is reached; of equal peaks any of them"),
-    Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "at rest"),
+             "peak is reached; of equal peaks any of them", form=dict[str, ByName]),
+    Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "at rest", form=ByName),
     BY_ENTRY["static_force_n"].summary_entry(),
-    Entry("blocked_force_n", "N", "contact force of a snubber with the structure held at zero displacement"),
-    Entry("gap_rad", "rad", "clearance of a stop of a hinge at the angle zero", "hinges at rest"),
+    Entry("blocked_force_n", "N", "contact force of a snubber with the structure held at zero displacement",
+             form=ByName),
+    Entry("gap_rad", "rad", "clearance of a stop of a hinge at the angle zero", "hinges at rest", form=ByName),
     BY_ENTRY["static_moment_n_m"].summary_entry(),
-    Entry("blocked_moment_n_m", "N m", "contact moment of a stop of a hinge that is held at the angle zero"),
-    Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness"),
-    Entry("residual_crush_m", "m", "of a snubber that yields, how far it stays crushed at the end", "residual crush"),
-    Entry("residual_crush_rad", "rad", "of a stop of a hinge that yields, the same", "residual crush of hinges"),
+    Entry("blocked_moment_n_m", "N m", "contact moment of a stop of a hinge that is held at the angle zero",
+             form=ByName),
+    Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness",
+             form=ByName),
+    Entry("residual_crush_m", "m", "of a snubber that yields, how far it stays crushed at the end", "residual crush",
+             form=ByName),
+    Entry("residual_crush_rad", "rad", "of a stop of a hinge that yields, the same", "residual crush of hinges",
+             form=ByName),
     Entry("impacts", "", "statistics of the impacts by snubber, if run.impacts asks for them; units are in the names",
-             "impacts"),
-    Entry("impacts_total", "", "those of all snubbers together"),
-    Entry("rms_displacement_m", "m", "rms of a probe's relative displacement over the part of the spectra"),
-    Entry("rms_acceleration_g", "g", "the same of its absolute acceleration"),
+             "impacts", form=by_name(record({"restitution": Number}))),
+    Entry("impacts_total", "", "those of all snubbers together", form=Plain),
+    Entry("rms_displacement_m", "m", "rms of a probe's relative displacement over the part of the spectra",
+             form=ByName),
+    Entry("rms_acceleration_g", "g", "the same of its absolute acceleration", form=ByName),
     Entry("friction", "", "by friction contact share of time, number and distance of sliding, energy and power lost, "
-             "wear power, worn volume and force at the start; units are in the names", "friction"),
+             "wear power, worn volume and force at the start; units are in the names", "friction",
+             form=dict[str, Plain]),
     Entry("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed"),
-    Entry("rms_output", "", "its rms over the part of the spectra; energies have none"),
-    Entry("output_unit", "", "units of the outputs"),
+    Entry("rms_output", "", "its rms over the part of the spectra; energies have none", form=ByName),
+    Entry("output_unit", "", "units of the outputs", form=dict[str, Text]),
     BY_ENTRY["largest_bending_stress_position_m"].summary_entry(),
     Entry("largest_bending_stress_across_m", "m", "on a plate its y"),
-    Entry("largest_bending_stress_body", "", "on which body that is, where there are several"),
+    Entry("largest_bending_stress_body", "", "on which body that is, where there are several", form=Text),
     Entry("largest_von_mises_stress_pa", "Pa", "largest von Mises stress at the surface of a plate",
              "largest von Mises stress"),
     BY_ENTRY["srs_over_limit"].summary_entry(),
     BY_ENTRY["psd_over_limit"].summary_entry(),
     MARGINS,
     Entry("fatigue", "", "by body rainflow count and damage where its damage is largest, if run.fatigue asks for it",
-             "fatigue"),
+             "fatigue", form=dict[str, Plain]),
     Entry("random", "", "of a stationary random input, by signal: rms with its 95 % interval, crest factor, kurtosis, "
-             "largest value expected in the test with its interval, and more", "random response"),
+             "largest value expected in the test with its interval, and more", "random response",
+             form=by_name(RANDOM_SIGNAL)),
     Entry("random_linear", "", "of a random input, by signal: standard deviation of the run, and of the linear "
-             "structure with every snubber always open and always closed", "linear prediction"),
+             "structure with every snubber always open and always closed", "linear prediction", form=dict[str, ByName]),
     Entry("srs", "", "of shock response spectra, by signal: highest point of the maximax spectrum, and where it is",
-          "shock response"),
+          "shock response", form=dict[str, ByName]),
     Entry("matched", "", "of a matched base motion: how far its shock response spectrum is below and above the curve "
-             "that was asked for, in which band and with which quality factor"),
-    Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines"),
+             "that was asked for, in which band and with which quality factor", form=MATCHED),
+    Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines",
+             form=list_of(LINE)),
     Entry("aliased_in_histories", "1", "by place and quantity: share of the root mean square that lies above half the "
           "output rate (of a time-stepped motion above a quarter), where above 0.1 %; a spectrum of the samples shows "
-          "it at lower frequencies, those of the run are free of it", "aliased in histories"),
+          "it at lower frequencies, those of the run are free of it", "aliased in histories", form=ByName),
     Entry("unresolved_lines", "", "lines with a remainder above 2 %, which are several lines or change during the "
           "record: probe, quantity, frequency_hz, remainder; resolution_hz, the distance from which on lines are told "
           "apart; separating_duration_s, which tells the two lines apart that explain the curve best (null: they are "
-          "farther apart than that)", "lines not resolved"),
+          "farther apart than that)", "lines not resolved", form=list_of(UNRESOLVED_LINE)),
     *MODES,
     *CONVERGENCE,
     BY_ENTRY["energy_error"].summary_entry(),
     Entry("sensitivities", "", "by value, as studies name it, and by path of run.sensitivities: derivative, tolerance, "
              "change of the value with it, and the change of the number within which it holds, in SI units",
-             "sensitivities"),
+             "sensitivities", form=dict[str, Plain]),
     Entry("method", of="method", label="method"),
     Entry("memory_bytes", "byte", "bound on what the run keeps in memory, run.memory", "memory"),
     Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more"),
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
     *CorrectionSize.ENTRIES,
     Entry("against", "", "differences from the reference integrator (`--against`) by value, and the cost of both",
-          "exact and reference"),
+          "exact and reference", form=COMPARED),
 )  # fmt: skip
 
 

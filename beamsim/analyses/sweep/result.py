@@ -13,8 +13,11 @@ from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCES
 from beamsim.analyses.run.result import Work
 from beamsim.analyses.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, of_angles
 from beamsim.fields import (
+    ByName,
     Counter,
     Entry,
+    Plain,
+    Text,
     attribute,
     axis,
     dataset,
@@ -371,16 +374,17 @@ _SUMMARY = (
     Entry("events", of="work.events"),
     Entry("truncation", of="truncation"),
     *CorrectionSize.ENTRIES,
-    *(value.summary_entry("by curve, ") for value in VALUES if value.followed or value is RESPONSE),
+    *(value.summary_entry(by_curve=True) for value in VALUES if value.followed or value is RESPONSE),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
-             "the frequencies", "time in contact"),
-    OUTPUT.summary_entry("by curve, "),
-    Entry("output_unit", "", "units of the outputs"),
+             "the frequencies", "time in contact", form=dict[str, ByName]),
+    OUTPUT.summary_entry(by_curve=True),
+    Entry("output_unit", "", "units of the outputs", form=dict[str, Text]),
     Entry("notches", "", "by curve, the limits of sweep.notch_to with the largest values, and the ranges in which each "
-             "governs", "notches"),
+             "governs", "notches", form=dict[str, Plain]),
     Entry("impacts", "", "by curve and snubber the largest values per cycle, if sweep.impacts asks for them",
-             "impacts per cycle"),
-    Entry("sliding", "", "by curve and friction contact the largest values per cycle, likewise", "sliding per cycle"),
+             "impacts per cycle", form=dict[str, Plain]),
+    Entry("sliding", "", "by curve and friction contact the largest values per cycle, likewise", "sliding per cycle",
+             form=dict[str, Plain]),
     Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy"),
     MARGINS,
     *MODES,
