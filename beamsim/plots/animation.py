@@ -22,6 +22,7 @@ from beamsim.structures.places import Place, ends_of
 from beamsim.typing import Bools, Floats
 
 MILLISECONDS = 40  # of a frame
+NOTABLE = 0.05  # of the largest deflection, that frames may miss without a word
 _SIDES = {"below": -1.0, "above": 1.0, "approach": 1.0, "separation": 0.0}  # of the face from the first place; a cable
 _MOUNT = 0.2  # rows, from the farthest face to what holds it
 
@@ -107,6 +108,8 @@ def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
     low, high = (float(pick([pick(of) for of in drawn_at])) for pick in (np.min, np.max))
     margin = 0.09 * (float(right - left) or 1.0)
     limits = float(left) - margin, float(right) + 1.6 * margin, min(low - 0.12, -0.5), max(high + 0.3, 0.6)
+    if frames.missed > NOTABLE:
+        title += f"; up to {100.0 * frames.missed:.2g} % of the largest deflection is too fast for these frames"
     return Scene(
         title, limits, tuple(lines), heights, tuple(drawn), frames.time, frames.slow,
         tuple((name, float(line.x[0]), line.row) for name, line in firsts.items()), bar * factor, amount(bar, "m"),

@@ -59,6 +59,23 @@ def test_a_stop_that_presses_is_drawn_at_the_body(result):
     np.testing.assert_allclose(stop.face, expected, atol=1e-9 * scale)
 
 
+@pytest.mark.parametrize(("fast_hz", "missed"), [(10.0, False), (600.0, True)])
+def test_what_is_too_fast_for_the_frames_is_named(fast_hz, missed):
+    """Two equal masses swing by 1 mm at 5 Hz and by 1 mm at 2 or 120 times that, with 53 frames a period of 5 Hz."""
+    outer = (10.0 * np.pi) ** 2
+    springs = [outer, 0.5 * ((2.0 * np.pi * fast_hz) ** 2 - outer), outer]
+    run = {"duration": 1.0, "sample_rate": 1e4, "convergence": "off", "start": {"displacement": [2e-3, 0.0]}}
+    case = {"chain": {"masses": [1.0, 1.0], "springs": springs}, "probes": [{"name": "m", "mass": 1}], "run": run}
+    result = beamsim.run(load_scenario(case))
+    frames = frames_of_run(result)
+    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, result.snubbers), "case")
+    assert ("too fast for these frames" in scene.title) == missed
+    if missed:  # two cycles of it and more lie between two frames
+        assert 0.3 < frames.missed < 1.5
+    else:
+        assert frames.missed < 1e-3
+
+
 PIPE = {
     "beam": {"length": 0.9, "width": 0.03, "thickness": 0.004, "youngs_modulus": 70e9, "density": 2700.0, "elements": 5,
              "supports": {"left": "pinned", "right": "pinned"}, "damping": {"kind": "modal", "ratio": 0.02}},

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamsim.analyses.branch import OrbitMotion
+from beamsim.analyses.run.aliasing import between_samples
 from beamsim.analyses.run.analysis import built_at_orbit, motion_of
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import FORCE, OPENING
@@ -63,6 +64,7 @@ class Frames:
     ends: Mapping[str, Floats]  # by stop (nf, 1 or 2) m, deflection of the places that it acts on
     force: Mapping[str, Floats]  # by stop (nf,) N, positive when it pushes
     opening: Mapping[str, Floats]  # by stop (nf,) m, distance to its face as it is then; 0 while it touches or is held
+    missed: float = 0.0  # largest deflection between frames beside a cubic through them, over the largest of all
 
 
 def frames_of_run(result: RunResult, progress: Progress = None, model: StructuralSystem | None = None) -> Frames:
@@ -95,14 +97,23 @@ def frames_of_run(result: RunResult, progress: Progress = None, model: Structura
     known = motion.sampled()
     times, slow = known.time, slow[: known.time.size]
     q = np.array([motion.state_at(float(t))[: system.dynamics.size] for t in times])
+    between = None  # of a time-stepped motion: its states are known at the frames alone
+    if motion.trajectory is not None:
+        between = np.array([motion.state_at(float(t))[: system.dynamics.size] for t in between_frames(times)])
     none = np.zeros((times.size, 0))
     forces, openings = (known.of(key) if system.snubbers else none for key in (FORCE, OPENING))
-    return frames_at(system, (times, slow), q, forces, openings)
+    return frames_at(system, (times, slow), q, forces, openings, between)
+
+
+def between_frames(times: Floats) -> Floats:
+    """(nf - 1,) s, a time between each two of the instants (nf,) of frames, see `between_samples`."""
+    return between_samples(times)[1::2]
 
 
 def frames_at(
-    system: StructuralSystem, instants: tuple[Floats, Bools], q: Floats, forces: Floats, openings: Floats
-) -> Frames:
+    system: StructuralSystem, instants: tuple[Floats, Bools], q: Floats, forces: Floats, openings: Floats,
+    between: Floats | None = None,
+) -> Frames:  # fmt: skip
     """Frames of known coordinates.
 
     Parameters
@@ -112,6 +123,7 @@ def frames_at(
     q : (nf, n) coordinates of the model.
     forces : (nf, snubbers) N.
     openings : (nf, snubbers) m, distances to the faces as they are at each instant.
+    between : (nf - 1, n) coordinates at `between_frames`, where they are known.
 
     Returns
     -------
@@ -130,7 +142,22 @@ def frames_at(
         for place in (line.places if line.stations is None else [stations[number] for number in line.stations])
     ]
     deflection = q @ np.vstack(of_lines).T + system.with_supports(places, times)
-    return Frames(lines, times, slow, deflection, _of_stops(sites, q @ at_stops.T), force, opening)
+    missed = 0.0
+    if between is not None:
+        there = between @ np.vstack(of_lines).T + system.with_supports(places, between_frames(times))
+        missed = _missed(times, deflection, there)
+    return Frames(lines, times, slow, deflection, _of_stops(sites, q @ at_stops.T), force, opening, missed)
+
+
+def _missed(times: Floats, deflection: Floats, between: Floats) -> float:
+    """Largest difference of deflections between frames from cubics through the frames, over the largest deflection."""
+    from scipy.interpolate import CubicSpline
+
+    different = np.append(np.diff(times) > 0.0, True)
+    if np.count_nonzero(different) < 4 or not deflection.any():
+        return 0.0
+    expected = CubicSpline(times[different], deflection[different])(between_frames(times))
+    return float(np.abs(between - expected).max() / np.abs(deflection).max())
 
 
 def paced_by_contact(time: Floats, forces: Floats) -> tuple[Floats, Bools]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamsim.analyses.run.animation import CYCLES_SHOWN, Frames, frames_at, paced_by_contact
+from beamsim.analyses.run.animation import CYCLES_SHOWN, Frames, between_frames, frames_at, paced_by_contact
 from beamsim.analyses.sweep.analysis import sweep_settings, swept_scenario
 from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
@@ -58,7 +58,7 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
         system = replace(system, forcing=loads_at(one, f)[0])  # supports follow it
     times = np.linspace(*sampled.span, SAMPLES)
     instants = paced_by_contact(times, sampled.at(times)[1])
-    return frames_at(system, instants, *sampled.at(instants[0]))
+    return frames_at(system, instants, *sampled.at(instants[0]), sampled.at(between_frames(instants[0]))[0])
 
 
 @dataclass(frozen=True)
