@@ -12,10 +12,10 @@ which shows most guards to be positive on the whole step; of the others all root
 integrator's solution does between two steps is missed. What remains is the error of that solution, which ``rtol`` and
 ``atol`` limit. None of this is used by the exact flow, whose search it checks.
 
-**After an event** the guards are those of the state after it, not of the dense output before: one that is below zero
-there acts at once. At one instant a contact does not return to a phase that it has left: if a guard asks for that it
-must rise at once. The integration ends with an outcome, and not in silence, where a guard is below zero at the end of a
-step.
+**After an event** the integrator starts anew from the state after it, with which its next dense output begins, to
+round-off. A guard that is below zero there acts at once. At one instant a contact does not return to a phase that it
+has left: if a guard asks for that it must rise at once. The integration ends with an outcome, and not in silence, where
+a guard is below zero at the end of a step.
 
 **Faces that hold.** What an integrator adds to the velocity of a face that sticks is removed at each of its events.
 """
@@ -189,7 +189,7 @@ def _solved(
             )  # fmt: skip
             break
         step = solver.dense_output()
-        end, guard = equations.first_event(step, y)
+        end, guard = equations.first_event(step)
         y = np.array(solver.y if guard is None else step(end))
         if end > times[-1]:
             times.append(end)
@@ -370,22 +370,14 @@ class _Equations:
         acting = np.where(below & ~self.waiting, value, 0.0)
         return int(acting.argmin()) if acting.any() else None
 
-    def first_event(self, step: DenseOutput, start: Floats) -> tuple[float, int | None]:
-        """Time of the first event in a step, s, with its guard; the end of the step where there is none.
-
-        Parameters
-        ----------
-        step : of the integrator.
-        start : (N + 2,) state where it begins, that after an event.
-        """
+    def first_event(self, step: DenseOutput) -> tuple[float, int | None]:
+        """Time of the first event in a step of the integrator, s, with its guard; the end of the step if none."""
         if not self.watched.guards:
             return float(step.t), None
         half = 0.5 * (step.t - step.t_old)
         times = step.t_old + half * (1.0 + _POINTS)
         times[-1] = step.t
-        y = step(times).T
-        y[0] = start
-        values, parts = self.guards(times, y)
+        values, parts = self.guards(times, step(times).T)
         round_off = ROUND_OFF * parts
         coefficient = _COEFFICIENTS @ (values + round_off)
         doubtful = np.flatnonzero(coefficient[0] <= np.abs(coefficient[1:]).sum(axis=0)).tolist()

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 import pytest
-from shipped import PATHS
+from shipped import PATHS, shipped
 
 import beamsim
 from beamsim.analyses.designs.plan import plan_draws
@@ -26,8 +26,18 @@ SHORT = {
 
 def solves_cases(path):
     """Whether a config has a section whose cases a study can solve."""
-    scenario = beamsim.load_scenario(path)
+    scenario = shipped(path)
     return scenario.run is not None if scenario.sweep is None else scenario.sweep.kind != "coexisting"
+
+
+CASES = [path for path in [*PATHS, *EXAMPLES] if solves_cases(path)]
+
+
+def shortened(path):
+    """Changes that shorten a config; of a continuation the curve is followed, and no branch that leaves it."""
+    sweep = shipped(path).sweep
+    curve = {"sweep.seek_at": 0, "sweep.side_branches": "none"} if sweep and sweep.kind == "continuation" else {}
+    return curve | SHORT.get(path.stem, {})
 
 
 def alone_and_in_a_study(scenario):
@@ -81,14 +91,11 @@ def demand_same(result, case, study):
 @pytest.mark.parametrize(
     "path",
     [pytest.param(path, id=f"{path.parent.name}/{path.stem}", marks=[] if path.stem in QUICK else pytest.mark.slow)
-     for path in [*PATHS, *EXAMPLES]],
+     for path in CASES],
 )  # fmt: skip
 def test_a_shipped_case_is_judged_in_a_study_as_alone(path, convergence):
-    if not solves_cases(path):
-        pytest.skip("no run or sweep of its own")
-    scenario = beamsim.load_scenario(path)
-    section = "run" if scenario.sweep is None else "sweep"
-    alone = {"vary": None, "optimise": None, f"{section}.convergence": convergence, **SHORT.get(path.stem, {})}
+    section = "run" if shipped(path).sweep is None else "sweep"
+    alone = {"vary": None, "optimise": None, f"{section}.convergence": convergence, **shortened(path)}
     demand_same(*alone_and_in_a_study(beamsim.load_scenario(path, alone)))
 
 
@@ -213,7 +220,7 @@ def of_seeds(path):
     return beamsim.load_scenario(path, {"vary": None, **short})
 
 
-SEEDED = [path for path in PATHS if hasattr(beamsim.load_scenario(path).excitation, "seed")]
+SEEDED = [path for path in PATHS if hasattr(shipped(path).excitation, "seed")]
 
 
 @pytest.mark.slow
@@ -234,7 +241,7 @@ def test_seeds_of_every_shipped_input_that_has_one_are_realisations(path):
 
 
 def test_there_are_shipped_inputs_with_seeds():
-    assert {beamsim.load_scenario(path).excitation.kind for path in SEEDED} >= {"random", "matched"}
+    assert {shipped(path).excitation.kind for path in SEEDED} >= {"random", "matched"}
 
 
 MATCHED = """\

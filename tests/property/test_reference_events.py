@@ -79,6 +79,24 @@ def test_a_face_without_a_spring_as_by_hand(integrator, duration):
     np.testing.assert_allclose(motion.y[:, 0], expected, atol=1e-4 * np.abs(expected).max())
 
 
+def test_what_the_integrator_leaves_of_the_velocity_of_faces_that_stick_is_removed():
+    """Two faces hold one mass; without the removal a guard is below zero at the 24th event and the integration ends."""
+    laws = (
+        rigid_friction_law(1.435602805223716, 1.435602805223716),
+        rigid_friction_law(1.433244281278417, 1.433244281278417),
+    )
+    shape = np.array([[0.44637457], [-0.53695324]])
+    contacts = Contacts(shape, np.ones(2), np.zeros(2), np.zeros(2, dtype=bool), laws)
+    system = PiecewiseLinearSystem(np.array([64.45046779]), np.array([[0.40140524]]), contacts, np.zeros(1))
+    flow = ExactFlow(system, Forcing(np.array([[0.54671299]]), (Signal.harmonic(2.64865858, 12.03800185),)), 3.0)
+    exact, times = simulate(flow, np.zeros(2)), np.linspace(0.0, 3.0, 61)
+    motion = reference.integrate(reference.TimeStepping(flow, "BDF", rtol=1e-5, atol=1e-8), np.zeros(2), times)
+    assert motion.outcome.complete, motion.outcome.text
+    assert motion.event_time.size == exact.event_time.size > 40
+    expected = exact.states_at(times)[:, 0]
+    np.testing.assert_allclose(motion.y[:, 0], expected, atol=1e-3 * np.abs(expected).max())
+
+
 BEATING = (1.6, OMEGA), (-1.6, 1.01 * OMEGA)
 
 

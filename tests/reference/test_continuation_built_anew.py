@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.continuation.analysis import continuation
+from beamsim.analyses.continuation.paths import response_model
 from beamsim.analyses.sweep.analysis import sweep
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.transient import simulate
+from beamsim.orbits.continuation import Settings, solve_at
+from beamsim.orbits.shooting import linear_guess
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
-from beamsim.system.build import build_family
+from beamsim.system.build import build_family, build_system
 
 STOP = {
     "name": "tip", "position": 0.23, "side": "below", "stiffness": 151.1e3, "gap": 1e-4, "mounted_on": "ground",
@@ -100,7 +105,7 @@ ON_ARM = {"name": "arm", "at": on("arm", 0.15), "side": "above", "gap": 5e-5, "d
 BETWEEN = {"name": "fold", "between": [on("arm", 0.05), on("flap", 0.12)], "gap": 1e-4, "damping": STOP["damping"]}
 BOTH = {**ON_FLAP, "side": "both"}
 SHAKEN = {"kind": "harmonic", "applied_to": {"support": "left", "body": "arm"}, "level": "1 g", "frequency": 20.0}
-CASES |= {
+ASSEMBLIES = {
     "assembly, hinge, two stops, turning base: position": (
         assembly(HINGED, [ON_FLAP, ON_ARM]), "snubbers[0].at.position", (0.06, 0.14),
     ),
@@ -116,6 +121,10 @@ CASES |= {
         assembly(HINGED, [ON_FLAP, ON_ARM], excitation=SHAKEN), LEVEL, (5.0, 12.0),
     ),
 }  # fmt: skip
+COEXISTING = (
+    "assembly, hinge, pair of stops and one more: gap"  # two motions, of which a stepped sine may find the other
+)
+CASES |= {name: case for name, case in ASSEMBLIES.items() if name != COEXISTING}
 FIRST = "stop on the ground, turning base: position"
 
 
@@ -163,6 +172,35 @@ def test_both_ends_are_the_case_built_anew(name):
             assert value == pytest.approx(anew[quantity], rel=rel), quantity
         compared += 1
     assert compared
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == COEXISTING else []) for name in ASSEMBLIES]
+)
+def test_a_motion_of_an_assembly_repeats_in_the_case_built_anew(name):
+    """By the exact march under the loads of that case; in the case of the other end it does not repeat."""
+    scenario, key, ends = ASSEMBLIES[name]
+    along = {"kind": key.rpartition(".")[2], "from": ends[0], "to": ends[1]}
+    named = {} if key == LEVEL else {"snubber": scenario["snubbers"][0]["name"]}
+    model = response_model(load_scenario({**scenario, "sweep": {"kind": "continuation", "continue_in": along | named}}))
+    problem, period = model.problem(model.levels[0]), 1.0 / scenario["excitation"]["frequency"]
+    systems = [build_system(load_scenario(scenario, {key: value})) for value in ends]
+    for value, anew, other in zip(ends, systems, reversed(systems), strict=True):
+        unknown = model.followed.inward(value)
+        flow, _ = problem.flow_at(unknown)
+        state = linear_guess(flow)
+        for _ in range(5):
+            state = flow.end(state, period)
+        point = solve_at(problem, np.append(state, unknown), Settings(iterations=25), unknown, 1.0)
+        state = point.u[:-1]
+        assert repeats_to(anew, state, period) < 1e-9
+        assert repeats_to(other, state, period) > 1e-4
+
+
+def repeats_to(system, state, period):
+    """Largest change of a state in two periods, over the state's size."""
+    motion = simulate(ExactFlow(system.dynamics, system.forcing, 2 * period), state)
+    return np.abs(motion.states_at(np.array([2 * period]))[0] - state).max() / np.abs(state).max()
 
 
 @pytest.mark.parametrize(("key", "value"), [(POSITION, 0.26), (GAP, -2e-5), (STIFFNESS, 9e4)])
