@@ -158,8 +158,10 @@ class VerdictError(BeamsimError):
         self.exit_code = exit_code
 
 
-_UNSEEN = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069]")
-"""Control characters but for tab and line feed, and those that change the direction of text or end a line."""
+_UNSEEN = re.compile(
+    "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff\\ufffe\\uffff]"
+)
+"""Control characters but for tab and line feed, what reorders text or ends a line, and halves of surrogate pairs."""
 
 
 def visible(text: str) -> str:

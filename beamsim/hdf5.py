@@ -141,7 +141,7 @@ def read_array(dataset: h5py.Dataset) -> Any:
         can stand for.
     """
     path, name = dataset.file.filename, dataset.name
-    _demand_plausible(dataset)
+    demand_plausible(dataset)
     size = values_size(dataset)
     demand_memory(path, size + _chunk_size(dataset), f"for the values of {name}")
     try:
@@ -160,7 +160,7 @@ def _chunk_size(dataset: h5py.Dataset) -> int:
     return math.prod(dataset.chunks) * int(dataset.dtype.itemsize) if dataset.chunks else 0
 
 
-def _demand_plausible(dataset: h5py.Dataset) -> None:
+def demand_plausible(dataset: h5py.Dataset) -> None:
     """Refuse a data set without values, with values in other files, or with more than what is stored can stand for.
 
     Raises

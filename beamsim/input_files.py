@@ -107,6 +107,18 @@ def _open_regular(path: Path | str, mode: str, buffering: int, most_bytes: float
     return file
 
 
+def found_in(name: Path | str, *folders: Path | None) -> Path:
+    """The file of a name in the first of some folders that has it, else in the current one.
+
+    Parameters
+    ----------
+    name : of the file, with or without a path.
+    folders : None is left out.
+    """
+    paths = [folder / name for folder in folders if folder is not None]
+    return next((path for path in paths if os.path.lexists(path)), Path(name))
+
+
 def _without_waiting(path: str, flags: int) -> int:
     """Opener that does not wait for the writer of a pipe, if one took the place of the file meanwhile."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -12,6 +11,7 @@ from typing import NoReturn
 import numpy as np
 
 from beamsim.errors import Problem, ScenarioError, rooted
+from beamsim.input_files import found_in
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.inputs.statements import InputAccount, InputStatement
 from beamsim.measurements.columns import column_named, only_column
@@ -133,9 +133,7 @@ def read_record(excitation: SampledInput, folder: Path | None = None) -> Measure
         For a missing or unreadable file, values that are not finite, a time axis that does not increase, gaps, a filter
         that does not suit the record, and where neither the file nor the excitation states a unit.
     """
-    path = (folder or Path()) / excitation.file
-    if not os.path.lexists(path):
-        path = Path(excitation.file)
+    path = found_in(excitation.file, folder)
     try:
         signal = _chosen(read_file(path, excitation.decimal), excitation)
         if signal.y.size < 4:
@@ -352,10 +350,8 @@ def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[
     ScenarioError
         If it is a file that cannot be read, or the record is too short for its lowest frequency.
     """
-    folder = folder or Path()
-    there = not isinstance(excitation.srs, CurveFile) or os.path.lexists(folder / excitation.srs.file)
-    here = folder if there else Path()
-    frequency, level, _ = read_curve(excitation.srs, here, ("excitation", "srs"), {ACCELERATION.name: ACCELERATION})
+    known = {ACCELERATION.name: ACCELERATION}
+    frequency, level, _ = read_curve(excitation.srs, folder or Path(), ("excitation", "srs"), known)
     lowest, highest, at = float(frequency[0]), float(frequency[-1]), "excitation.duration"
     if excitation.duration * lowest < 0.5 * FEWEST_HALF_CYCLES:
         message = f"is shorter than {0.5 * FEWEST_HALF_CYCLES:g} cycles of the curve's lowest frequency, {lowest:g} Hz"
@@ -408,7 +404,7 @@ def _read_function(table: CurveFile, folder: Path, dimension: Dimension) -> tupl
     """
     file = table.file
     try:
-        signals = read_file(folder / file, table.decimal)
+        signals = read_file(found_in(file, folder), table.decimal)
         signals = signals if table.column is None else [column_named(signals, table.column)]
         densities = [each for each in signals if each.function == FunctionType.POWER_DENSITY]
         if len(densities) != 1:
@@ -463,7 +459,7 @@ def _read_table(
     """
     file = table.file
     try:
-        signal, factor, quantity = _levels(read_file(folder / file, table.decimal), table, at, dimensions)
+        signal, factor, quantity = _levels(read_file(found_in(file, folder), table.decimal), table, at, dimensions)
         unit = signal.axis_unit
         if not unit:
             raise MeasurementError("cannot be used: its first column states no unit", "head it frequency (Hz)")

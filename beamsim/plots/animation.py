@@ -13,9 +13,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from beamsim.analyses.run.animation import Frames
+from beamsim.errors import visible
 from beamsim.files import replacing
 from beamsim.outcomes import tell
-from beamsim.plots.drawing import in_lines, plain_text
+from beamsim.plots.drawing import in_lines, plain_text, show_unseen
 from beamsim.plots.sketch import BODY, HEIGHT, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
 from beamsim.plots.style import amount, round_length
 from beamsim.structures.places import Place, ends_of
@@ -141,6 +142,7 @@ def save_gif(scene: Scene, path: Path, progress: Callable[[float], None] | None 
         figure = Figure(figsize=(8.0, 1.3 + 1.9 * scene.count), dpi=90, layout="constrained")
         canvas: Any = FigureCanvasAgg(figure)
         update = _drawing(scene, figure.subplots())
+        show_unseen(figure)
 
         def picture(k: int) -> Any:
             update(k)
@@ -202,7 +204,7 @@ def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
             pressed = stop.force[k] != 0.0
             artist.set(color=STOP if pressed else "0.45", linewidth=2.8 if pressed else 1.2)  # told apart in grey, too
         forces = "  ".join(f"{s.name} {amount(float(np.round(s.force[k], 9)), 'N'):>9}" for s in scene.stops[:4])
-        said.set_text(f"{'slow  ' if scene.slow[k] else ''}t = {scene.time[k]:.5f} s   {forces}")
+        said.set_text(visible(f"{'slow  ' if scene.slow[k] else ''}t = {scene.time[k]:.5f} s   {forces}"))
 
     return update
 

@@ -16,9 +16,11 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
+from beamsim.errors import visible
 from beamsim.files import replacing
 from beamsim.plots.style import Scale, scale_for
 from beamsim.scenario.reporting import Limits
@@ -185,7 +187,15 @@ class Picture(NamedTuple):
             figure.suptitle(in_lines(self.title, figure.bbox.width), x=0.012, ha="left", fontsize="medium", color="0.3")
         if self.legend_below:
             _legend_below(figure)
+        show_unseen(figure)
         return figure
+
+
+def show_unseen(figure: Figure) -> None:
+    """Put escapes in place of control characters in the texts of a figure: names and titles may come from files."""
+    for text in figure.findobj(Text):
+        if (shown := visible(text.get_text())) != text.get_text():
+            text.set_text(shown)
 
 
 def in_lines(title: str, width: float) -> str:

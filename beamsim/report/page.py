@@ -44,6 +44,8 @@ class Cells:
     title: str = ""
 
 
+POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+"""What a browser may load for a page: nothing but what is in it."""
 NOTE = (
     "Deflection relative to the base, magnified to the scale shown, with the shape functions of the model; slow around "
     "contact. A stop is red and thick while it presses."
@@ -128,6 +130,7 @@ def document(title: str, body: str, scripts: Iterable[str]) -> str:
         [
             "<!DOCTYPE html>",
             f'<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>',
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">',
             f"<style>{asset('page.css')}</style></head><body>",
             body, *scripts, "</body></html>", "",

@@ -31,7 +31,7 @@ from pydantic import TypeAdapter
 from beamsim.errors import BeamsimError, InputFileError, NotWrittenError, ResultFileError, ScenarioError
 from beamsim.fields import OUTCOME, by_name, demand_summary, made_of, plain, record
 from beamsim.files import Content, destination, partial_file, put_in_place, remove_own, temporary_file
-from beamsim.hdf5 import open_hdf5, read_array, scale_along, seal, values_size
+from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, seal, values_size
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.scenario import Scenario
 from beamsim.scenario.loading import stored_scenario
@@ -529,10 +529,10 @@ def _state(path: str) -> tuple[int, ...]:
 
 def _stored(dataset: h5py.Dataset, state: tuple[int, ...]) -> Any:
     """An array: texts as objects, flags as truth values; of numbers above `CHUNK_BYTES` a `StoredArray`."""
-    compressed = dataset.compression is not None or dataset.scaleoffset is not None
-    if compressed or dataset.is_virtual or dataset.external:
-        raise ValueError(f"{dataset.name} is stored as no result is: compressed, virtual or in another file")
-    if dataset.shape is None or dataset.id.get_storage_size() < dataset.size * dataset.dtype.itemsize:
+    demand_plausible(dataset)
+    if dataset.compression is not None or dataset.scaleoffset is not None:
+        raise ValueError(f"{dataset.name} is compressed, as no result is")
+    if dataset.id.get_storage_size() < values_size(dataset):
         raise ValueError(f"{dataset.name} claims more values than the file holds")
     if h5py.check_string_dtype(dataset.dtype) is not None:
         return np.asarray(dataset.asstr()[()], dtype=object)
@@ -564,8 +564,11 @@ def opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
         if error.missing:
             raise ResultFileError(f"{path}: no such result file; `beamsim {command} case.yaml` writes one") from None
         raise ResultFileError(f"{path}: {error.message}; {remedy}, or run the case again") from None
-    with file, refusing_damage(path):
-        yield file
+    try:
+        with file, refusing_damage(path):
+            yield file
+    except InputFileError as error:
+        raise ResultFileError(f"{path}: damaged ({error.message}); run the case again") from None
 
 
 @contextmanager

@@ -13,7 +13,7 @@ import numpy as np
 
 from beamsim.contacts.pads import ForceCurve, fit_curve, loop_width
 from beamsim.errors import ScenarioError
-from beamsim.input_files import open_input
+from beamsim.input_files import found_in, open_input
 from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, axis_kind, opening_faults
@@ -68,8 +68,8 @@ def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
         table = snubber.table
         file = None
         if table.file is not None:
-            file = _first_file(scenario.folder_of(*at, "file"), scenario.folder_of(*at), table.file)
-            if file is None:
+            file = found_in(table.file, scenario.folder_of(*at, "file"), scenario.folder_of(*at))
+            if not os.path.lexists(file):
                 remedy = "give its path, relative to the folder of the scenario"
                 raise ScenarioError(problem(at, f"= {table.file} does not exist", remedy))
         try:
@@ -98,11 +98,6 @@ def _last_change(file: Path) -> int:
     """Time of the last change of a file that can be opened, ns."""
     with opening_faults(), open_input(file) as opened:
         return os.fstat(opened.fileno()).st_mtime_ns
-
-
-def _first_file(*folders_and_name: Path | str) -> Path | None:
-    *folders, name = folders_and_name
-    return next((path for folder in (*folders, ".") if os.path.lexists(path := Path(folder) / name)), None)
 
 
 def _of_file(file: Path | None, at: Sequence[str | int]) -> str:

@@ -6,15 +6,19 @@ import json
 import re
 import shutil
 import subprocess
+from html import unescape
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from PIL import Image
 from sampling import slow_after
 
+import beamsim
 from beamsim.errors import MethodError
 from beamsim.report import page
+from beamsim.store.results import CHECKSUM, checksum, read_items
 from tests.helpers.commands import invoke
 
 STORED = Path(__file__).parents[1] / "data" / "results"
@@ -34,7 +38,11 @@ window.addEventListener("unhandledrejection", event => seen.push(String(event.re
 const complain = console.error; console.error = (...what) => { seen.push(what.join(" ")); complain(...what); };
 (async function () {
   while (document.body.dataset.drawn === undefined) await new Promise(done => setTimeout(done, 50));
-  const said = { drawn: +document.body.dataset.drawn, errors: seen };
+  const said = { drawn: +document.body.dataset.drawn, errors: seen, hit: window.hit === undefined ? 0 : window.hit };
+  said.data = document.getElementById("data").textContent;
+  said.title = document.title;
+  const loaded = performance.getEntriesByType("resource").map(each => each.name);
+  said.fetched = loaded.filter(name => !/^(data|blob):/.test(name));
   const plot = document.getElementById("plot-0");
   if (plot) {
     const before = plot.layout.xaxis.range.slice();
@@ -85,7 +93,7 @@ def tried(file, tmp_path):
         "--window-size=1100,1600", "--virtual-time-budget=30000", "--dump-dom", tried.as_uri(),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=180, check=True)
-    return json.loads(re.search(r'<output id="trial">(.*?)</output>', done.stdout, re.S)[1].replace("&amp;", "&"))
+    return json.loads(unescape(re.search(r'<output id="trial">(.*?)</output>', done.stdout, re.S)[1]))
 
 
 @pytest.mark.parametrize("name", slow_after(5, KINDS))
@@ -147,6 +155,63 @@ def test_plots_and_animation_react_in_a_browser_without_errors(name, tmp_path):
     if name != "designs":
         assert said["moved"]
         assert said["button"] == "Play"
+
+
+HOSTILE = (
+    "</script><script>window.hit=1</script>", "<!--<script>", "]]>",
+    "\"><img src=http://hostile.invalid/a onerror=hit=2>",
+    "' onload='hit=3", "javascript:window.hit=4", "<svg/onload=hit=5>", "&lt;b&gt;", "${hit=6}", "%{x}<extra>",
+)  # fmt: skip
+UNSEEN = ("\x1b[31mred\x1b[0m", "\x07\x9b2J", "\u202egpj.exe", "\u2066left", "\u2028line")
+
+
+def hostile_report(folder):
+    """The report of a run whose title and file name are hostile, and which was edited to hold what no case may."""
+    case = {
+        "title": " ".join(HOSTILE),
+        "chain": {"masses": [1.0, 1.0], "springs": [1.0, 1.0], "dashpots": [0.05, 0.05],
+                  "snubbers": [{"name": "stop", "mass": 1, "side": "above", "stiffness": 5.0, "gap": 0.2}]},
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 0.4, "frequency": 0.1},
+        "probes": [{"name": "one", "mass": 1}],
+        "run": {"duration": 30.0, "sample_rate": 5.0, "convergence": "off"},
+    }  # fmt: skip
+    path = beamsim.write_result(beamsim.run(beamsim.load_scenario(case)), folder / "<script>hit=7 '\u202e<!--.h5")
+    with h5py.File(path, "r+") as file:
+        file.attrs["warnings"] = json.dumps([*HOSTILE, *UNSEEN])
+        file.attrs["created"] = "".join(UNSEEN) + HOSTILE[0]
+        file.attrs[CHECKSUM] = checksum(read_items(file))
+    done = invoke("report", path, "-o", folder / "hostile.html", "--json")
+    assert done.exit_code == 0, done.output
+    return folder / "hostile.html"
+
+
+@needs_browser
+@pytest.mark.slow  # starts a browser
+def test_hostile_texts_run_no_script_and_fetch_nothing(tmp_path):
+    file = hostile_report(tmp_path)
+    text = file.read_text(encoding="utf-8")
+    assert not any(sign in text for each in UNSEEN for sign in each if not sign.isprintable())
+    said = tried(file, tmp_path)
+    assert said["errors"] == []
+    assert said["hit"] == 0
+    assert said["fetched"] == []
+    assert said["drawn"] > 0
+    assert said["title"] == " ".join(HOSTILE)
+    data = json.loads(said["data"])
+    assert data == json.loads(re.search(r'id="data">(.*?)</script>', text, re.S)[1])
+    assert data["animation"]["title"] == " ".join(HOSTILE)
+
+
+@needs_browser
+@pytest.mark.slow  # starts a browser
+def test_a_script_that_runs_and_a_picture_that_is_fetched_are_noticed(tmp_path):
+    file = reported("run_chain", tmp_path)
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("<main>", "<main><script>window.hit=1</script>"), encoding="utf-8")
+    assert tried(file, tmp_path)["hit"] == 1
+    fetched = text.replace(page.POLICY, "").replace("<main>", '<main><img src="http://hostile.invalid/a">')
+    file.write_text(fetched, encoding="utf-8")
+    assert "http://hostile.invalid/a" in tried(file, tmp_path)["fetched"]
 
 
 @needs_browser

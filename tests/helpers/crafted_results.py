@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 
 from beamsim.errors import BeamsimError
+from beamsim.hdf5 import seal
 from beamsim.store.flat import Item, parent
 from beamsim.store.results import CHECKSUM, JSON_ENCODED, checksum, open_result, read_items, write_items
 from tests.helpers.commands import invoke
@@ -136,8 +137,8 @@ def craft(items, others, rng):
                     attributes[name] = _any(rng, ATTRIBUTES)
             case 4 | 5 if arrays:
                 item = items[_any(rng, arrays)]
-                item.values = crafted_array(item.values, rng)
-                if np.ndim(item.values) != len(item.axes):
+                item.array = crafted_array(item.values, rng)
+                if np.ndim(item.array) != len(item.axes):
                     item.axes = ()
             case 6 if place != "/":
                 gone = [each for each in items if each == place or each.startswith(f"{place}/")]
@@ -148,7 +149,7 @@ def craft(items, others, rng):
                 root = items["/"].attributes
                 root["scenario"] = crafted_scenario(str(root.get("scenario", "")) or "{}", others, rng)
             case _:
-                items[f"{parent(place).rstrip('/')}/more"] = Item(values=np.zeros(2))
+                items[f"{parent(place).rstrip('/')}/more"] = Item(array=np.zeros(2))
     for item in items.values():
         item.axes = tuple(axis if axis in items and items[axis].scale else "" for axis in item.axes)
 
@@ -194,6 +195,7 @@ def write_crafted(number, folder):
                 write_items(items, path)
                 with h5py.File(path, "r+") as file:
                     file.attrs[CHECKSUM] = checksum(read_items(file))
+            seal(path)
         except Exception:
             return path if path.exists() else None
     return path

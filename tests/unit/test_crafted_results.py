@@ -10,6 +10,7 @@ from pydantic import TypeAdapter
 
 from beamsim.cli.failures import say, show
 from beamsim.errors import ResultFileError
+from beamsim.hdf5 import seal
 from beamsim.kinds import KINDS, named
 from beamsim.report.page import embedded
 from beamsim.store.results import CHECKSUM, checksum, open_result, read_items, write_result
@@ -34,6 +35,8 @@ def edited(whole, edit, *, sealed=False):
         edit(file)
         if sealed:
             file.attrs[CHECKSUM] = checksum(read_items(file))
+    if sealed:
+        seal(path)
     return path
 
 

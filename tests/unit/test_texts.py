@@ -4,9 +4,11 @@ import json
 import os
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from beamsim.cli.printing import print_json
 from beamsim.errors import ResultFileError, ScenarioError
@@ -51,6 +53,20 @@ def test_titles_are_never_mathematics(text, tmp_path):
     assert f"<!-- {text[:4]}" in drawn  # the backend names the text that it draws
     assert "mathdefault" not in drawn
     assert "<!-- 10⁻⁶ -->" in drawn
+
+
+@pytest.mark.parametrize("text", ["a\x1b[31m\x00b", "c\x9b\u202ed", "]]> --> <!-- & <script>", "e\x0c\ud800\ufffef"])
+def test_control_characters_are_drawn_as_escapes(text, tmp_path):
+    x = np.arange(3.0)
+    chart = Chart((text, "s"), (text, "N"), [Curve(text, x, x)], title=text, note=text, legend=text)
+    for form in ("svg", "png", "pdf"):
+        write(Picture(text, [chart]), tmp_path / f"drawn.{form}", form)
+    tree = ElementTree.parse(tmp_path / "drawn.svg")  # well-formed
+    assert not list(tree.iter("{http://www.w3.org/2000/svg}script"))
+    drawn = (tmp_path / "drawn.svg").read_text(encoding="utf-8")
+    assert all(sign.isprintable() or sign == "\n" for sign in drawn)
+    with Image.open(tmp_path / "drawn.png") as picture:
+        assert np.asarray(picture).min() < 128
 
 
 def test_a_long_title_leaves_room_for_the_curves(tmp_path):
