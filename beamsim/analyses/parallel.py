@@ -23,13 +23,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
+from importlib.metadata import version
 from itertools import islice, takewhile
 from multiprocessing import connection, current_process, get_context
 from typing import Any, Generic, TypeVar
 
 from beamsim.errors import BeamsimError, NotTrustedError, ScenarioError
 from beamsim.outcomes import Stop, never
-from beamsim.version import __version__
+from beamsim.version import __version__, code_digest
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -377,7 +378,7 @@ class Cluster:
 
 
 class _ClusterWorkers(Workers):
-    """The workers of a cluster that have this version of beamsim and of Python; they may come and go."""
+    """The workers of a cluster that have the same versions and code as this process; they may come and go."""
 
     def __init__(self, client: Any, cluster: Cluster) -> None:
         self._client, self._cluster = client, cluster
@@ -414,21 +415,22 @@ class _ClusterWorkers(Workers):
 
     def _admit(self, address: str) -> None:
         """Use a worker, or refuse it because of its versions."""
-        theirs = [self._answer(address, each) for each in (platform.python_version, beamsim_version)]
-        if any(isinstance(each, OSError) for each in theirs):  # it has gone meanwhile
+        python, there = (self._answer(address, each) for each in (platform.python_version, versions))
+        if isinstance(python, OSError) or isinstance(there, OSError):  # it has gone meanwhile
             return
-        here, there = (_versions(*each) for each in ((platform.python_version(), __version__), theirs))
+        here = versions()
         if here == there:
             pinned = {"workers": [address], "allow_other_workers": False}
             self._executors[address] = self._client.get_executor(pure=False, **pinned)
             return
         self._refused[address] = (
-            f"the worker at {address} has {there}, this command {here}; start it from an environment with the same "
-            "versions"
+            f"the worker at {address} has {_difference(there, here, python)}, this command "
+            f"{_difference(here, there, platform.python_version())}; start it again, from an environment with the same "
+            "versions and code"
         )
         self._cluster.notify(f"{self._refused[address]}; it gets no cases")
 
-    def _answer(self, address: str, function: Callable[[], str]) -> Any:
+    def _answer(self, address: str, function: Callable[[], Any]) -> Any:
         """What a function gives on a worker, or the error that it raises there."""
         return self._client.run(function, workers=[address], on_error="return").get(address, OSError())
 
@@ -470,15 +472,29 @@ class _ClusterWorkers(Workers):
         """The cluster does so, or whoever started its workers."""
 
 
-def beamsim_version() -> str:
-    """The version of beamsim in the process that calls."""
-    return __version__
+def versions() -> dict[str, str]:
+    """What must be the same where a study is computed: versions of packages and of Python, and the code of beamsim."""
+    packages = {name: version(name) for name in ("numpy", "scipy", "numba")}
+    return {"beamsim": __version__, "Python": _minor(platform.python_version())} | packages | {"code": code_digest()}
 
 
-def _versions(python: object, beamsim: object) -> str:
-    """The versions that must be the same, as text; an error in place of one says that it is missing."""
-    package = f"beamsim {beamsim}" if isinstance(beamsim, str) else f"no usable beamsim ({beamsim})"
-    return f"{package} with Python {'.'.join(str(python).split('.')[:2])}"
+def _minor(python: object) -> str:
+    return ".".join(str(python).split(".")[:2])
+
+
+def _difference(own: Any, other: Any, python: object) -> str:
+    """Versions of one side as text: of beamsim and Python, and what else differs from the other side.
+
+    Parameters
+    ----------
+    own, other : of `versions`, or the error that a side gave.
+    python : version of Python of the side.
+    """
+    if not isinstance(own, dict):
+        return f"no usable beamsim ({own}) with Python {_minor(python)}"
+    others = other if isinstance(other, dict) else own
+    names = [name for name in own if name not in ("beamsim", "Python") and own[name] != others.get(name)]
+    return f"beamsim {own['beamsim']} with Python {own['Python']}" + "".join(f", {name} {own[name]}" for name in names)
 
 
 def _lost(cluster: Cluster, reason: object) -> str:

@@ -111,6 +111,8 @@ def test_a_worker_that_comes_late_is_used(scheduler, tmp_path):
         ("import beamsim.version; beamsim.version.__version__ = '0.0.1'", f"beamsim 0.0.1 with {HERE}"),
         ("import platform; platform.python_version = lambda: '3.99.1'", f"beamsim {__version__} with Python 3.99"),
         ("import sys; sys.modules['beamsim'] = None", f"with {HERE}, this command"),
+        ("import beamsim.version; beamsim.version.code_digest = lambda: 'abc'", f"with {HERE}, code abc, this command"),
+        ("import importlib.metadata as m; m.version = lambda name: '1.99'", f"with {HERE}, numpy 1.99, scipy 1.99"),
     ],
 )
 def test_a_worker_of_another_version_is_refused(scheduler, tmp_path, preload, theirs):
