@@ -38,3 +38,60 @@ def test_records_do_not_depend_on_the_number_of_threads():
         found.add(done.stdout)
     (only,) = found
     assert int(only.split()[1]) > 10  # the stop is met
+
+
+STUDIES = """
+import hashlib
+import sys
+import beamsim
+from beamsim.store.flat import items_of
+
+CASE = {
+    "chain": {"masses": ["1 kg", "1 kg"], "springs": ["1 kN/m", "1 kN/m"]},
+    "snubbers": [{"name": "stop", "mass": 2, "side": "below", "gap": "1 mm", "stiffness": 1e5}],
+    "run": {"duration": "2 s", "convergence": "off"},
+    "limits": {"peak_force": "60 N"},
+}
+SINE = {"kind": "harmonic", "applied_to": "base", "frequency": "5 Hz", "level": 2}
+NOISE = {"kind": "random", "applied_to": "base", "seed": 7,
+         "psd": [{"frequency": f, "density": "0.001 g^2/Hz"} for f in ("2 Hz", "40 Hz")]}
+GAP = {"path": "snubbers.stop.gap", "deviation": "0.5 mm"}
+STUDIES = {
+    "ensemble": {"excitation": NOISE, "vary": {"kind": "latin_hypercube", "samples": 6, "seed": 3,
+                 "responses": ["peak_force"], "parameters": [{"path": "snubbers.stop.gap", "from": 0, "to": "3 mm"}]}},
+    "reliability": {"excitation": SINE, "vary": {"kind": "reliability", "seed": 3, "samples": 40, "most_cases": 120,
+                    "parameters": [GAP]}},
+    "optimise": {"excitation": SINE, "optimise": {"minimise": "peak_force", "seed": 3, "most_cases": 25,
+                 "parameters": [{"path": "snubbers.stop.gap", "from": 0, "to": "3 mm"}]}},
+}
+
+if __name__ == "__main__":
+    for name, study in STUDIES.items():
+        result = beamsim.design_study(beamsim.load_scenario(CASE | study), workers=int(sys.argv[1]))
+        digest, values = hashlib.sha256(), 0
+        for path, item in sorted(items_of(result).items()):
+            if item.array is not None and "time" not in path:
+                digest.update(path.encode() + (item.values.tobytes() if item.array.dtype != object else b""))
+                values += item.array.size
+        print(name, result.outcome.code, values, digest.hexdigest())
+"""
+
+
+@pytest.mark.slow
+def test_studies_do_not_depend_on_the_number_of_workers_and_threads(tmp_path):
+    """Every number of an ensemble, a reliability study and an optimisation has the same bits."""
+    pytest.importorskip("openturns")
+    script = tmp_path / "studies.py"
+    script.write_text(STUDIES)
+    found = set()
+    for workers, threads in (("1", "1"), ("2", "2"), ("3", "1"), ("1", "2")):
+        names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+        done = subprocess.run(
+            [sys.executable, script, workers], env=os.environ | dict.fromkeys(names, threads), capture_output=True,
+            text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        found.add(done.stdout)
+    (only,) = found
+    assert only.count("\n") == 3
+    assert all(int(line.split()[2]) > 20 for line in only.splitlines()), only
