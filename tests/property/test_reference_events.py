@@ -97,6 +97,21 @@ def test_what_the_integrator_leaves_of_the_velocity_of_faces_that_stick_is_remov
     np.testing.assert_allclose(motion.y[:, 0], expected, atol=1e-3 * np.abs(expected).max())
 
 
+def test_a_contact_does_not_return_at_once_to_the_phase_that_it_left():
+    """A sliding mass that turns beside a stop. Without the check round-off makes 29 events of 11."""
+    laws = kelvin_voigt(200.0, 0.5), rigid_friction_law(1.4155089061047565, 1.4155089061047565)
+    shape, gap = np.array([[0.0033085746743845325], [-1.4230297964925127]]), np.array([0.02, 0.0])
+    omega = 8.484450852997494
+    contacts = Contacts(shape, np.ones(2), gap, np.zeros(2, dtype=bool), laws)
+    system = PiecewiseLinearSystem(np.array([omega**2]), np.array([[0.05 * omega]]), contacts, np.zeros(1))
+    load = Signal.harmonic(5.521845087384639, 13.129445546469997)
+    flow = ExactFlow(system, Forcing(np.ones((1, 1)), (load,)), 1.5)
+    stepping = reference.TimeStepping(flow, "Radau", rtol=1e-4, atol=1e-7)
+    motion = reference.integrate(stepping, np.zeros(2), np.linspace(0.0, 1.5, 31))
+    assert motion.outcome.complete
+    assert motion.event_time.size == simulate(flow, np.zeros(2)).event_time.size == 11
+
+
 BEATING = (1.6, OMEGA), (-1.6, 1.01 * OMEGA)
 
 
