@@ -319,7 +319,8 @@ def _unique(energy: _Energy, q: Floats, force: Floats) -> bool:
     clear = springs.gap + normal @ q
     near = _ROUND_OFF * float(np.abs(springs.gap).max(initial=0.0) + np.abs(normal * q).max(initial=0.0))
     flexible = np.divide(1.0, k, out=np.zeros_like(k), where=k > 0)
-    compliance = normal**2 @ flexible + 1.0 / np.abs(springs.stiffness)
+    own = np.abs(springs.stiffness)  # a stop without stiffness takes no force
+    compliance = normal**2 @ flexible + np.divide(1.0, own, out=np.zeros_like(own), where=own > 0)
     softer = springs.stiffness < 0
     closed = np.where(softer, clear <= near, force * compliance > near)
     loose = _unresisted(k, springs.take(closed))

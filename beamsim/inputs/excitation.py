@@ -38,6 +38,8 @@ from beamsim.scenario.excitation import Excitation, One, RandomInput, SweptSineI
 from beamsim.scenario.quantities import amplitude_unit, blended, power_of
 from beamsim.typing import Complexes, Floats, Ints
 
+MOST_RAMPED = 50_000_000  # samples of a random input that rises
+
 SAMPLES_OF_CYCLE = 20  # of the highest frequency of a random input
 CLIPPINGS = 8  # of a record, with what lies below its band taken away in between
 MOST_OF_ANY_SIZE = (
@@ -144,6 +146,9 @@ def random_signals(
             samples = samples * x**2 * (3 - 2 * x)
         return samples
 
+    if excitation.ramp > MOST_RAMPED * step:
+        message = f"= {excitation.ramp:g} s has {excitation.ramp / step:.2g} samples (at most {MOST_RAMPED:.0e})"
+        raise ScenarioError.at("excitation.ramp", message, "give a shorter ramp")
     repeats = int(np.ceil(excitation.ramp / step)) + MARGIN if excitation.ramp > 0 else 0  # sample, from which on
     begun_at_rest = CubicRecord(samples_at, step, repeats + count, (0.0, 0.0), limit)
     velocity_0 = -begun_at_rest.mean_slope(repeats)

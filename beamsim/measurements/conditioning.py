@@ -23,6 +23,7 @@ by :math:`(3 \sin \omega / (2 + \cos \omega))^2` over :math:`h^2`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from fractions import Fraction
 
@@ -38,6 +39,7 @@ EVEN = 1e-6  # of the step, by which steps of an even record differ at most
 WARNED_STEPS = 1e-3  # of the step: a larger difference of steps by rounding is warned of
 FEWEST_ODD_STEPS = 0.01  # share of steps that are shorter or longer by half, above which they are no gaps
 PASS, STOP, ATTENUATION_DB = 0.4, 0.5, 100.0  # of the low-pass filter; frequencies over the new sampling rate
+MOST_RESAMPLED = 50_000_000  # samples
 MOST_FINER = 20  # times as many samples of an uneven record that is made even
 PULSE, MATCHED = 8, 40  # new samples: length of the pulse at the start, and where integrals are those of the record
 INTEGRATED = tuple(each.unit for each in (units.LENGTH, units.VELOCITY, units.ANGLE, units.ANGULAR_VELOCITY))
@@ -231,6 +233,12 @@ def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
 
     time, values = signal.x, np.asarray(signal.y, dtype=float)
     old = (time.size - 1) / float(time[-1] - time[0])
+    count = rate * float(time[-1] - time[0])
+    if count > MOST_RESAMPLED:
+        raise MeasurementError(
+            f"would have {count:.3g} samples at resample = {rate:g} Hz (at most {MOST_RESAMPLED:.0e})",
+            "give a lower rate, or a shorter record",
+        )
     if not is_even(time):
         finest = 1.0 / float(np.diff(time).min())
         if finest > MOST_FINER * old:
@@ -250,12 +258,13 @@ def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
         return signal
     new = old * float(ratio)
     cutoff = 0.5 * (PASS + STOP) * new
-    filtered = _low_passed(values, ratio)
-    if filtered.size < 2 * MATCHED:
+    left_over = math.ceil(values.size * ratio)
+    if left_over < 2 * MATCHED:
         raise MeasurementError(
-            f"would have {filtered.size} samples at resample = {rate:g} Hz (at least {2 * MATCHED})",
+            f"would have {left_over} samples at resample = {rate:g} Hz (at least {2 * MATCHED})",
             "give a higher rate, or a longer record",
         )
+    filtered = _low_passed(values, ratio)
     if signal.unit not in INTEGRATED:
         filtered[: PULSE + 1] += _start_pulse(values, filtered, float(ratio))
     even = time[0] + np.arange(filtered.size) / new

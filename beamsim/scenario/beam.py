@@ -12,6 +12,7 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
+from beamsim.scenario import units
 from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, kind_of, path_text, problem
 from beamsim.scenario.body import AtPlace, BeamDamping, Body, ModalDamping, WrittenPosition, coarse_mesh
 
@@ -244,16 +245,32 @@ class SolidBending(Bent):
                 "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section",
                 (missing,) if flat else (),
             )
+        area, second_moment, _ = self._section_values
+        for value, of in (
+            (area, units.AREA), (second_moment, units.SECOND_MOMENT),
+            (self.density * area, units.MASS_PER_LENGTH),
+            (self.youngs_modulus * second_moment, units.BENDING_STIFFNESS),
+        ):  # fmt: skip
+            if not of.smallest <= value <= of.largest:
+                raise Unfit(
+                    f"comes to {of.with_article} of {value:g} {of.unit}, outside {of.smallest:g} to {of.largest:g}",
+                    "check the section, youngs_modulus and density",
+                )
+
+    @property
+    def _section_values(self) -> tuple[float, float, float]:
+        """Area, second moment and distance of the outermost fibre."""
+        if self.section is not None:
+            area, second_moment, fibre = self.section.values
+            return area, second_moment, fibre
+        assert self.width is not None
+        assert self.thickness is not None
+        return _rectangle(self.width, self.thickness)
 
     @property
     def bending(self) -> Bending:
         """E I, rho S, and the stress c / I of the outermost fibre."""
-        if self.section is not None:
-            area, second_moment, fibre = self.section.values
-        else:
-            assert self.width is not None
-            assert self.thickness is not None
-            area, second_moment, fibre = _rectangle(self.width, self.thickness)
+        area, second_moment, fibre = self._section_values
         return Bending(
             self.youngs_modulus * second_moment, self.density * area, fibre / second_moment, 2.0 * fibre
         )  # fmt: skip

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
+from beamsim.scenario import units
 from beamsim.scenario.base import Path, Schema, Unfit, path_text, problem
 from beamsim.scenario.body import (
     AtPlace,
@@ -305,12 +306,22 @@ class Plate(PlateBody):
                 "write for example 0.33; of a sandwich or laminate give bending_stiffness: {dx, dy, nu, dxy}",
                 ("poissons_ratio",),
             )
+        of, value = units.PLATE_STIFFNESS, self._rigidity
+        if not of.smallest <= value <= of.largest:
+            raise Unfit(
+                f"comes to {of.with_article} of {value:g} {of.unit}, outside {of.smallest:g} to {of.largest:g}",
+                "check youngs_modulus and thickness",
+            )
+
+    @property
+    def _rigidity(self) -> float:
+        """D = E h^3 / (12 (1 - nu^2)), N m."""
+        return self.youngs_modulus * self.thickness**3 / (12.0 * (1.0 - self.poissons_ratio**2))
 
     @property
     def bending(self) -> PlateBending:
         """D = E h^3 / (12 (1 - nu^2)) in both directions; the stress 6 / h^2 for a unit moment per width."""
-        h = self.thickness
-        d = self.youngs_modulus * h**3 / (12.0 * (1.0 - self.poissons_ratio**2))
+        h, d = self.thickness, self._rigidity
         return PlateBending(Rigidity(dx=d, dy=d, nu=self.poissons_ratio), self.density * h, 6.0 / h**2, h)
 
 

@@ -20,6 +20,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
+from beamsim.errors import MethodError
 from beamsim.typing import Floats, Ints
 
 
@@ -184,6 +185,11 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
     -------
     SymmetricLU
         Of a positive definite matrix.
+
+    Raises
+    ------
+    MethodError
+        If round-off makes it singular.
     """
     pinned = np.zeros(stiffness.shape[0])
     pinned[pinned_rows(rigid)] = 1.0
@@ -191,7 +197,13 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
         free: Any = diags_array(1.0 - pinned)
         stiffness = free @ stiffness @ free + diags_array(pinned * stiffness.diagonal())
         stiffness.eliminate_zeros()
-    return symmetric_lu(stiffness, order)
+    try:
+        return symmetric_lu(stiffness, order)
+    except RuntimeError:
+        raise MethodError(
+            "bodies", "or joints have stiffnesses that differ by more than 16 digits: round-off makes the stiffness "
+            "matrix singular", "bring very large and very small stiffnesses closer together",
+        ) from None  # fmt: skip
 
 
 # Above this size a matrix whose factors are not accurate without pivoting is not factorised densely.
