@@ -20,7 +20,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
-from beamsim.errors import MethodError
+from beamsim.errors import ScenarioError
 from beamsim.typing import Floats, Ints
 
 
@@ -188,7 +188,7 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
 
     Raises
     ------
-    MethodError
+    ScenarioError
         If round-off makes it singular.
     """
     pinned = np.zeros(stiffness.shape[0])
@@ -200,7 +200,7 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
     try:
         return symmetric_lu(stiffness, order)
     except RuntimeError:
-        raise MethodError(
+        raise ScenarioError.at(
             "bodies", "or joints have stiffnesses that differ by more than 16 digits: round-off makes the stiffness "
             "matrix singular", "bring very large and very small stiffnesses closer together",
         ) from None  # fmt: skip
