@@ -274,8 +274,9 @@ RANGE = record(
      "populations": list_of(record(dict.fromkeys(("smallest", "largest", "cases"), Number)))},
 )  # fmt: skip
 WORST = record(
-    dict.fromkeys(("limit", "value", "margin"), Number) | {"at": Text, "verdict": Text},
-    {**dict.fromkeys(("lowest", "highest", "margin_db", "case", "cases_exceeding", "cases_not_reliable"), Number),
+    dict.fromkeys(("limit", "value"), Number) | {"at": Text, "verdict": Text},
+    {**dict.fromkeys(("margin", "margin_db", "lowest", "highest", "case", "cases_exceeding", "cases_not_reliable"),
+                     Number),
      "exceeded": Flag, "parameters": Plain, "probability": PROBABILITY},
 )  # fmt: skip
 _SUMMARY = (
