@@ -48,7 +48,7 @@ def open_hdf5(path: Path | str) -> h5py.File:
     with open_input(path) as file:
         state = os.fstat(file.fileno())
         _demand_signature(path, file, state.st_size)
-    if not _is_intact(str(path), state.st_mtime_ns, state.st_size):
+    if not is_as_written(path):
         _demand_survived(str(path), state.st_mtime_ns, state.st_size)
     return _opened(path)
 
@@ -101,9 +101,22 @@ def seal(path: Path | str) -> None:
         file_to_seal.write(_SEAL + digest.encode() + b"\n")
 
 
+def is_as_written(path: Path | str) -> bool:
+    """Whether a file ends with the seal of its content, so that nothing in it has changed since.
+
+    Raises
+    ------
+    InputFileError
+        As `beamsim.input_files.open_input`.
+    """
+    with open_input(path) as file:
+        state = os.fstat(file.fileno())
+    return _is_intact(str(path), state.st_mtime_ns, state.st_size)
+
+
 @lru_cache(maxsize=256)
 def _is_intact(path: str, modified: int, size: int) -> bool:
-    """Whether a file ends with the seal of its content."""
+    """As `is_as_written`, once for each change of the file."""
     del modified
     with open_input(path) as file:
         file.seek(max(size - _SEAL_BYTES, 0))

@@ -4,6 +4,7 @@
 each, within 5 GB and 30 s a file; `outcomes` starts it again behind a file that ends it.
 """
 
+import gzip
 import signal
 import struct
 import subprocess
@@ -30,6 +31,7 @@ from beamsim.measurements.channels import read_signals
 from beamsim.measurements.read import read_file
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.files import CurveFile
+from beamsim.store.results import open_result
 from beamsim.structures.named_matrices import read_dof_table
 from beamsim.system.force_tables import force_tables
 from tests.helpers.universal_files import function, nodes_2411, shapes_55, units
@@ -184,6 +186,11 @@ def _integers(values):
     return struct.pack(f"{np.size(values)}i", *np.atleast_1d(values))
 
 
+def _result(path):
+    kept = Path(__file__).parents[1] / "data" / "results" / "run_chain.h5.gz"
+    path.write_bytes(gzip.decompress(kept.read_bytes()))
+
+
 def _npz(path):
     with path.open("wb") as file:
         save_npz(file, MATRIX)
@@ -219,6 +226,7 @@ FORMATS = {
     "dofs": (".csv", _text(DOFS), read_dof_table),
     "op2": (".op2", _op2, read_matrices),
     "netcdf": (".nc", _netcdf, read_signals),
+    "result": (".h5", _result, open_result),
     "uff binary": (".uff", _uff_binary, read_file),
     "uff shapes": (".uff", _uff_shapes, lambda path: read_shapes(path, _beam())),
     "shapes": (".csv", _text(SHAPES), lambda path: read_shapes(path, _beam())),

@@ -7,7 +7,7 @@ from tests.helpers.damaged_files import FORMATS, outcome, outcomes, sound
 IN_COMPILED_CODE = {"mat5", "mat5 packed", "mat5 records"}
 """Formats whose reader can end the process: they are read in another one, by the slow test alone."""
 
-EXAMINED = {"hdf5", "mat7.3", "netcdf"}
+EXAMINED = {"hdf5", "mat7.3", "netcdf", "result"}
 """Formats that a process of their own examines before they are read, which takes a third of a second a file: the slow
 test alone reads them, and fewer of them."""
 

@@ -1,18 +1,22 @@
 """Result files that were damaged or edited: each is refused, and nothing that they name is opened."""
 
+import gzip
 import json
 from hashlib import sha256
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+import beamsim
 from beamsim.cli.failures import say, show
-from beamsim.errors import ResultFileError
+from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.hdf5 import seal
 from beamsim.kinds import KINDS, named
 from beamsim.report.page import embedded
+from beamsim.scenario import load_scenario
 from beamsim.store.results import CHECKSUM, checksum, open_result, read_items, write_result
 from tests.helpers.commands import invoke
 from tests.helpers.crafted_results import commands, outcome, outcomes, write_crafted
@@ -237,3 +241,26 @@ def test_no_text_ends_the_json_block():
     block = embedded(texts)
     assert not set("<>") & set(block)
     assert json.loads(block) == texts
+
+
+def test_an_orbit_of_a_damaged_file_is_refused(tmp_path):
+    stored = Path(__file__).parents[1] / "data" / "results" / "continuation.h5.gz"
+    start = {"orbit": "stored.h5", "branch": 0, "point": 1}
+    case = f"chain: {{masses: [1], springs: [400, 0]}}\nrun: {{duration: 1 s, start: {start}}}\n"
+    case += "excitation: {kind: harmonic, applied_to: base, level: 1 g, frequency: 5 Hz}\n"
+    (tmp_path / "case.yaml").write_text(case)
+
+    def edit(file):
+        file["branches/0/parameter"][0] = 7.0
+
+    def remove(file):
+        del file["branches/0/parameter"]
+
+    for change, sealed, message in ((edit, False, "was changed after"), (remove, True, "cannot be read as a result")):
+        (tmp_path / "stored.h5").write_bytes(gzip.decompress(stored.read_bytes()))
+        with h5py.File(tmp_path / "stored.h5", "a") as file:
+            change(file)
+        if sealed:
+            seal(tmp_path / "stored.h5")
+        with pytest.raises(ScenarioError, match=f"stored.h5 {message}.*; run the continuation again"):
+            beamsim.run(load_scenario(tmp_path / "case.yaml"))

@@ -42,7 +42,7 @@ from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
 from beamsim.analyses.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.hdf5 import open_hdf5
+from beamsim.hdf5 import is_as_written, open_hdf5
 from beamsim.input_files import reading
 from beamsim.inputs.statements import InputStatement
 from beamsim.outcomes import Stop, interruption
@@ -370,6 +370,8 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
                 if branch is None:
                     has = f"its curves of folds are 0 to {len(curves) - 1}" if len(curves) else "it has none"
                     _reject(f"= {start.fold_curve} is not in the file", has, "run.start.fold_curve")
+            if not is_as_written(path):
+                _reject(f"= {start.orbit} was changed after it was written", "run the continuation again")
             size = branch["parameter"].size
             if start.point > size:
                 _reject(f"= {start.point} is beyond the branch", f"it has the points 1 to {size}", "run.start.point")
