@@ -12,6 +12,7 @@ import math
 import os
 import subprocess
 import sys
+import time
 from contextlib import suppress
 from functools import lru_cache
 from io import BufferedReader
@@ -194,7 +195,12 @@ def demand_plausible(dataset: h5py.Dataset) -> None:
 
 
 LONGEST_EXAMINATION_S = 15.0
-_EXAMINE = "import sys; from beamsim.hdf5 import examine; examine(sys.argv[1])"
+"""Processor time that another process may take to read a small file."""
+
+WAITING = 4.0
+"""Times that long is waited for it, on a busy machine."""
+
+_EXAMINE = "import sys; from beamsim.hdf5 import examine; examine(sys.argv[1], float(sys.argv[2]))"
 
 
 @lru_cache(maxsize=256)
@@ -209,13 +215,15 @@ def _demand_survived(path: str, modified: int, size: int) -> None:
         If that process cannot start, ends unexpectedly, or does not end.
     """
     del modified
-    command = [sys.executable, "-P", "-c", _EXAMINE, path]  # -P: no module of the current folder takes part
-    surroundings = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     limit_s = LONGEST_EXAMINATION_S + size / 1e7  # of 10 MB/s
+    command = [sys.executable, "-P", "-c", _EXAMINE, path, str(limit_s)]  # -P: without modules of the current folder
+    surroundings = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    wait_s = WAITING * limit_s
     try:
-        done = subprocess.run(command, capture_output=True, timeout=limit_s, check=False, env=surroundings)
+        done = subprocess.run(command, capture_output=True, timeout=wait_s, check=False, env=surroundings)
     except subprocess.TimeoutExpired:
-        code, reason = -1, ""
+        message = f"was not read to its end by the HDF5 library within {wait_s:.3g} s"
+        raise InputFileError(path, message, "export it again, or try once more on a less busy machine") from None
     except OSError as error:
         code, reason = 1, f"no other process can be started ({error.strerror or error})"
     else:
@@ -226,8 +234,19 @@ def _demand_survived(path: str, modified: int, size: int) -> None:
         raise InputFileError(path, "is damaged: the HDF5 library cannot read it to its end", "export it again")
 
 
-def examine(path: str) -> None:
-    """Read all that readers read of a file that may be damaged; for a process of its own."""
+def examine(path: str, longest_s: float) -> None:
+    """Read all that readers read of a file that may be damaged; for a process of its own.
+
+    Parameters
+    ----------
+    path : of the file.
+    longest_s : s; processor time after which the process ends by a signal, where the system can do that.
+    """
+    if sys.platform != "win32":
+        import resource
+
+        seconds = math.ceil(time.process_time() + longest_s)
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     with suppress(Exception), _opened(path) as file:
         places = ["/"]
         with suppress(Exception):

@@ -3,6 +3,7 @@
 import io
 import itertools
 import struct
+import sys
 import zipfile
 from pathlib import Path
 
@@ -258,11 +259,26 @@ def test_compressed_matrices_are_those_of_scipy():
     np.testing.assert_array_equal(built.toarray(), MATRIX.toarray())
 
 
+BUSY = """
+import sys
+from beamsim import hdf5
+
+def read_for_ever(owner):
+    while True:
+        pass
+
+hdf5._read_all = read_for_ever
+hdf5.examine(sys.argv[1], float(sys.argv[2]))
+"""
+BOUNDED = pytest.mark.skipif(sys.platform == "win32", reason="Windows bounds no processor time of a process")
+
+
 @pytest.mark.parametrize(
     ("end", "message"),
     [
         ("import os; os.abort()", "the HDF5 library cannot read it to its end"),
-        ("import time; time.sleep(60)", "the HDF5 library cannot read it to its end"),
+        ("import time; time.sleep(60)", "was not read to its end by the HDF5 library within 0.3 s"),
+        pytest.param(BUSY, "the HDF5 library cannot read it to its end", marks=BOUNDED),
         ("raise ImportError('no module')", "cannot be examined: ImportError: no module"),
         ("pass", ""),
     ],
@@ -271,7 +287,9 @@ def test_a_file_that_ends_the_process_of_hdf5_is_refused(end, message, tmp_path,
     with h5py.File(path := tmp_path / "a.h5", "w") as file:
         file["time"], file["a"] = np.arange(9.0), np.ones(9)
     monkeypatch.setattr("beamsim.hdf5._EXAMINE", end)
-    monkeypatch.setattr("beamsim.hdf5.LONGEST_EXAMINATION_S", 0.3 if "sleep" in end else 60.0)
+    longest_s = 0.3 if "sleep" in end else 1.0 if end == BUSY else 60.0
+    monkeypatch.setattr("beamsim.hdf5.LONGEST_EXAMINATION_S", longest_s)
+    monkeypatch.setattr("beamsim.hdf5.WAITING", 1.0 if "sleep" in end else 60.0)
     if not message:
         assert len(read_file(path)) == 2
         return
