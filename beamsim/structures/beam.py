@@ -349,9 +349,14 @@ class BeamStructure(MeshedBody):
         """(3,) position along the axis, m."""
         return np.array([place.coordinate, 0.0, 0.0])
 
+    @property
+    def springs_at_ends(self) -> Sequence[Coupling]:
+        """Springs and dashpots between the ends and the base."""
+        return end_springs(self.section, self.name)
+
     def holds(self, base: BaseDirection) -> Sequence[Hold]:
         """Deflection and slope of each end that is held, or on springs."""
-        springs = {(each.name, each.site): each for each in end_springs(self.section, self.name)}
+        springs = {(each.name, each.site): each for each in self.springs_at_ends}
         holds = []
         for name, x, first in (("left", 0.0, 0), ("right", self.section.length, self.mesh.size - 2)):
             for dof, direction, unit in ((first, DEFLECTION, 1.0), (first + 1, SLOPE, self.section.length)):

@@ -70,8 +70,9 @@ class LoadPattern:
     """A load whose static deflection the reduced model has to know: a unit force, or the uniform inertia load."""
 
     vector: Floats  # (N,) scaled load on the free dofs
-    # of the unit force; the direction of an inertia load (gravity); the support that moves by one unit
-    site: LoadSite | BaseDirection | UnitMotion
+    # of the unit force; the direction of an inertia load (gravity); the support that moves by one unit; a dashpot,
+    # whose force acts on nodes
+    site: LoadSite | BaseDirection | UnitMotion | Coupling
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,6 +237,12 @@ class Structure(ABC):
         """What was done to the data of the bodies that a user should know."""
         return tuple(f"{member.body.name}: {note}" for member in self.members for note in member.body.notes)
 
+    @property
+    def dashpots(self) -> tuple[Coupling, ...]:
+        """Dashpots that act at places of bodies with stations: in joints, and at the ends of beams."""
+        at_ends = (spring for member in self.members for spring in member.body.springs_at_ends)
+        return tuple(each for each in (*self.couplings, *at_ends) if each.dashpot)
+
     @cached_property
     def factorised_stiffness(self) -> SymmetricLU:
         """Factors of K, with as many degrees of freedom held as there are rigid-body modes."""
@@ -394,6 +401,11 @@ class BodyStructure(Structure, ABC):
 
     sides: ClassVar[tuple[str, ...]] = ()
     """Keys of the section that are the extent of the body along each axis."""
+
+    @property
+    def springs_at_ends(self) -> Sequence[Coupling]:
+        """Springs and dashpots between the ends and the base; none where the body has no ends."""
+        return ()
 
     @abstractmethod
     def reassembled(self, section: Any) -> BodyStructure:

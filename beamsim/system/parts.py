@@ -462,6 +462,7 @@ def _patterns(
     structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection], moved: Sequence[Moved]
 ) -> list[LoadPattern]:
     patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
+    patterns += [LoadPattern(structure.own_row(dashpot.site), dashpot) for dashpot in structure.dashpots]
     patterns += [each.pattern(structure) for each in moved]
     return patterns + [LoadPattern(structure.base_load(direction)[0], direction) for direction in gravity]
 
