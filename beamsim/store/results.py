@@ -590,7 +590,7 @@ def refusing_damage(path: Path | str, said: str = "damaged") -> Iterator[None]:
     """
     try:
         yield
-    except (BeamsimError, MemoryError):
+    except (BeamsimError, MemoryError, BrokenPipeError):
         raise
     except Exception as error:
         if isinstance(error, OSError) and error.errno is not None:

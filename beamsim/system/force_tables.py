@@ -158,10 +158,10 @@ def read_forces(
         raise MeasurementError(f"cannot be used: {missing[0]}", remedy)
     values = np.column_stack([*found.values()])
     largest = [_DIMENSIONS[kind].largest for kind in found]
-    ranges = ", ".join(f"{_DIMENSIONS[kind].with_article} up to {_DIMENSIONS[kind].largest:g} SI" for kind in found)
+    ranges = " and ".join(f"{_DIMENSIONS[kind].largest:g} {_DIMENSIONS[kind].unit}" for kind in found)
     for wrong, how in (
         (~np.isfinite(values), "is not complete"),
-        (np.abs(values) > largest, f"is out of range: it takes {ranges}"),
+        (np.abs(values) > largest, f"is beyond {ranges}"),
     ):
         if wrong.any():
             row = np.flatnonzero(wrong.any(axis=1))[0] + 1

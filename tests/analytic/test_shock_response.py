@@ -171,5 +171,5 @@ def test_samples_of_a_time_stepped_run_agree_and_coarse_ones_warn():
 def test_a_low_pass_beyond_all_sense_is_refused():
     """It was an internal error: an array was too big."""
     with pytest.raises(ScenarioError) as raised:
-        panel(run={"low_pass": 1e20})
-    assert "run.low_pass = 1e+20 Hz has" in str(raised.value)
+        panel(run={"low_pass": 1e14})
+    assert "run.low_pass = 1e+14 Hz has" in str(raised.value)

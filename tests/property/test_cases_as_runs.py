@@ -204,11 +204,11 @@ def test_an_interruption_amid_the_comparison_changes_nothing(tmp_path):
     with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:
         journal_add = journal.add
         journal.add = lambda outcome: (seen.append(outcome), journal_add(outcome))
-        part = stored_study(plan, journal, target, stop=lambda: len(seen) > 5)
+        part, _ = stored_study(plan, journal, target, stop=lambda: len(seen) > 5)
     assert part.outcome.interrupted
     assert part.status.startswith("interrupted during the comparison with a finer model")
     with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:
-        resumed = stored_study(plan, journal, target)
+        resumed, _ = stored_study(plan, journal, target)
     demand_same_studies(resumed, design_study(plan))
     assert not journal_path(target).exists()
 

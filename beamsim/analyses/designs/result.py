@@ -259,7 +259,7 @@ PROBABILITY = record({"share": Number, "low": Number, "high": Number})
 RELIABILITY = record(
     {"event": Text,
      **dict.fromkeys(("probability", "coefficient_of_variation", "low", "high", "histories"), Number)},
-    {"method": Text, "distance": Number, "reliability_index": Number, "design_point": ByName},
+    {"method": Text, "distance": Number, "reliability_index": Number, "design_point": Plain},
 )  # fmt: skip
 BEST = record(
     {"case": Number, "value": Number, "parameters": Plain}, {"margin": Number, "limit": Text, "values": ByName}
