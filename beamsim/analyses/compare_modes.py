@@ -23,9 +23,8 @@ from beamsim.analyses.assurance import assurance
 from beamsim.analyses.result import Result
 from beamsim.errors import ScenarioError
 from beamsim.fields import Counter, Entry, Number, attribute, dataset, declared, list_of, record, stored
-from beamsim.input_files import reading
 from beamsim.measurements.read import TEXT, ending_of
-from beamsim.measurements.signal import MeasurementError, opening_faults, split_heading
+from beamsim.measurements.signal import MeasurementError, reading_measurement, split_heading
 from beamsim.measurements.tables import read_named_columns
 from beamsim.measurements.universal import ENDINGS, DataSet, data_sets
 from beamsim.outcomes import COMPLETE
@@ -256,7 +255,7 @@ def read_shapes(path: Path, scenario: Scenario, decimal: DecimalMark | None = No
     """
     try:
         suffix = ending_of(path)
-        with opening_faults(), reading(path, "mode shapes"):
+        with reading_measurement(path, "mode shapes"):
             if suffix in (*ENDINGS, ".55"):
                 return _read_uff(path, scenario)
             if suffix in TEXT:

@@ -7,6 +7,8 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from beamsim.cli.progress import MOST_HOURS
+
 Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file.")]
 Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file.")]
 Overrides = Annotated[
@@ -51,7 +53,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
                 help="End with exit code 2 if it is estimated, from the first seconds, to take longer.",
             ),
         ],
-        1000.0,
+        MOST_HOURS,
     ),
     "check": (
         Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded, 3 if it may be.")],
@@ -83,7 +85,7 @@ class Given(NamedTuple):
     no_plots: bool = False
     quiet: bool = False
     verbose: bool = False  # whether the whole table is printed
-    allow_hours: float = 1000.0  # longest time that the computation may be estimated to take
+    allow_hours: float = MOST_HOURS  # longest time that the computation may be estimated to take
     check: bool = False  # whether exceeding a limit is an error
     resume: bool = False  # whether to go on from what an interrupted command has kept
     open_files: bool = False  # whether files that a result names may be opened to build its model again

@@ -26,7 +26,6 @@ from beamsim.outcomes import COMPLETE, exit_code
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import plain
 from beamsim.store.results import (
-    CONTRADICTION,
     holds,
     keep_result,
     open_result,
@@ -113,7 +112,7 @@ def _sweep_sine(scenario: Scenario, target: Path, given: Given) -> None:
             raise KeyboardInterrupt
         return result
 
-    with refusing_damage(target, CONTRADICTION) if given.resume else nullcontext():
+    with refusing_damage(target) if given.resume else nullcontext():
         concluded("sweep", target, given, computed, "sweeping")
 
 
@@ -165,7 +164,7 @@ def continue_motions(
     def followed(progress: Progress, stop: Interruption) -> ContinuationResult:
         result = checked.continuation(scenario, progress, stop)
         for path, sweep in stored:
-            with refusing_damage(path, CONTRADICTION):
+            with refusing_damage(path):
                 result = with_overlay(result, sweep, path.name)
         with scenario.locating():
             return with_forced_expansion(result) if expansion and not result.outcome.interrupted else result
@@ -257,7 +256,7 @@ def _finished(kind: str, target: Path, given: Given, **same: object) -> bool:
         return False
     if not given.quiet:
         say(f"beamsim: {target} has all of it; there is nothing to compute")
-    with refusing_damage(target, CONTRADICTION), interruptible() as interrupted:
+    with refusing_damage(target), interruptible() as interrupted:
         conclude(kind, stored, target, given._replace(no_plots=True), interrupted)
     return True
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from beamsim.input_files import open_input, reading
+from beamsim.input_files import open_input
 from beamsim.measurements.arrays import HDF5, MATLAB, read_hdf5, read_matlab
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, opening_faults
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, opening_faults, reading_measurement
 from beamsim.measurements.tables import read_csv
 from beamsim.measurements.universal import ENDINGS, read_uff
 from beamsim.scenario.files import DecimalMark
@@ -59,7 +59,7 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
     if decimal is not None and ending in readers:
         raise MeasurementError("is no text table, which alone has a decimal mark", "leave decimal out")
     called, read = readers.get(ending, ("a text table", partial(read_csv, decimal=decimal)))
-    with opening_faults(), reading(path, called):
+    with reading_measurement(path, called):
         signals = read(path)
     several = Counter(signal.name for signal in signals)
     return [

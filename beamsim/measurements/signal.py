@@ -6,10 +6,12 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from beamsim.errors import BeamsimError, InputFileError, ScenarioError
+from beamsim.input_files import reading
 from beamsim.measurements.functions import MEASURED, RATIOS, FunctionType, function_over_frequency, is_unit_of, ratio_of
 from beamsim.outcomes import ExitCode
 from beamsim.scenario import units
@@ -110,6 +112,19 @@ def opening_faults() -> Iterator[None]:
         yield
     except InputFileError as error:
         raise MeasurementError(error.message, error.remedy) from None
+
+
+@contextmanager
+def reading_measurement(path: Path, called: str) -> Iterator[None]:
+    """The boundary around a reader: whatever a damaged file causes becomes a `MeasurementError`.
+
+    Parameters
+    ----------
+    path : of the file.
+    called : what it should be, "a universal file".
+    """
+    with opening_faults(), reading(path, called):
+        yield
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.input_files import read_input, reading
+from beamsim.input_files import read_input
 from beamsim.measurements.functions import (
     BY_NUMBER,
     RATIOS,
@@ -32,7 +32,7 @@ from beamsim.measurements.signal import (
     MeasurementError,
     Reference,
     axis_kind,
-    opening_faults,
+    reading_measurement,
     stated,
 )
 from beamsim.scenario import units as si
@@ -83,7 +83,7 @@ def data_sets(path: Path) -> list[DataSet]:
     MeasurementError
         If the file ends within a data set, or one of them cannot be read: with its line.
     """
-    with opening_faults(), reading(path, "a universal file"):
+    with reading_measurement(path, "a universal file"):
         return _data_sets(read_input(path, memory=_MEMORY))
 
 

@@ -24,7 +24,6 @@ from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.store.flat import Items, items_of, joined, last, parent
 from beamsim.store.results import (
-    CONTRADICTION,
     decode_summary,
     open_with_items,
     refusing_damage,
@@ -81,7 +80,7 @@ def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]
     if form not in FORMATS:
         raise ResultFileError(f"no format {form!r}; choose one of {', '.join(FORMATS)}")
     result, items = open_with_items(path)
-    with refusing_damage(path, CONTRADICTION):
+    with refusing_damage(path):
         return FORMATS[form](result, items, Path(target))
 
 

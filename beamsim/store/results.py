@@ -32,6 +32,7 @@ from beamsim.errors import BeamsimError, InputFileError, NotWrittenError, Result
 from beamsim.fields import OUTCOME, by_name, demand_summary, made_of, plain, record
 from beamsim.files import Content, destination, partial_file, put_in_place, remove_own, temporary_file
 from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, seal, values_size
+from beamsim.input_files import FileState, state_of
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.scenario import Scenario
 from beamsim.scenario.loading import stored_scenario
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = 3
 CHECKSUM = "checksum"
 JSON_ENCODED = "json_encoded"
-CONTRADICTION = "its contents contradict each other"
+_CONTRADICTION = "its contents contradict each other"
 
 
 # --- Writing ---------------------------------------------------------------------------------------------------------
@@ -441,7 +442,7 @@ def read_items(file: h5py.File) -> Items:
     items: Items = {"/": Item(_attributes(file))}
     scales: dict[int, str] = {}  # by address: to ask a scale for its name, HDF5 searches the file
     along: dict[str, list[int]] = {}
-    state = _state(file.filename)
+    state = state_of(os.stat(file.filename))
 
     def note(name: str, owner: h5py.Group | h5py.Dataset) -> None:
         place = f"/{name}"
@@ -488,7 +489,7 @@ class StoredArray(NamedTuple):
     name: str  # of the dataset
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
-    state: tuple[int, ...]  # of the file, see `_state`
+    state: FileState  # of the file
 
     @property
     def ndim(self) -> int:
@@ -516,18 +517,12 @@ class StoredArray(NamedTuple):
     @contextmanager
     def _opened(self) -> Iterator[h5py.Dataset]:
         with opened(self.path) as file:
-            if _state(self.path) != self.state:
+            if state_of(os.stat(self.path)) != self.state:
                 raise ResultFileError(f"{self.path}: has changed since it was opened; open it again")
             yield file[self.name]
 
 
-def _state(path: str) -> tuple[int, ...]:
-    """What changes where a file is replaced or written to."""
-    status = os.stat(path)
-    return status.st_ino, status.st_size, status.st_mtime_ns
-
-
-def _stored(dataset: h5py.Dataset, state: tuple[int, ...]) -> Any:
+def _stored(dataset: h5py.Dataset, state: FileState) -> Any:
     """An array: texts as objects, flags as truth values; of numbers above `CHUNK_BYTES` a `StoredArray`."""
     demand_plausible(dataset)
     if dataset.compression is not None or dataset.scaleoffset is not None:
@@ -565,14 +560,14 @@ def opened(path: Path | str, command: str = "run") -> Iterator[h5py.File]:
             raise ResultFileError(f"{path}: no such result file; `beamsim {command} case.yaml` writes one") from None
         raise ResultFileError(f"{path}: {error.message}; {remedy}, or run the case again") from None
     try:
-        with file, refusing_damage(path):
+        with file, refusing_damage(path, "damaged"):
             yield file
     except InputFileError as error:
         raise ResultFileError(f"{path}: damaged ({error.message}); run the case again") from None
 
 
 @contextmanager
-def refusing_damage(path: Path | str, said: str = "damaged") -> Iterator[None]:
+def refusing_damage(path: Path | str, fault: str = _CONTRADICTION) -> Iterator[None]:
     """The boundary around what uses a result file: whatever a damaged or edited one causes becomes a refusal.
 
     Reading finds wrong types, forms and sizes. That parts of a result contradict each other (a value of a snubber that
@@ -581,7 +576,7 @@ def refusing_damage(path: Path | str, said: str = "damaged") -> Iterator[None]:
     Parameters
     ----------
     path : of the result file.
-    said : what is said of the file, before the reason.
+    fault : what is wrong with the file; the message goes on with the reason.
 
     Raises
     ------
@@ -599,7 +594,7 @@ def refusing_damage(path: Path | str, said: str = "damaged") -> Iterator[None]:
         if isinstance(error, KeyError) and error.args:
             missing = str(error.args[0])[:200]
             reason = missing if " " in missing else f"{missing} is missing"
-        raise ResultFileError(f"{path}: {said} ({reason or type(error).__name__}); run the case again") from error
+        raise ResultFileError(f"{path}: {fault} ({reason or type(error).__name__}); run the case again") from error
 
 
 @contextmanager
@@ -614,7 +609,7 @@ def stored_result(path: Path | str, kind: str = "", *, open_files: bool = False)
         As `open_result`; also if parts of the result contradict each other.
     """
     result = open_result(path, kind, open_files=open_files)
-    with refusing_damage(path, CONTRADICTION):
+    with refusing_damage(path):
         yield result
 
 

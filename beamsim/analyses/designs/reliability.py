@@ -16,9 +16,8 @@ from beamsim.analyses.designs.plan import DesignPlan, mixing
 from beamsim.analyses.designs.result import DesignsResult, RandomNumber, Round
 from beamsim.analyses.designs.statistics import probability
 from beamsim.errors import Problem, ScenarioError
-from beamsim.input_files import reading
 from beamsim.measurements.columns import column_named, only_column
-from beamsim.measurements.signal import MeasurementError, opening_faults
+from beamsim.measurements.signal import MeasurementError, reading_measurement
 from beamsim.measurements.tables import read_csv
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, tell
 from beamsim.scenario import Scenario
@@ -89,7 +88,7 @@ def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: Varied
     at = ("vary", "parameters", index, "data")
     try:
         file = scenario.folder_of(*at) / asked.data
-        with opening_faults(), reading(file, "a text table"):
+        with reading_measurement(file, "a text table"):
             columns = read_csv(file, asked.decimal)
         columns = [replace(each, axis="") for each in columns]  # a first column is no axis of values
         if asked.column is None:

@@ -42,10 +42,9 @@ from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow, motion_on
-from beamsim.input_files import reading
 from beamsim.measurements.conditioning import PERIODS_OF_FILTER, conditioned
 from beamsim.measurements.read import ending_of
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, opening_faults, split_heading
+from beamsim.measurements.signal import MeasuredSignal, MeasurementError, reading_measurement, split_heading
 from beamsim.measurements.tables import read_named_columns
 from beamsim.orbits.branch import BranchPoint, share_of_step
 from beamsim.orbits.continuation import Settings, correct, correct_across, locate, solve_at
@@ -500,7 +499,7 @@ def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[Swee
         return [test]
     path = folder / test.file
     ending_of(path)  # of a file that exists
-    with opening_faults(), reading(path, "a table of sweeps"):
+    with reading_measurement(path, "a table of sweeps"):
         table = read_named_columns(path, test.decimal, texts=("name", "direction"))
     columns = [(*split_heading(heading), heading) for heading in table.headings]
     tests = []
