@@ -63,12 +63,6 @@ class BranchPoint:
         return self.reversed() if self.tangent[-1] * forward < 0 else self
 
 
-def share_of_step(a: BranchPoint, b: BranchPoint, point: BranchPoint) -> float:
-    """Which share of the way from a to b a point is, along their chord."""
-    chord = (b.u - a.u) / a.scale
-    return float(((point.u - a.u) / a.scale) @ chord) / float(chord @ chord)
-
-
 @dataclass(frozen=True)
 class Orbit:
     """The periodic motion that a point of a branch stands for."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 from bisect import bisect
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy.linalg import eigvals
@@ -261,45 +261,7 @@ def interpolated(
     return np.asarray((wb + x * length * tb + bend) * scale)
 
 
-def between(
-    problem: ContinuationProblem,
-    a: BranchPoint,
-    b: BranchPoint,
-    s: float,
-    settings: Settings,
-    known: tuple[float, BranchPoint, float, BranchPoint] | None = None,
-) -> BranchPoint | None:
-    """The point of the branch a share s of the way from a to b, measured along their chord.
-
-    ``known`` are two points of it with their shares, on either side of s, to guess from (a and b by default).
-
-    Parameters
-    ----------
-    problem, settings : as those of `correct`.
-    a, b : neighbours on a branch.
-    s : share of the chord.
-    known : two points with their shares.
-
-    Returns
-    -------
-    The point; None where none is found.
-    """
-    wa, wb = a.u / a.scale, b.u / a.scale
-    row = (wb - wa) / np.linalg.norm(wb - wa)
-    target = float(row @ (wa + s * (wb - wa)))
-    sl, left, sr, right = (0.0, a, 1.0, b) if known is None else known
-    share = (s - sl) / (sr - sl)
-    guesses = [interpolated(left, right, share), left.u + share * (right.u - left.u)]
-    nearest_first = (left, right) if share < 0.5 else (right, left)
-    for guess in (*guesses, *(_ahead(end, row, target, a.scale) for end in nearest_first)):
-        missing = target - float(row @ (guess / a.scale))
-        point = correct(problem, guess, row, a.scale, settings, reference=a.tangent, ahead=missing)
-        if point is not None:
-            return point
-    return None
-
-
-def _ahead(point: BranchPoint, row: Floats, target: float, scale: Floats) -> Floats:
+def _on_tangent(point: BranchPoint, row: Floats, target: float, scale: Floats) -> Floats:
     """A guess on a point's tangent, at ``row . (u / scale) = target``; beside a corner it is closer than the chord."""
     t = point.tangent * point.scale / scale
     w, along = point.u / scale, float(row @ t)
@@ -309,130 +271,156 @@ def _ahead(point: BranchPoint, row: Floats, target: float, scale: Floats) -> Flo
     return np.asarray((w + (target - float(row @ w)) / along * t) * scale)
 
 
-def at_parameter(
-    problem: ContinuationProblem, a: BranchPoint, b: BranchPoint, value: float, settings: Settings
-) -> BranchPoint | None:
-    """The point between two neighbours (or beyond them) at a value of the parameter; None where none is found.
-
-    Parameters
-    ----------
-    problem, settings : as those of `correct`.
-    a, b : the neighbours.
-    value : of the parameter.
-
-    Returns
-    -------
-    The point; None where none is found.
-    """
-    share = (value - a.parameter) / (b.parameter - a.parameter)
-    guess = interpolated(a, b, float(np.clip(share, 0.0, 1.0)))
-    guess[-1] = value
-    return solve_at(problem, guess, settings, value, b.parameter - a.parameter)
+ProblemT_co = TypeVar("ProblemT_co", bound=ContinuationProblem, covariant=True)
 
 
-def locate(
-    problem: ContinuationProblem,
-    a: BranchPoint,
-    b: BranchPoint,
-    test: Callable[[BranchPoint], float],
-    settings: Settings,
-    values: tuple[float, float] | None = None,
-) -> BranchPoint | None:
-    """The point between two neighbours at which a test function vanishes, to the tolerance of the points.
+@dataclass(frozen=True, eq=False)
+class Step(Generic[ProblemT_co]):
+    """Two neighbours on a branch, and how points between them are found."""
 
-    Where a test has several zeros, it is the sequence of Brent's method that decides on one.
+    problem: ProblemT_co
+    a: BranchPoint
+    b: BranchPoint
+    settings: Settings = field(default_factory=Settings)  # tolerance and iterations of the points
 
-    Parameters
-    ----------
-    problem, settings : the residual, and the tolerance: of its points, of their place on the step from a to b, and of
-        values against the larger one at these.
-    a, b : the neighbours; every guess is interpolated between the closest points that are known.
-    test : the function.
-    values : of the function at the neighbours, where they are known.
+    @property
+    def same_events(self) -> bool:
+        """Whether both ends have the same sequence of events."""
+        return self.problem.same_events(self.a, self.b)
 
-    Returns
-    -------
-    The point; None where the function does not change its sign, or no point in between is found.
-    """
-    fa, fb = values if values is not None else (test(a), test(b))
-    if not (np.isfinite(fa) and np.isfinite(fb)) or fa * fb > 0:
+    def between(self, a: BranchPoint, b: BranchPoint) -> Step[ProblemT_co]:
+        """The part of the step between two of its points."""
+        return replace(self, a=a, b=b)
+
+    def share(self, point: BranchPoint) -> float:
+        """Share of the way from a to b at which a point lies, along their chord."""
+        chord = (self.b.u - self.a.u) / self.a.scale
+        return float(((point.u - self.a.u) / self.a.scale) @ chord) / float(chord @ chord)
+
+    def point_at(
+        self, share: float, known: tuple[float, BranchPoint, float, BranchPoint] | None = None
+    ) -> BranchPoint | None:
+        """The point of the branch at a share of the way from a to b, measured along their chord.
+
+        Parameters
+        ----------
+        share : of the chord.
+        known : the shares and points of two known points on either side, to guess from; a and b by default.
+
+        Returns
+        -------
+        The point; None where none is found.
+        """
+        a, wa, wb = self.a, self.a.u / self.a.scale, self.b.u / self.a.scale
+        row = (wb - wa) / np.linalg.norm(wb - wa)
+        target = float(row @ (wa + share * (wb - wa)))
+        begin, left, end, right = (0.0, a, 1.0, self.b) if known is None else known
+        s = (share - begin) / (end - begin)
+        guesses = [interpolated(left, right, s), left.u + s * (right.u - left.u)]
+        nearest_first = (left, right) if s < 0.5 else (right, left)
+        for guess in (*guesses, *(_on_tangent(end, row, target, a.scale) for end in nearest_first)):
+            missing = target - float(row @ (guess / a.scale))
+            point = correct(self.problem, guess, row, a.scale, self.settings, reference=a.tangent, ahead=missing)
+            if point is not None:
+                return point
         return None
-    if fa == 0.0 or fb == 0.0:
-        return a if fa == 0.0 else b
-    known = [(0.0, a), (1.0, b)]  # shares in order, with their points
-    tried: list[tuple[float, BranchPoint]] = []  # sizes of the values, the latest first
-    biggest = max(abs(fa), abs(fb))
 
-    def value(share: float) -> float:
-        if share in (0.0, 1.0):
-            return fb if share else fa
-        at = bisect(known, share, key=lambda each: each[0])
-        point = between(problem, a, b, share, settings, (*known[at - 1], *known[at]))
-        found = np.nan if point is None else test(point)
-        if point is None or not np.isfinite(found):
-            raise ArithmeticError("no point was found")
-        known.insert(at, (share, point))
-        tried.insert(0, (abs(found), point))
-        return found if abs(found) > settings.tolerance * biggest else 0.0
+    def at_parameter(self, value: float) -> BranchPoint | None:
+        """The point between a and b, or beyond them, at a value of the parameter; None where none is found."""
+        share = (value - self.a.parameter) / (self.b.parameter - self.a.parameter)
+        guess = interpolated(self.a, self.b, float(np.clip(share, 0.0, 1.0)))
+        guess[-1] = value
+        return solve_at(self.problem, guess, self.settings, value, self.b.parameter - self.a.parameter)
 
-    with suppress(ArithmeticError):
-        brentq(value, 0.0, 1.0, xtol=settings.tolerance, disp=False)
-    # of equal values, such as signs, the latest
-    return min(tried, key=lambda each: each[0])[1] if tried else None
+    def locate(
+        self, test: Callable[[BranchPoint], float], values: tuple[float, float] | None = None
+    ) -> BranchPoint | None:
+        """The point at which a test function vanishes, to the tolerance of the points.
 
+        The tolerance is that of the points, of their place on the step, and of values against the larger one at its
+        ends. Where a test has several zeros, it is the sequence of Brent's method that decides on one.
 
-def branch_point_between(
-    problem: ContinuationProblem, a: BranchPoint, b: BranchPoint, settings: Settings
-) -> BranchPoint | None:
-    """The point between two neighbours where branches cross; None where there is none.
+        Parameters
+        ----------
+        test : the function.
+        values : of the function at a and b, where they are known.
 
-    There the Jacobian has a kernel of two dimensions, along and across. With a further unknown :math:`\\beta` in
-    :math:`R + \\beta c = 0` there is a solution for any place in this plane (Lyapunov and Schmidt); branches are
-    :math:`\\beta = 0`, and where they cross its slopes vanish, too: two equations that are regular there.
+        Returns
+        -------
+        The point; None where the function does not change its sign, or no point in between is found.
+        """
+        fa, fb = values if values is not None else (test(self.a), test(self.b))
+        if not (np.isfinite(fa) and np.isfinite(fb)) or fa * fb > 0:
+            return None
+        if fa == 0.0 or fb == 0.0:
+            return self.a if fa == 0.0 else self.b
+        known = [(0.0, self.a), (1.0, self.b)]  # shares in order, with their points; guesses are made from the closest
+        tried: list[tuple[float, BranchPoint]] = []  # sizes of the values, the latest first
+        biggest = max(abs(fa), abs(fb))
 
-    Parameters
-    ----------
-    problem, settings : as those of `correct`.
-    a, b : the neighbours.
+        def value(share: float) -> float:
+            if share in (0.0, 1.0):
+                return fb if share else fa
+            at = bisect(known, share, key=lambda each: each[0])
+            point = self.point_at(share, (*known[at - 1], *known[at]))
+            found = np.nan if point is None else test(point)
+            if point is None or not np.isfinite(found):
+                raise ArithmeticError("no point was found")
+            known.insert(at, (share, point))
+            tried.insert(0, (abs(found), point))
+            return found if abs(found) > self.settings.tolerance * biggest else 0.0
 
-    Returns
-    -------
-    The point; None where branches do not cross.
-    """
-    if a.orientation * b.orientation >= 0:
+        with suppress(ArithmeticError):
+            brentq(value, 0.0, 1.0, xtol=self.settings.tolerance, disp=False)
+        # of equal values, such as signs, the latest
+        return min(tried, key=lambda each: each[0])[1] if tried else None
+
+    def branch_point(self) -> BranchPoint | None:
+        """The point where branches cross; None where there is none.
+
+        There the Jacobian has a kernel of two dimensions, along and across. With a further unknown :math:`\\beta` in
+        :math:`R + \\beta c = 0` there is a solution for any place in this plane (Lyapunov and Schmidt); branches are
+        :math:`\\beta = 0`, and where they cross its slopes vanish, too: two equations that are regular there.
+
+        Returns
+        -------
+        The point; None where branches do not cross.
+        """
+        a, b, problem = self.a, self.b, self.problem
+        if a.orientation * b.orientation >= 0:
+            return None
+        scale, size = problem.scale(a.u)
+        begin, chord = a.u / scale, (b.u - a.u) / scale
+        row = chord / np.linalg.norm(chord)
+        c, plane = np.zeros((size.size, 1)), row[None]
+
+        def equations(w: Floats) -> tuple[Floats, Floats, Any]:
+            """R, its Jacobian by w and beta above the rows of the plane, and what was computed with it."""
+            R, J, data = problem.residual(w * scale)
+            return R / size, np.block([[J * scale / size[:, None], c], [plane, np.zeros((len(plane), 1))]]), data
+
+        with suppress(ArithmeticError, np.linalg.LinAlgError):
+            A, B = (equations(w)[1][:, :-1] for w in (begin, begin + chord))
+            real = [x.real for x in eigvals(A, A - B).tolist() if x.imag == 0.0 and 0.0 <= x.real <= 1.0]
+            for share in real[:1]:  # where a Jacobian that is linear in between is singular
+                left, _, right = np.linalg.svd(A + share * (B - A))
+                c, plane = left[:-1, -1:], np.vstack([row, right[-1]])
+                y = np.append(interpolated(a, b, share) / scale, 0.0)
+                # 1e-6: in scaled unknowns, of a difference
+                at, *beside = (np.linalg.inv(equations(y[:-1] + d)[1])[-1, -2:] for d in (0.0 * row, *(1e-6 * plane)))
+                # 20: steps of Newton's method, with one derivative of the slopes
+                for count in range(20):
+                    R, A, data = equations(y[:-1])
+                    inverse = np.linalg.inv(A)
+                    moved = np.linalg.solve(np.array(beside).T - at[:, None], -1e-6 * inverse[-1, -2:])
+                    residual, t = float(np.abs(R).max()), inverse[:-1, -2]  # in the kernel, along the chord
+                    # 1e-3, 0.1: the slopes vanish last
+                    if max(1e-3 * residual, 0.1 * float(np.abs(moved).max())) <= self.settings.tolerance:
+                        inside = 0.0 < float((y[:-1] - begin) @ row) < float(chord @ row)
+                        point = BranchPoint(y[:-1] * scale, t / np.linalg.norm(t), scale, residual, 0.0, count, data)
+                        return point if inside else None
+                    y = y + inverse @ np.append(-R - y[-1] * c[:, 0], moved)
         return None
-    scale, size = problem.scale(a.u)
-    begin, chord = a.u / scale, (b.u - a.u) / scale
-    row = chord / np.linalg.norm(chord)
-    c, plane = np.zeros((size.size, 1)), row[None]
-
-    def equations(w: Floats) -> tuple[Floats, Floats, Any]:
-        """R, its Jacobian by w and beta above the rows of the plane, and what was computed with it."""
-        R, J, data = problem.residual(w * scale)
-        return R / size, np.block([[J * scale / size[:, None], c], [plane, np.zeros((len(plane), 1))]]), data
-
-    with suppress(ArithmeticError, np.linalg.LinAlgError):
-        A, B = (equations(w)[1][:, :-1] for w in (begin, begin + chord))
-        real = [x.real for x in eigvals(A, A - B).tolist() if x.imag == 0.0 and 0.0 <= x.real <= 1.0]
-        for share in real[:1]:  # where a Jacobian that is linear in between is singular
-            left, _, right = np.linalg.svd(A + share * (B - A))
-            c, plane = left[:-1, -1:], np.vstack([row, right[-1]])
-            y = np.append(interpolated(a, b, share) / scale, 0.0)
-            # 1e-6: in scaled unknowns, of a difference
-            at, *beside = (np.linalg.inv(equations(y[:-1] + d)[1])[-1, -2:] for d in (0.0 * row, *(1e-6 * plane)))
-            # 20: steps of Newton's method, with one derivative of the slopes
-            for count in range(20):
-                R, A, data = equations(y[:-1])
-                inverse = np.linalg.inv(A)
-                moved = np.linalg.solve(np.array(beside).T - at[:, None], -1e-6 * inverse[-1, -2:])
-                residual, t = float(np.abs(R).max()), inverse[:-1, -2]  # in the kernel, along the chord
-                # 1e-3, 0.1: the slopes vanish last
-                if max(1e-3 * residual, 0.1 * float(np.abs(moved).max())) <= settings.tolerance:
-                    inside = 0.0 < float((y[:-1] - begin) @ row) < float(chord @ row)
-                    point = BranchPoint(y[:-1] * scale, t / np.linalg.norm(t), scale, residual, 0.0, count, data)
-                    return point if inside else None
-                y = y + inverse @ np.append(-R - y[-1] * c[:, 0], moved)
-    return None
 
 
 def _astray(a: BranchPoint, b: BranchPoint) -> float:
@@ -504,7 +492,7 @@ class Branch:
                         return
             if not self.low <= new.parameter <= self.high:
                 edge = self.low if new.parameter < self.low else self.high
-                last = at_parameter(self.problem, point, new, edge, self.settings)
+                last = Step(self.problem, point, new, self.settings).at_parameter(edge)
                 if last is not None:
                     yield last
                 self.outcome = reached_end(edge)

@@ -19,15 +19,8 @@ from beamsim.contacts.laws import OWN
 from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
-from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded, share_of_step
-from beamsim.orbits.continuation import (
-    ContinuationProblem,
-    Settings,
-    between,
-    branch_point_between,
-    correct,
-    locate,
-)
+from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded
+from beamsim.orbits.continuation import ContinuationProblem, Settings, Step, correct
 from beamsim.orbits.period import cyclic, extrema_of
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -130,15 +123,12 @@ def lowest(flow: PeriodicFlow, passage: Passage, contact: int, guard: Floats, ne
     return float(low[nearest]), float(when[nearest] % T)
 
 
-def grazings(
-    problem: OrbitProblem, a: BranchPoint, b: BranchPoint, settings: Settings, budget: Iterator[int], depth: int = 0
-) -> Iterator[SpecialPoint]:
-    """Grazing points between two neighbours of a branch whose events differ, in the order of the branch.
+def grazings(step: Step[OrbitProblem], budget: Iterator[int], depth: int = 0) -> Iterator[SpecialPoint]:
+    """Grazing points on a step whose ends have other events, in the order of the branch.
 
     Parameters
     ----------
-    problem, settings : the residual, and tolerances of its points.
-    a, b : the neighbours.
+    step : of a branch.
     budget : an item for each motion that may be looked at between them.
     depth : halvings of the step so far.
 
@@ -146,10 +136,10 @@ def grazings(
     -------
     The points, one after the other.
     """
-    if problem.same_events(a, b) or depth > MOST_HALVINGS:
+    if step.same_events or depth > MOST_HALVINGS:
         return
-    flow, cycle_a = problem.cycle(a)
-    contacts, cycle_b = flow.system.contacts, problem.cycle(b)[1]
+    flow, cycle_a = step.problem.cycle(step.a)
+    contacts, cycle_b = flow.system.contacts, step.problem.cycle(step.b)[1]
     # 2: halvings where every contact keeps its number of events: borders met in another order graze nothing
     if depth >= 2 and np.array_equal(np.sort(cycle_a.event_contact), np.sort(cycle_b.event_contact)):
         return
@@ -161,50 +151,41 @@ def grazings(
     # 4: events of a phase that appears, and of its mirror image where a motion goes back the way it came
     if 0 < abs(ea - eb) <= 4 or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
-        points = _at_one_point(problem, a, b, more, few, settings, late=depth > MOST_HALVINGS // 2)
+        points = _at_one_point(step, more, few, late=depth > MOST_HALVINGS // 2)
         if points:
             yield from points
             return
-    middle = None if next(budget, None) is None else between(problem, a, b, 0.5, settings)
+    middle = None if next(budget, None) is None else step.point_at(0.5)
     if middle is None:
         return
-    yield from grazings(problem, a, middle, settings, budget, depth + 1)
-    yield from grazings(problem, middle, b, settings, budget, depth + 1)
+    yield from grazings(step.between(step.a, middle), budget, depth + 1)
+    yield from grazings(step.between(middle, step.b), budget, depth + 1)
 
 
-def _at_one_point(
-    problem: OrbitProblem,
-    a: BranchPoint,
-    b: BranchPoint,
-    more: Passage,
-    few: Passage,
-    settings: Settings,
-    *,
-    late: bool,
-) -> list[SpecialPoint]:
+def _at_one_point(step: Step[OrbitProblem], more: Passage, few: Passage, *, late: bool) -> list[SpecialPoint]:
     """Grazings at one point by which one of two motions has more events than the other; none where it is not found.
 
     Several contacts graze at once where the structure is symmetric. Unless it is ``late``, the point must explain the
     whole difference.
     """
-    contacts = problem.cycle(a)[0].system.contacts
+    contacts = step.problem.cycle(step.a)[0].system.contacts
 
     def nearest(point: BranchPoint, stay: _Stay) -> tuple[float, float]:
-        (flow, cycle), (contact, before, after, middle) = problem.cycle(point), stay
+        (flow, cycle), (contact, before, after, middle) = step.problem.cycle(point), stay
         guard = contacts.guard(contact, before, after)
         return lowest(flow, cycle, contact, guard, middle / more.duration * cycle.duration)
 
     # where a motion turns in another phase than the neighbour, borders are crossed more often that nothing grazes
-    ends = [(stay, (nearest(a, stay)[0], nearest(b, stay)[0])) for stay in _stays(contacts, more, few)]
+    ends = [(stay, (nearest(step.a, stay)[0], nearest(step.b, stay)[0])) for stay in _stays(contacts, more, few)]
     stays = [stay for stay, values in ends if values[0] * values[1] <= 0.0]
     values = [values for _, values in ends if values[0] * values[1] <= 0.0]
-    graze = locate(problem, a, b, lambda p: nearest(p, stays[0])[0], settings, values[0]) if stays else None
+    graze = step.locate(lambda p: nearest(p, stays[0])[0], values[0]) if stays else None
     if graze is None:
         return []
     found = [nearest(graze, stay) for stay in stays]
     # 1e-6: of the neighbours' values: the remainder where a guard has vanished
     touching = [abs(value) <= 1e-6 * max(map(abs, pair)) for (value, _), pair in zip(found, values, strict=True)]
-    if not touching[0] or not (late or (all(touching) and _explains(problem, a, graze, b, settings))):
+    if not touching[0] or not (late or (all(touching) and _explains(step, graze))):
         return []
     return [
         SpecialPoint("grazing", graze.parameter, graze, contact, time, *contacts.border(contact, before, after)[::-1])
@@ -213,16 +194,16 @@ def _at_one_point(
     ]
 
 
-def _explains(problem: OrbitProblem, a: BranchPoint, graze: BranchPoint, b: BranchPoint, settings: Settings) -> bool:
+def _explains(step: Step[OrbitProblem], graze: BranchPoint) -> bool:
     """Whether the one point explains the whole difference: motions just beside it have the neighbours' events.
 
     The point itself has the events of one side; the other side is looked at.
     """
-    share = share_of_step(a, b, graze)
+    problem, a, b, share = step.problem, step.a, step.b, step.share(graze)
     if problem.same_events(a, graze):
-        near, other = between(problem, a, b, share + BESIDE * (1.0 - share), settings, (share, graze, 1.0, b)), b
+        near, other = step.point_at(share + BESIDE * (1.0 - share), (share, graze, 1.0, b)), b
     elif problem.same_events(graze, b):
-        near, other = between(problem, a, b, share * (1.0 - BESIDE), settings, (0.0, a, share, graze)), a
+        near, other = step.point_at(share * (1.0 - BESIDE), (0.0, a, share, graze)), a
     else:
         return False
     return near is not None and problem.same_events(near, other)
@@ -244,23 +225,19 @@ def _turning(mu: Complexes) -> Complexes:
     return np.asarray((pair - 1.0) / (1.0 + np.abs(pair)))
 
 
-def _vanishes(
-    problem: OrbitProblem, left: BranchPoint, right: BranchPoint, of: Callable[[Complexes], Complexes], s: Settings
-) -> BranchPoint | None:
+def _vanishes(step: Step[OrbitProblem], of: Callable[[Complexes], Complexes]) -> BranchPoint | None:
     """Where the product of such numbers vanishes, against that at the left: those of many modes underflow."""
 
     def logarithm(point: BranchPoint) -> complex:
         with np.errstate(divide="ignore"):
-            return complex(np.log(of(problem.multipliers(point))).sum())
+            return complex(np.log(of(step.problem.multipliers(point))).sum())
 
-    size = logarithm(left).real
-    return locate(problem, left, right, lambda point: float(np.exp(logarithm(point) - size).real), s)
+    size = logarithm(step.a).real
+    return step.locate(lambda point: float(np.exp(logarithm(point) - size).real))
 
 
-def special_points(
-    problem: OrbitProblem, a: BranchPoint, b: BranchPoint, settings: Settings, failed: list[FailedSearch] | None = None
-) -> list[SpecialPoint]:
-    """Folds, period doublings, Neimark–Sacker points, branch points and grazings between two neighbours.
+def special_points(step: Step[OrbitProblem], failed: list[FailedSearch] | None = None) -> list[SpecialPoint]:
+    """Folds, period doublings, Neimark–Sacker points, branch points and grazings on a step of a branch.
 
     A change of stability at a corner of the branch (grazing) is no bifurcation of a smooth family and is left to the
     grazing point. A grazing at which the branch turns back, without a multiplier 1, is a nonsmooth fold. Among free
@@ -268,8 +245,7 @@ def special_points(
 
     Parameters
     ----------
-    problem, settings : the residual, and tolerances of its points.
-    a, b : the neighbours.
+    step : of a branch.
     failed : searches that end in a numerical error are appended to it, and the others go on.
 
     Returns
@@ -281,80 +257,73 @@ def special_points(
     ArithmeticError : where a search fails, and there is no list for it.
     """
     special: list[SpecialPoint] = []
-    smooth = problem.same_events(a, b)
-    if not smooth:
+    problem, a, b = step.problem, step.a, step.b
+    if not step.same_events:
         with recorded("grazing", a, failed):
             # 200: motions looked at between two neighbours
-            special.extend(grazings(problem, a, b, settings, iter(range(200))))
+            special.extend(grazings(step, iter(range(200))))
             # one-sided contacts that are made and lost in one motion and not in the other
             made = (set(problem.cycle(point)[1].event_contact.tolist()) for point in (a, b))
             alone = set.symmetric_difference(*made) - without_borders(problem.cycle(a)[0].system.contacts)
             if alone - {point.contact for point in special}:
                 raise ArithmeticError("a contact begins between two neighbours, and no grazing was found")
-    parts: list[tuple[tuple[BranchPoint, BranchPoint], BranchPoint, BranchPoint]] = []
+    parts: list[tuple[Step[OrbitProblem], Step[OrbitProblem]]] = []  # piece without corners, and the part of it
     corners = {id(corner.point): corner.point for corner in special}.values()
-    for x, y in pairwise([a, *sorted(corners, key=lambda p: share_of_step(a, b, p)), b]):
+    for x, y in pairwise([a, *sorted(corners, key=step.share), b]):
         with recorded("neimark_sacker", a, failed):
-            parts += [((x, y), *part) for part in _parts(problem, x, y, settings, (x is not a, y is not b))]
-    for piece, left, right in parts:
-        if smooth:
+            piece = step.between(x, y)
+            parts += [(piece, part) for part in _parts(piece, (x is not a, y is not b))]
+    for piece, part in parts:
+        if step.same_events:
             with recorded("branch_point", a, failed):
-                crossing = branch_point_between(problem, left, right, settings)
+                crossing = part.branch_point()
                 if crossing is not None:
                     special.append(SpecialPoint("branch_point", crossing.parameter, crossing))
-        if left.tangent[-1] * right.tangent[-1] < 0:
+        if part.a.tangent[-1] * part.b.tangent[-1] < 0:
             with recorded("fold", a, failed):
-                _add_turn(special, problem, left, right, piece, settings)
+                _add_turn(special, part, piece)
         if problem.bifurcates:
             with recorded("period_doubling", a, failed):  # or Neimark–Sacker point
-                special += _changes_of_stability(problem, left, right, settings)
+                special += _changes_of_stability(part)
     return special
 
 
-def _add_turn(
-    special: list[SpecialPoint],
-    problem: OrbitProblem,
-    left: BranchPoint,
-    right: BranchPoint,
-    piece: tuple[BranchPoint, BranchPoint],
-    settings: Settings,
-) -> None:
-    """Add the fold between two motions, or call the grazing a nonsmooth fold at which the branch turns instead.
+def _add_turn(special: list[SpecialPoint], step: Step[OrbitProblem], piece: Step[OrbitProblem]) -> None:
+    """Add the fold on a step, or call the grazing a nonsmooth fold at which the branch turns instead.
 
-    That is the one at an end of the piece of the step without corners that both motions belong to.
+    That is the one at an end of the piece without corners that the step belongs to.
     """
-    fold = locate(problem, left, right, lambda p: float(p.tangent[-1]), settings)
-    crossings = [share_of_step(left, right, e.point) for e in special if e.kind == "branch_point"]
+    fold = step.locate(lambda p: float(p.tangent[-1]))
+    crossings = [step.share(e.point) for e in special if e.kind == "branch_point"]
     # 1e-3: of the step, within which it is a branch that turns where another one crosses it, in a pitchfork
-    if fold is None or any(abs(share_of_step(left, right, fold) - at) < 1e-3 for at in crossings):
+    if fold is None or any(abs(step.share(fold) - at) < 1e-3 for at in crossings):
         return
     # 1e-3: of the tangent's part along the parameter at the neighbours: what a fold leaves of it
-    if abs(float(fold.tangent[-1])) <= 1e-3 * min(abs(float(left.tangent[-1])), abs(float(right.tangent[-1]))):
+    if abs(float(fold.tangent[-1])) <= 1e-3 * min(abs(float(step.a.tangent[-1])), abs(float(step.b.tangent[-1]))):
         special.append(SpecialPoint("fold", fold.parameter, fold))
         return
-    ends = [k for k, event in enumerate(special) if any(event.point is end for end in piece)]
+    ends = [k for k, event in enumerate(special) if any(event.point is end for end in (piece.a, piece.b))]
     if not ends:
         raise ArithmeticError("the branch turns back at a corner that was not found")
     at = min(ends, key=lambda k: float(np.linalg.norm((special[k].point.u - fold.u) / fold.scale)))
     special[at] = replace(special[at], kind="nonsmooth_fold")
 
 
-def _changes_of_stability(
-    problem: OrbitProblem, left: BranchPoint, right: BranchPoint, settings: Settings
-) -> Iterator[SpecialPoint]:
-    """Period doublings and Neimark–Sacker points between two motions with the same contacts."""
-    before, after = _outside(problem.multipliers(left)), _outside(problem.multipliers(right))
+def _changes_of_stability(step: Step[OrbitProblem]) -> Iterator[SpecialPoint]:
+    """Period doublings and Neimark–Sacker points on a step without corners."""
+    problem = step.problem
+    before, after = _outside(problem.multipliers(step.a)), _outside(problem.multipliers(step.b))
     change = after - before
     if change[0]:
         if change[0] % 2:
-            point = _vanishes(problem, left, right, _doubling, settings)
+            point = _vanishes(step, _doubling)
         else:  # of equal parts all at once, where no product changes its sign
             at = int(min(before[0], after[0]))
-            point = locate(problem, left, right, lambda p: _beyond(problem.multipliers(p), at), settings)
+            point = step.locate(lambda p: _beyond(problem.multipliers(p), at))
         if point is not None and np.min(np.abs(problem.multipliers(point) + 1.0)) < AT_BOUNDARY:
             yield SpecialPoint("period_doubling", point.parameter, point)
     if change[1:].any():
-        point = _vanishes(problem, left, right, _turning, settings)
+        point = _vanishes(step, _turning)
         if point is not None:
             mu = problem.multipliers(point)
             circle = np.abs(np.abs(mu) - 1.0) < 0.1 * AT_BOUNDARY
@@ -379,9 +348,7 @@ def _outside(mu: Complexes) -> Ints:
     return np.array([(out & ~turning & (mu.real < 0)).sum(), (out & turning).sum(), out.sum()])
 
 
-def _parts(
-    problem: OrbitProblem, a: BranchPoint, b: BranchPoint, settings: Settings, corner: tuple[bool, bool]
-) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+def _parts(step: Step[OrbitProblem], corner: tuple[bool, bool]) -> Iterator[Step[OrbitProblem]]:
     """A step, or two parts of it where a pair of special points may hide between its ends.
 
     Two folds: where the parameter's cubic through both ends with their tangents turns, though both ends point the same
@@ -389,6 +356,7 @@ def _parts(
     unit circle, stays inside, or outside, at both ends. Beside a grazing point (``corner``, for either end) multipliers
     change with the square root of the distance: the motion a quarter away is half-way between them.
     """
+    problem, a, b = step.problem, step.a, step.b
     if a is b:
         return
     share, corner = _hidden_turn(a, b), corner if problem.bifurcates else (False, False)
@@ -401,15 +369,15 @@ def _parts(
             # 0.02: relative distance of complex multipliers and of two Neimark–Sacker points
             if np.any(np.abs(mu + 1.0) < 0.1) or np.any(np.abs(np.abs(turning) - 1.0) < 0.02):
                 share = 0.5
-    middle = None if share is None else between(problem, a, b, share, settings)
+    middle = None if share is None else step.point_at(share)
     if middle is None:
-        yield a, b
-    elif any(corner):
-        yield from _parts(problem, a, middle, settings, (False, False))
-        yield from _parts(problem, middle, b, settings, (False, False))
-    else:
-        yield a, middle
-        yield middle, b
+        yield step
+        return
+    for half in (step.between(a, middle), step.between(middle, b)):
+        if any(corner):
+            yield from _parts(half, (False, False))
+        else:
+            yield half
 
 
 def _hidden_turn(a: BranchPoint, b: BranchPoint) -> float | None:

@@ -30,7 +30,6 @@ from beamsim.orbits.branch import (
     FailedSearch,
     OrbitBranch,
     SpecialPoint,
-    share_of_step,
     too_many_points,
     with_failed_searches,
 )
@@ -39,7 +38,7 @@ from beamsim.orbits.continuation import (
     STEP_TOO_SMALL,
     Branch,
     Settings,
-    at_parameter,
+    Step,
     interpolated,
     solve_at,
 )
@@ -143,7 +142,7 @@ def _followed_down(problem: ForcedOrbits) -> Iterator[Floats]:
         branch = Branch(raised, start, 0.2 * level, 2.0 * high, Settings(largest_step=0.2, most_points=150))
         for a, b in pairwise(branch):
             if (a.parameter - level) * (b.parameter - level) <= 0 and a.parameter != b.parameter:
-                point = at_parameter(raised, a, b, level, SETTINGS)
+                point = Step(raised, a, b, SETTINGS).at_parameter(level)
                 if point is not None:
                     yield point.u[:-1]
         return
@@ -436,7 +435,7 @@ def joining(
 
 def walk(
     branch: Branch, budget: Budget, ends: Callable[[BranchPoint], Outcome | None], limit: str = "",
-    special_between: Callable[..., list[SpecialPoint]] | None = special_points,
+    *, with_special: bool = True,
 ) -> OrbitBranch:  # fmt: skip
     """The points of a branch with the special ones among them, until it ends by itself, by a test or by the budget.
 
@@ -446,7 +445,7 @@ def walk(
     budget : points and time that may be spent.
     ends : the outcome with which a point ends the branch, if it does.
     limit : the setting behind the branch's own number of points, empty where that is no setting.
-    special_between : what is looked for between neighbours, if anything.
+    with_special : whether special points are located between neighbours.
 
     Returns
     -------
@@ -463,10 +462,9 @@ def walk(
         outcome = ends(point)
         if outcome is not None and outcome.code == BACK_TO_PERIOD:
             break
-        if points and special_between is not None:
-            last = points[-1]
-            between = special_between(branch.problem, last, point, branch.settings, failed)
-            between = sorted(between, key=lambda s: share_of_step(last, point, s.point))
+        if points and with_special:
+            step: Step[Any] = Step(branch.problem, points[-1], point, branch.settings)
+            between = sorted(special_points(step, failed), key=lambda s: step.share(s.point))
             special += between
             points += [s.point for s in between]
         points.append(point)

@@ -274,7 +274,7 @@ def _curve(
             halves.append(OrbitBranch(None, (), TOO_CLOSE))
         else:
             curve, start = begun
-            halves.append(walk(Branch(curve, start, low, high, SETTINGS), budget, within, special_between=None))
+            halves.append(walk(Branch(curve, start, low, high, SETTINGS), budget, within, with_special=False))
     # what was followed comes first, so that its points are kept
     followed = joined(*sorted(halves, key=lambda half: not half.points))
     names = [p.name for p in model.system.probes]

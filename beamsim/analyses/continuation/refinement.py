@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamsim.analyses.continuation.motion import MeasuredMotion
-from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end, share_of_step
-from beamsim.orbits.continuation import Settings, at_parameter, between, locate
+from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
+from beamsim.orbits.continuation import Settings, Step
 from beamsim.outcomes import Stop, never
 
 ROUND_OFF = 1e-12  # relative: a point so near to a value has it
@@ -39,23 +39,14 @@ class Wanted:
     of: Callable[[BranchPoint], float]
     parameter: float | None = None  # that of the branch there, where the quantity is what is followed
 
-    def between(self, problem: Any, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
-        """The motion between two neighbours that has the value: exactly where it is followed, else to round-off.
+    def on(self, step: Step[Any]) -> BranchPoint | None:
+        """The motion on a step of a branch that has the value: exactly where it is followed, else to round-off.
 
-        Parameters
-        ----------
-        problem : of the branch.
-        a, b : the neighbours.
-
-        Returns
-        -------
-        BranchPoint | None
-            None where none is found.
+        None where none is found.
         """
-        settings = Settings(iterations=15)
         if self.parameter is not None:
-            return at_parameter(problem, a, b, self.parameter, settings)
-        return locate(problem, a, b, lambda p: self.of(p) / self.value - 1.0, settings)
+            return step.at_parameter(self.parameter)
+        return step.locate(lambda p: self.of(p) / self.value - 1.0)
 
 
 def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
@@ -96,7 +87,7 @@ def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
 
 def _edge(problem: Any, inner: BranchPoint, outer: BranchPoint, edge: float) -> list[BranchPoint]:
     """The point on the end of the range between two neighbours; nothing where the inner one is it."""
-    point = None if inner.parameter == edge else at_parameter(problem, inner, outer, edge, SETTINGS)
+    point = None if inner.parameter == edge else Step(problem, inner, outer, SETTINGS).at_parameter(edge)
     return [] if point is None else [point]
 
 
@@ -120,14 +111,15 @@ def with_points_at(
     points: list[BranchPoint] = []
     for a, b in pairwise([*branch.points, branch.points[-1]]):
         points.append(a)
+        step = Step(branch.problem, a, b, Settings(iterations=15))
         between: list[tuple[Wanted, BranchPoint]] = []
         for each in wanted:
             if abs(each.of(a) - each.value) < ROUND_OFF * abs(each.value):
                 passed.append((each, a))
             elif b is not a and a.parameter not in gaps and (each.of(a) - each.value) * (each.of(b) - each.value) < 0:
-                point = each.between(branch.problem, a, b)
+                point = each.on(step)
                 between += [] if point is None else [(each, point)]
-        between.sort(key=lambda found: share_of_step(a, b, found[1]))
+        between.sort(key=lambda found: step.share(found[1]))
         passed += between
         points += [point for _, point in between]
     return replace(branch, points=tuple(points)), passed
@@ -187,7 +179,7 @@ def _insert_maximum(
         nonlocal best
         if share not in heights:
             a, b, at = (points[k - 1], points[k], 1.0 + share) if share < 0 else (points[k], points[k + 1], share)
-            point = between(problem, a, b, at, SETTINGS)
+            point = Step(problem, a, b, SETTINGS).point_at(at)
             if point is None or (q.stable_only and not problem.orbit(point).stable):
                 heights[share] = 0.5 * floor
             else:

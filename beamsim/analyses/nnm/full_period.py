@@ -19,7 +19,7 @@ import numpy as np
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.errors import NotTrustedError
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, reached_end
-from beamsim.orbits.continuation import Branch, Settings, locate, solve_at
+from beamsim.orbits.continuation import Branch, Settings, Step, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, never, tell, until
@@ -67,26 +67,24 @@ def _determinant(orbits: BrakeOrbits, point: BranchPoint) -> float:
     return float(np.linalg.det(_bordered(orbits, point)[0]))
 
 
-def breaking_between(
-    orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, settings: Settings
-) -> SymmetryBreaking | None:
-    """The point between two neighbours of a branch where non-brake orbits leave; None without one.
+def symmetry_breaking(step: Step[BrakeOrbits]) -> SymmetryBreaking | None:
+    """The point on a step of a branch where non-brake orbits leave; None without one.
 
     Resonances of a higher order than `LARGEST_RATIO` are left out.
 
     Parameters
     ----------
-    orbits, settings : the brake orbits, and tolerances of their points.
-    a, b : the neighbours.
+    step : of a branch of brake orbits.
 
     Returns
     -------
     The point; None where there is none.
     """
-    values = _determinant(orbits, a), _determinant(orbits, b)
-    if values[0] * values[1] > 0 or min(_kick(orbits, p)[2] for p in (a, b)) > LARGEST_RATIO:
+    orbits = step.problem
+    values = _determinant(orbits, step.a), _determinant(orbits, step.b)
+    if values[0] * values[1] > 0 or min(_kick(orbits, p)[2] for p in (step.a, step.b)) > LARGEST_RATIO:
         return None
-    kernel = locate(orbits, a, b, lambda p: _determinant(orbits, p), settings, values)
+    kernel = step.locate(lambda p: _determinant(orbits, p), values)
     if kernel is None:
         return None
     kick, mode, ratio, smallness = _kick(orbits, kernel)
@@ -262,7 +260,7 @@ def follow_full_period(
         raise NotTrustedError(f"full-period shooting found no motion to start from: {backbone.outcome}")
     breakings: list[SymmetryBreaking] = []  # along the backbone, its tongues, and the ways back into them; each once
     for a, b in until(_steps(branches) if settings.branches and not stop() else (), stop):
-        origin = breaking_between(branches.problem, a, b, Settings())
+        origin = symmetry_breaking(Step(branches.problem, a, b))
         if origin is not None and not any(_alike(branches.problem, origin, known) for known in breakings):
             breakings.append(origin)
     reach = min(points[0].parameter, points[-1].parameter), max(points[0].parameter, points[-1].parameter)
