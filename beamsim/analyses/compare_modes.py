@@ -30,7 +30,6 @@ from beamsim.measurements.universal import ENDINGS, DataSet, data_sets
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.body import AtPlace, Body
-from beamsim.scenario.checks import place_problems
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.run import Reduction
 from beamsim.structures.assembly import site_in
@@ -170,7 +169,7 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     highest, least = 1.5 * float(measured.frequency_hz.max()), measured.frequency_hz.size + 4
     sites = []
     for label, place in zip(measured.labels or [""] * len(measured.places), measured.places, strict=True):
-        for problem in place_problems(scenario, ("probes",), place):
+        for problem in place.problems(scenario, ("probes",)):
             raise _wrong(measured.source, f"{label}: {problem.message}".strip(": "), problem.remedy)
         sites.append(site_in(scenario, place))
     if scenario.reduction is None:

@@ -19,9 +19,9 @@ from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si,
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark
+from beamsim.scenario.identification import SteadyTest, TransientTest
 from beamsim.scenario.quantities import level_unit, meant, motion_dimension
 from beamsim.scenario.records import RecordPreparation
-from beamsim.scenario.studies import SteadyTest, TransientTest
 
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
 

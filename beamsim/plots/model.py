@@ -16,7 +16,6 @@ from beamsim.plots.sketch import BODY, Sketch, scale_bar
 from beamsim.plots.style import amount, extent, round_length
 from beamsim.scenario import Scenario
 from beamsim.scenario.body import MovedStop, MovedSupport
-from beamsim.scenario.checks import in_metres
 from beamsim.scenario.excitation import RandomInput
 from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS
@@ -99,7 +98,7 @@ _SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine"}
 def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
     """Levels, range and rate of a sweep."""
     sweep: Any = scenario.sweep
-    path = in_metres(scenario, sweep.parameter) if sweep.kind == "continuation" else sweep
+    path = sweep.parameter.in_metres(scenario) if sweep.kind == "continuation" else sweep
     points = [
         f"{_level_text(point if point.quantity else part, point.level)} from {point.frequency:.6g} Hz"
         for point in getattr(sweep, "profile", ())

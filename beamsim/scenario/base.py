@@ -24,6 +24,9 @@ from pydantic_core import CoreSchema, core_schema
 from beamsim.errors import Problem
 
 Path = tuple[str | int, ...]
+Problems = Iterator[Problem]
+Whole = Any
+"""A scenario as a whole, which sections are compared with: its class imports theirs, so that they cannot name it."""
 
 
 PAIR = Field(min_length=2, max_length=2)
@@ -161,6 +164,14 @@ class Schema(BaseModel):
     def check(self) -> None:
         """Compare fields with each other; raises `Unfit`."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """What is wrong with it in its scenario, where it is written at a path; its own parts are asked themselves."""
+        yield from ()
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """A sentence for each questionable value, likewise."""
+        yield from ()
+
     def exclude(self, key: str, *others: str, remedy: str = "keep one of the two") -> None:
         """Refuse a key beside one of others."""
         names, fields = self.keys(), type(self).model_fields
@@ -250,12 +261,12 @@ def _docstrings(module: str) -> dict[str, dict[str, str]]:
 
 
 def walk(value: object, path: Path = ()) -> Iterator[tuple[Path, Schema]]:
-    """Yield every part of a scenario with its path."""
+    """Yield every part of a scenario that is written, not left to its default, with its path."""
     parts: Iterable[tuple[Any, object]] = ()
     if isinstance(value, Schema):
         yield path, value
-        held = value.__dict__
-        parts = [(key, held.get(name)) for key, name in value.keys().items()]
+        held, written = value.__dict__, value.model_fields_set
+        parts = [(key, held[name]) for key, name in value.keys().items() if name in written]
     elif isinstance(value, tuple):
         parts = enumerate(value)
     elif isinstance(value, dict):

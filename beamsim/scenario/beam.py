@@ -13,7 +13,7 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, kind_of, path_text, problem
+from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Whole, kind_of, path_text, problem
 from beamsim.scenario.body import AtPlace, BeamDamping, Body, ModalDamping, WrittenPosition, coarse_mesh
 
 
@@ -567,19 +567,19 @@ class BeamBody(Body):
             return "left_end", AtPlace(position=0.0)
         return "middle", AtPlace(position=self.length / 2.0)
 
-    def problems(self, where: Path) -> Iterator[Problem]:
+    def problems(self, scenario: Whole, at: Path) -> Problems:
         """Nothing left to move; points beyond the ends."""
-        yield from super().problems(where)
+        yield from super().problems(scenario, at)
         inside = [x for x in self.mass_points if 0.0 < x < self.length]
         alone = self.elements == 1 and len(self.stretches) == 1 and not self.nodes
         if alone and self.supports.kinds == ("clamped", "clamped") and not inside:
             yield problem(
-                (*where, "elements"),
+                (*at, "elements"),
                 "= 1 leaves no degree of freedom between two clamped ends",
                 "use 2 or more",
             )
         for index, x in enumerate(self.nodes):
-            yield from self.position_problems(where, (*where, "nodes", index), x, "")
+            yield from self.position_problems(at, (*at, "nodes", index), x, "")
 
     def held(self, position: WrittenPosition) -> str:
         """The end at a position, where its deflection is held."""
@@ -614,18 +614,20 @@ class BeamBody(Body):
                         "choose a polynomial in x that the supports allow (coefficients of 1, x, x^2, ...)",
                     )
 
-    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Numbers of no solid, depth, too few elements."""
+        yield from super().doubts(scenario, at)
         for stretch in self.stretches:
-            yield from stretch.section.material_doubts((*where, *stretch.path))
+            yield from stretch.section.material_doubts((*at, *stretch.path))
         depth = self.depth
         if depth > self.length / 10.0:
             yield (
-                f"{path_text(where)} is {depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) "
+                f"{path_text(at)} is {depth:g} m deep and {self.length:g} m long: Euler-Bernoulli theory (no shear) "
                 "is doubtful when the depth is more than a tenth of the length"
             )
         ratio = min(stretch.bending_stiffness / stretch.mass_per_length for stretch in self.stretches)
-        yield from coarse_mesh((*where, "elements"), self.elements, self.length / self.elements, ratio, highest_hz)
+        highest_hz = scenario.excitation.highest_tone_hz
+        yield from coarse_mesh((*at, "elements"), self.elements, self.length / self.elements, ratio, highest_hz)
 
 
 class UniformBeam(Bent, BeamBody):
@@ -674,19 +676,19 @@ class SegmentedBeam(BeamBody):
         mass = sum(stretch.mass_per_length * stretch.length for stretch in self.stretches)
         return Bending(max(stretch.bending_stiffness for stretch in self.stretches), mass / self.length)
 
-    def problems(self, where: Path) -> Iterator[Problem]:
+    def problems(self, scenario: Whole, at: Path) -> Problems:
         """Segments that leave a part of the beam out, overlap, or are too short for the mesh."""
-        yield from super().problems(where)
+        yield from super().problems(scenario, at)
         shortest, stretches = SHORTEST * self.length / self.elements, self.stretches
         ends = [(each.path, key, x) for each in stretches for key, x in (("from", each.start), ("to", each.end))]
         for path, key, x in ends:
             if x > self.length * (1.0 + _TOGETHER):
-                yield from self.beyond(where, (*where, *path, key), x)
+                yield from self.beyond(at, (*at, *path, key), x)
                 return
         for stretch in stretches:
             if stretch.length <= shortest:
                 yield problem(
-                    (*where, *stretch.path, "to"),
+                    (*at, *stretch.path, "to"),
                     f"= {stretch.end:g} m is not beyond its from = {stretch.start:g} m by more than {SHORTEST:g} of an "
                     "element",
                     "give from < to",
@@ -697,12 +699,12 @@ class SegmentedBeam(BeamBody):
         for key, expected, given, stretch in bounds:
             if abs(given - expected) > _TOGETHER * self.length:
                 yield problem(
-                    (*where, *stretch.path, key),
+                    (*at, *stretch.path, key),
                     f"= {given:g} m, where {expected:g} m is expected",
                     "segments follow one another from 0 to length without gap or overlap",
                 )
 
-    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Segments that keep the others' stress from being given, beside the doubts of every beam."""
         known = [stretch.bending.stress_per_moment is not None for stretch in self.stretches]
         if any(known) and not all(known):
@@ -710,10 +712,10 @@ class SegmentedBeam(BeamBody):
             needed = ("extreme_fibre", "youngs_modulus")
             missing = " and ".join(name for name in needed if getattr(section, name, None) is None)
             yield (
-                f"{path_text((*where, 'segments', known.index(False)))} gives no bending stress, so none is given for "
+                f"{path_text((*at, 'segments', known.index(False)))} gives no bending stress, so none is given for "
                 f"the beam: add {missing}"
             )
-        yield from super().doubts(where, highest_hz)
+        yield from super().doubts(scenario, at)
 
 
 AnyBeam = Beam | StiffnessBeam | SandwichBeam | SegmentedBeam

@@ -15,12 +15,15 @@ from beamsim.scenario.base import (
     BY_FORM,
     PAIR,
     Path,
+    Problems,
     Schema,
     Unfit,
     Variants,
+    Whole,
     distinct,
     path_text,
     problem,
+    unknown,
     walk,
 )
 
@@ -91,6 +94,63 @@ class AtPlace(PointOfBody):
         """Itself: what sits somewhere names one place or two."""
         return (self,)
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A body that is unknown or of another kind, a point that is not on it or cannot move."""
+        yield from self.problems_at(scenario, at, (*at, "mass"))
+
+    def problems_at(self, scenario: Whole, at: Path, number: Path) -> Problems:
+        """What is wrong with the place.
+
+        Parameters
+        ----------
+        scenario : that has the bodies.
+        at : where it is written, or what sits there.
+        number : where its mass is written.
+
+        Yields
+        ------
+        Problem
+        """
+        holder = scenario.body_at(at)
+        if holder and self.body is not None:
+            yield problem((*at, "body"), f"= {self.body} is named in the list of {holder}", "leave it out")
+            return
+        if not holder:
+            yield from body_problems(scenario, at, self.body, "name one: at: {body: BODY, position: 270 mm}")
+        name = holder or self.body or scenario.default_body
+        if name not in scenario.all_bodies:
+            return
+        body, where = scenario.all_bodies[name], scenario.body_path(name)
+        if self.node is not None:
+            yield from body.node_problems(where, (*at, "node"))
+        elif self.mass is not None:
+            yield from body.mass_problems(where, number, self.mass)
+        elif self.position is not None:
+            sits = "" if "outputs" in at[:2] else _SITS.get(str(at[0]), "a force")
+            yield from body.position_problems(where, (*at, "position"), self.position, sits)
+
+
+_SITS = {
+    "snubbers": "a snubber",
+    "springs_to_ground": "a spring",
+    "springs_between": "a spring",
+    "probes": "",
+    "constant_forces": "",
+    "joints": "",
+    "friction": "a friction contact",
+}
+"""What sits at places of a section; nothing for what may sit on a support."""
+
+
+def body_problems(scenario: Whole, at: Path, body: str | None, example: str) -> Problems:
+    """A body that there is not, or none named where there are several; ``example`` shows how with BODY for its name."""
+    bodies = scenario.all_bodies
+    if body is not None:
+        yield from unknown((*at, "body"), body, "body", bodies)
+    elif len(bodies) > 1:
+        remedy = example.replace("BODY", next(iter(bodies)))
+        yield problem(at, f"names no body, and there are several: {', '.join(bodies)}", remedy)
+
 
 @lru_cache(maxsize=1024)
 def _at(
@@ -135,6 +195,12 @@ class Sited(PointOfBody):
     def place_paths(self) -> tuple[Path, ...]:
         """Where it is written, below what sits there."""
         return (() if self.at is None else ("at",),)
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """What is wrong with its place in the short form; that of ``at`` is asked itself."""
+        yield from super().problems(scenario, at)
+        if self.at is None:
+            yield from self.place.problems(scenario, at)
 
 
 def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
@@ -194,6 +260,14 @@ class BetweenPlaces(Schema):
         """Where both are written, below what is between them."""
         return ("between", 0), ("between", 1)
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """What is wrong with numbers of masses; places that are written out are asked themselves."""
+        yield from super().problems(scenario, at)
+        key, ends = self.ends
+        for index, end in enumerate(ends):
+            if isinstance(end, int):
+                yield from AtPlace(mass=end).problems_at(scenario, at, (*at, key, index))
+
 
 class Named(Schema):
     """Something with a name."""
@@ -236,12 +310,42 @@ class Probe(Sited):
     name: q.Name
     """Name, unique; it names the datasets of the result file."""
 
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """A support, which does not move."""
+        yield from _held(scenario, at, self)
+
+
+def _held(scenario: Whole, at: Path, item: Sited) -> Iterator[str]:
+    """That something sits where the structure is held."""
+    if any(body.held(position) for body, position in scenario.points_of(item)):
+        yield f"{path_text(at)} sits on a support, which cannot deflect"
+
 
 class PlacedForce(Sited):
     """A force at a point, upwards."""
 
     force: q.Force
     """The force, positive upwards (towards positive displacement)."""
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """A support, or a point inside a plate."""
+        if at[0] == "constant_forces":
+            yield from point_force_doubts(scenario, at, self)
+            yield from _held(scenario, at, self)
+
+
+def point_force_doubts(scenario: Whole, at: Path, item: Any, body: str = "") -> Iterator[str]:
+    """A sentence where a force at points makes a result doubtful.
+
+    Parameters
+    ----------
+    scenario : that has the bodies.
+    at : where the force is written.
+    item : what has its places.
+    body : on which they are where they name none.
+    """
+    for of, position in scenario.points_of(item, body):
+        yield from of.point_force_doubts(at, position)
 
 
 Translation = Literal["acceleration", "velocity", "displacement"]
@@ -295,6 +399,37 @@ class MovedSupport(Schema):
     places: ClassVar[tuple[AtPlace, ...]] = ()
     """None: it acts on no free point."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A joint or body that there is not; which supports a body has is known to its model.
+
+        A sine is followed at a constant frequency only: while it changes, the motion of the support would drift.
+        """
+        if self.joint is not None:
+            linear = (each.name for each in scenario.joined_by if each.kind not in ("cubic", "piecewise_linear"))
+            yield from unknown((*at, "joint"), self.joint, "joint", linear)
+        else:
+            yield from body_problems(scenario, at, self.body, f"name one: {{body: BODY, support: {self.support}}}")
+        sine = "phase resonance" if "nnm.phase_resonance" in _following(scenario) else ""
+        sine = "a swept sine" if getattr(scenario.sweep, "kind", "") == "swept_sine" else sine
+        if at[0] == "excitation" and sine:
+            yield problem(
+                at, f"is a support that moves, which {sine} does not follow",
+                "use sweep.kind: stepped or continuation, move the base (applied_to: base), or model what moves the "
+                "support as a body",
+            )  # fmt: skip
+
+
+def _following(scenario: Whole) -> list[str]:
+    """Sections that follow periodic motions."""
+    given = {"sweep": scenario.sweep, "identify_stiffness": scenario.identify_stiffness}
+    given["nnm.phase_resonance"] = None if scenario.nnm is None else scenario.nnm.phase_resonance
+    return [name for name, section in given.items() if section is not None]
+
+
+def _stays(following: list[str]) -> str:
+    """What to do about a stop that moves."""
+    return f"leave {' and '.join(following)} out, or mount it on the base"
+
 
 class MovedStop(Schema):
     """A stop that moves against what it is mounted on."""
@@ -313,6 +448,13 @@ class MovedStop(Schema):
     takes: ClassVar[tuple[Translation, ...]] = TRANSLATION_TAKES
     places: ClassVar[tuple[AtPlace, ...]] = ()
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A snubber that there is not, and commands that do not follow it: runs alone do."""
+        movable = [each.item.name for each in scenario.written_snubbers if hasattr(each.item, "mounted_on")]
+        yield from unknown((*at, "snubber"), self.snubber, "snubber", movable)
+        if at[0] == "excitation" and (following := _following(scenario)):
+            yield problem(at, f"is a stop that moves, which {following[0]} does not follow", _stays(following))
+
 
 class OnSupport(Schema):
     """A support that carries a stop along, where the excitation moves it."""
@@ -322,6 +464,14 @@ class OnSupport(Schema):
     node 15 of imported matrices."""
     body: q.Name | None = None
     """The body that the support holds; may be left out where there is only one."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A body that there is not, and commands that do not follow a stop on a support that moves: runs alone do."""
+        yield from body_problems(scenario, at, self.body, f"name one: {{body: BODY, support: {self.support}}}")
+        moves = any(isinstance(each.applied_to, MovedSupport) for _, each in scenario.excitation.items)
+        if moves and (following := _following(scenario)):
+            message = f"= {self.support} carries the stop along, which {following[0]} does not follow"
+            yield problem((*at, "support"), message, _stays(following))
 
 
 Ratios = Annotated[
@@ -337,6 +487,16 @@ class ModalDamping(Schema):
     """Modal damping ratios."""
     ratio: Ratios = 0.0
     """Damping ratio of all modes, or a list from the first mode on (the last value applies to all higher modes)."""
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Overdamped modes."""
+        yield from ratio_doubts(at, max(self.ratio) if isinstance(self.ratio, tuple) else self.ratio)
+
+
+def ratio_doubts(at: Path, ratio: float) -> Iterator[str]:
+    """A damping ratio that is critical or above."""
+    if ratio >= 1.0:
+        yield f"{path_text((*at, 'ratio'))} = {ratio:g} is critical or above; was {ratio:g} % meant?"
 
 
 class RatioAtFrequency(Schema):
@@ -445,7 +605,7 @@ def coarse_mesh(where: Path, elements: int, size: float, ratio: float, highest_h
 class Body(Schema):
     """One body of a scenario; a kind of body is a subclass.
 
-    What is here holds for a body without snubbers, springs or ends of its own; ``where`` is the path of the body.
+    What is here holds for a body without snubbers, springs or ends of its own; ``where``, or ``at``, is its path.
     """
 
     body_kind: ClassVar[str] = ""
@@ -596,11 +756,11 @@ class Body(Schema):
         """What keeps a point of the body from deflecting, such as "the clamped left end"; empty where nothing does."""
         return ""
 
-    def problems(self, where: Path) -> Iterator[Problem]:
+    def problems(self, scenario: Whole, at: Path) -> Problems:
         """What is wrong with the body by itself, such as points of it that are not on it."""
-        for path, part in walk(self, where) if self.sides else ():
+        for path, part in walk(self, at) if self.sides else ():
             if (position := getattr(part, "position", None)) is not None:
-                yield from self.position_problems(where, (*path, "position"), position, "")
+                yield from self.position_problems(at, (*path, "position"), position, "")
 
     def position_problems(self, where: Path, at: Path, position: WrittenPosition, what: str) -> Iterator[Problem]:
         """What is wrong with a position on the body.
@@ -718,6 +878,8 @@ class Body(Schema):
         """A sentence where a force at a point, written at ``where``, makes a result doubtful."""
         yield from ()
 
-    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
-        """A sentence for each doubtful number; the excitation goes up to ``highest_hz``."""
-        yield from ()
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """A body so large that a unit may be missing."""
+        for key, size in zip(("length", "width"), self.sides, strict=False):
+            if size > 100.0:  # m
+                yield f"{path_text((*at, key))} = {size:g} m: was {size:g} mm meant?"

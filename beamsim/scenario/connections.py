@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal, Self
@@ -13,7 +13,21 @@ from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, PAIR, Path, Schema, Unfit, Variants, counted, demand_rising
+from beamsim.scenario.base import (
+    BY_FORM,
+    PAIR,
+    Path,
+    Problems,
+    Schema,
+    Unfit,
+    Variants,
+    Whole,
+    counted,
+    demand_rising,
+    path_text,
+    problem,
+    unknown,
+)
 from beamsim.scenario.body import (
     NUMBERED,
     AtPlace,
@@ -24,6 +38,8 @@ from beamsim.scenario.body import (
     OnSupport,
     Sited,
     TwoPlaces,
+    point_force_doubts,
+    ratio_doubts,
     refuse_unlike_directions,
 )
 from beamsim.scenario.files import DecimalMark
@@ -261,6 +277,10 @@ class SnubberRatioDamping(Schema):
     ratio: q.Ratio
     """Damping ratio, of the first natural frequency with only this snubber closed."""
 
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """An overdamped stop."""
+        yield from ratio_doubts(at, self.ratio)
+
 
 class SnubberViscousDamping(Schema):
     """Dashpot by its coefficient."""
@@ -428,6 +448,10 @@ class Snubber(Sited, SnubberBase):
             return (self,)
         return tuple(self.model_copy(update={"side": side, "name": f"{self.name}.{side}"}) for side in _SIDES)
 
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """A gap that is large, and a point inside a plate."""
+        yield from _stop_doubts(scenario, at, self)
+
 
 class LinkSnubber(BetweenPlaces, SnubberBase):
     """A one-sided spring, with or without dashpot, between places of two bodies or of one."""
@@ -436,6 +460,25 @@ class LinkSnubber(BetweenPlaces, SnubberBase):
     """The two places; the first, of two masses of a chain that with the lower number, lies below the second."""
     resists: Literal["approach", "separation"] = "approach"
     """Approach: a stop, met when the first moves up towards the second; separation: a cable, taut when they part."""
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """A gap that is large, and points inside plates."""
+        yield from _stop_doubts(scenario, at, self)
+
+
+def _stop_doubts(scenario: Whole, at: Path, stop: Snubber | LinkSnubber) -> Iterator[str]:
+    """A gap that is larger than the structure deflects, and points at which a force makes a result doubtful."""
+    owner = scenario.body_at(at)
+    named = (place.body or owner or scenario.default_body for place in stop.places)
+    bodies = [scenario.all_bodies[name] for name in named if name in scenario.all_bodies]
+    largest = min((body.largest_gap for body in bodies), default=math.inf)
+    if stop.gap is not None and abs(stop.gap) > largest:
+        what = "gap" if stop.gap > 0 else "prestress"
+        yield (
+            f"{path_text(at)}.gap = {stop.gap:g} m is a large {what} for a structure of this size (more than "
+            f"{largest:.3g} m): a unit such as mm may be missing"
+        )
+    yield from point_force_doubts(scenario, at, stop, owner)
 
 
 AnySnubber = Annotated[Snubber | LinkSnubber, BY_FORM]
@@ -547,6 +590,37 @@ class FrictionBase(Named):
         """The place, or both places."""
         raise NotImplementedError
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A snubber that presses and is not there, or pulls."""
+        yield from super().problems(scenario, at)
+        if self.pressed_by is not None:
+            yield from self._problems_of_pressing(scenario, at, self.pressed_by)
+
+    def _problems_of_pressing(self, scenario: Whole, at: Path, name: str) -> Problems:
+        snubbers = {snubber.name: snubber for snubber in scenario.all_snubbers}
+        where = (*at, "normal_force")
+        yield from unknown((*where, "snubber"), name, "snubber", snubbers, "there is no snubber: give a force")
+        if name not in snubbers:
+            return
+        damped = snubbers[name].damping is not None
+        if damped and snubbers[name].law != "no_tension":
+            remedy = "leave the snubber's damping out" if snubbers[name].yields else "give the snubber law: no_tension"
+            yield problem(where, f"= the force of {name} may pull, since its dashpot acts while it opens", remedy)
+        elif damped and self.stiffness is not None:
+            yield problem(
+                (*at, "stiffness"),
+                f"does not go with the force of {name}: the slider behind a tangential spring follows the rate of the "
+                "force, and that of a dashpot depends on accelerations",
+                "leave stiffness out, or give the snubber maxwell branches instead of its damping",
+            )  # fmt: skip
+        rigid = [contact.name for _, _, contact, _ in scenario.located_friction if contact.stiffness is None]
+        if self.stiffness is None and len(rigid) > 1:
+            others = ", ".join(other for other in rigid if other != self.name)
+            yield problem(
+                (*at, "stiffness"), f"is missing, and {others} sticks without a spring as well",
+                "give the contact a tangential stiffness",
+            )  # fmt: skip
+
 
 class FrictionAtPlace(Sited, FrictionBase):
     """Dry friction at a place, which rubs on the base or the ground in the direction of its displacement."""
@@ -595,6 +669,22 @@ class Joint(Named):
     def turns_against(self) -> bool:
         """Whether a rotation of one end acts on the other."""
         return False
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A rotation of points that only deflect, and a body that is joined to itself."""
+        bodies = scenario.all_bodies
+        names = [place.body or scenario.default_body for place in self.places]
+        for name in names:
+            if name in bodies and not bodies[name].has_slope and self.turns_against:
+                yield problem(
+                    at,
+                    f"acts on the rotation of {name}, but the points of a {bodies[name].body_kind} only deflect",
+                    "use kind: hinge, or kind: spring with stiffness alone",
+                )
+        itself = len(names) == 2 and names[0] == names[1] and names[0] in bodies
+        if itself and getattr(self, "kind", "") != "spring" and bodies[names[0]].has_slope:
+            message = f"joins {names[0]} to itself: the two points would have to deflect alike"
+            yield problem(at, message, "use kind: spring")
 
 
 class HingeMaxwell(Maxwell):
@@ -744,6 +834,9 @@ class _Turning(Joint):
         return self.rotational_stiffness > 0.0 or self.rotational_dashpot > 0.0
 
 
+_LARGEST_ANGLE = 0.35  # rad, of a hinge
+
+
 class HingeJoint(_Turning):
     """The deflection is the same on both sides; the slopes differ."""
 
@@ -783,6 +876,15 @@ class HingeJoint(_Turning):
             play = {"name": f"play.{side}", "stiffness": self.rotational_stiffness, "angle": angle, "side": side}
             stops.append((("free_play",), HingeStop.model_validate(play)))
         return tuple((path, stop.placed(f"{self.name}.{stop.name}", self.places)) for path, stop in stops)
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Stops at large angles."""
+        for path, stop in self.all_stops:
+            if stop.gap is not None and abs(stop.gap) > _LARGEST_ANGLE:
+                yield (
+                    f"{path_text((*at, *path))} is met at {math.degrees(abs(stop.gap)):.3g} deg, beyond the theory of "
+                    f"small rotations (more than {math.degrees(_LARGEST_ANGLE):.3g} deg): was {stop.gap:.3g} deg meant?"
+                )
 
     @property
     def all_friction(self) -> tuple[tuple[Path, HingeFriction], ...]:
@@ -879,3 +981,30 @@ def placed(joints: Sequence[Joint], bodies: Mapping[str, Body], default_body: st
         elif first != second and abs(gap) > 1e-6 * max(x, y):
             apart.append(Apart(index, abs(gap), second))
     return Placed(origin, group, tuple(apart))
+
+
+def base_problems(scenario: Whole, at: Path, direction: str, what: str) -> Problems:
+    """A motion of the base moves points of every body; where it turns several, joints must say how they lie.
+
+    Parameters
+    ----------
+    scenario : that has the bodies.
+    at : where the motion is written.
+    direction : x, y, z, or rx, ry, rz.
+    what : the motion, for the message.
+
+    Yields
+    ------
+    Problem
+    """
+    bodies = scenario.all_bodies
+    for name, body in bodies.items():
+        if direction not in body.base_directions:
+            remedy = f"use {' or '.join(filter(None, body.base_directions))}"
+            yield problem(at, f"{what} moves no point of {name}, a {body.body_kind}", remedy)
+    known = placed(scenario.joints, bodies, scenario.default_body).of_first_group
+    if direction.startswith("r") and len(bodies) > 1 and bodies.keys() - known.keys():
+        yield problem(
+            at, f"{what} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
+            "join them by points of beams, or model them as one body",
+        )  # fmt: skip

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, Tag
 
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants
-from beamsim.scenario.body import AtPlace, Body, PlacedForce, WrittenPosition
+from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Variants, Whole, path_text, problem
+from beamsim.scenario.body import AtPlace, Body, PlacedForce, WrittenPosition, body_problems
 
 Row = Annotated[tuple[q.Coefficient, ...], Field(min_length=1)]
 Grid = Annotated[tuple[Row, ...], Field(min_length=1)]
@@ -135,6 +136,18 @@ class TableShape(Shape):
             for axis, (key, positions) in enumerate((("x", self.x), ("y", self.y))) if positions is not None
         })  # fmt: skip
 
+    def problems_on(self, body: Body, where: Path, at: Path) -> Problems:
+        """Positions that are not on a body, or do not increase; ``where`` is the path of the body."""
+        shape = self.on_the_body(body)
+        for axis, key in enumerate(("x", "y")):
+            positions = getattr(shape, key) or ()
+            for index, position in enumerate(positions):
+                yield from body.beyond(where, (*at, key, index), position, axis)
+            for index, (one, two) in enumerate(pairwise(positions), start=1):
+                if two <= one:
+                    message = "does not lie beyond the one before it"
+                    yield problem((*at, key, index), message, "list increasing positions")
+
 
 AnyShape = Annotated[
     UniformShape | LinearShape | PolynomialShape | SineShape | ModeShape | TableShape, BY_FORM
@@ -174,6 +187,27 @@ class DistributedLoad(Schema):
                 "along a beam give one list or number, on a plate one for each direction",
                 ("shape",),
             )
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A body that is unknown or of another kind, and a part that is not on it."""
+        yield from body_problems(scenario, at, self.body, "name one: {body: BODY, line: whole}")
+        name = self.body or scenario.default_body
+        if name not in scenario.all_bodies:
+            return
+        body, where, key = scenario.all_bodies[name], scenario.body_path(name), self.part
+        if body.body_kind != self.acts_on:
+            message = f"belongs to a {self.acts_on}, but {path_text(where)} is {body.called}"
+            yield problem((*at, key), message, body.how_to_load)
+            return
+        if self.ends is not None:
+            for index, end in enumerate(self.ends):
+                yield from body.position_problems(where, (*at, key, index), end, "")
+            ends: Any = [body.point(end) for end in self.ends]
+            pairs = [ends] if key == "line" else list(zip(*ends, strict=True))
+            if any(last <= first for first, last in pairs):
+                yield problem((*at, key), "does not end beyond where it begins", "give the lower end first")
+        if isinstance(self.shape, TableShape):
+            yield from self.shape.problems_on(body, where, (*at, "shape"))
 
 
 class LineLoad(DistributedLoad):

@@ -12,8 +12,29 @@ from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, Path, Schema, Unfit, Variants, demand_rising
-from beamsim.scenario.body import ROTATION_TAKES, TRANSLATION_TAKES, BaseOrPlace, MovedStop, MovedSupport, NodeDirection
+from beamsim.scenario.base import (
+    BY_FORM,
+    Path,
+    Problems,
+    Schema,
+    Unfit,
+    Variants,
+    Whole,
+    demand_rising,
+    path_text,
+    problem,
+    walk,
+)
+from beamsim.scenario.body import (
+    ROTATION_TAKES,
+    TRANSLATION_TAKES,
+    BaseOrPlace,
+    MovedStop,
+    MovedSupport,
+    NodeDirection,
+    point_force_doubts,
+)
+from beamsim.scenario.connections import base_problems
 from beamsim.scenario.distributed import AreaLoad, LineLoad
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile, DecimalMark
 from beamsim.scenario.records import RecordPreparation
@@ -107,9 +128,14 @@ class Input(Schema):
         return ()
 
     @property
+    def highest_tone_hz(self) -> float:
+        """Highest frequency of the tones, Hz; 0 without any."""
+        return max(self.frequencies_hz, default=0.0)
+
+    @property
     def highest_frequency_hz(self) -> float:
         """Highest frequency of the excitation, Hz; a pulse of duration T counts as 1/(2 T)."""
-        return max(self.frequencies_hz, default=0.0)
+        return self.highest_tone_hz
 
 
 class Driven(Input):
@@ -159,6 +185,16 @@ class Driven(Input):
                        ("direction",))  # fmt: skip
         if self.about is not None and not self.rotates:
             raise Unfit("belongs to a rotation of the base", "give direction: ry, or leave it out", ("about",))
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A direction in which no body moves."""
+        if self.direction is not None:
+            yield from base_problems(scenario, (*at, "direction"), self.direction, f"= {self.direction}")
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """A force at a point inside a plate."""
+        if self.applied_to != "base":
+            yield from point_force_doubts(scenario, (*at, "applied_to"), self.applied_to)
 
     def _check_quantity(self) -> None:
         """Refuse units, a stated quantity and a place that contradict each other."""
@@ -323,14 +359,17 @@ def holds_levels(section: Any) -> bool:
     return bool(getattr(section, "profile", ())) and section.between == "held"
 
 
-def level_jumps(section: Any, unit: str) -> Iterator[str]:
+def level_jumps(scenario: Whole, at: Path, section: Any) -> Iterator[str]:
     """A sentence for each step of more than 1 % in the level of a profile that is held, within the sweep.
 
     Parameters
     ----------
-    section : with or without a profile.
-    unit : of the amplitudes: g, and N or what several forces have, for which the empty text stands.
+    scenario : what has the excitation, whose levels these are.
+    at : path of the section.
+    section : with a profile or without one.
     """
+    quantity = getattr(scenario.excitation, "takes", (q.FACTOR,))[0]
+    unit = "g" if quantity == "acceleration" else "" if quantity == q.FACTOR else q.amplitude_unit(quantity)
     for before, point in pairwise(section.profile if holds_levels(section) else ()):
         f = point.frequency
         levels = [q.acceleration_amplitude(each.level, each.quantity, f) for each in (before, point)]
@@ -343,7 +382,41 @@ def level_jumps(section: Any, unit: str) -> Iterator[str]:
             size = f" ({20.0 * math.log10(levels[1] / levels[0]):+.1f} dB)"
             if powers := q.power_of(before.quantity) - q.power_of(point.quantity):
                 meet = f" (they meet at {f * (levels[1] / levels[0]) ** (1.0 / powers):.4g} Hz)"
-        yield f"the level of the profile jumps at {f:.4g} Hz from {below} to {above}{size}; let the levels meet{meet}"
+        jump = f"jumps at {f:.4g} Hz from {below} to {above}{size}; let the levels meet{meet}"
+        yield f"{path_text(at)}: the level of the profile {jump}"
+
+
+def level_problems(scenario: Whole, at: Path, section: Schema) -> Problems:
+    """Levels of an analysis in a unit of another quantity than the excitation's.
+
+    Parameters
+    ----------
+    scenario : what has the excitation.
+    at : path of the section.
+    section : what may have levels; tests with an excitation or a start of their own are left out.
+
+    Yields
+    ------
+    Problem
+    """
+    excitation = scenario.excitation
+    if not isinstance(excitation, Harmonic | Forces):
+        return
+    factors = isinstance(excitation, Forces)
+    but = "but multiplies the levels of all forces" if factors else f"and the excitation is of {excitation.quantity}"
+    for path, part in walk(section, at):
+        if "start" in path or "excitation" in path:
+            continue
+        stated = part.quantity if isinstance(part, ProfilePoint | Notch) else None
+        fits = (excitation.quantity,) if stated is None else excitation.takes
+        for key, name in type(part).keys().items():
+            held = part.__dict__.get(name)
+            for k, level in enumerate(held if isinstance(held, tuple) else (held,)):
+                said = (stated or level.quantity) if isinstance(level, q.LevelValue) else None
+                if said is not None and said not in fits:
+                    place = (*path, key, k) if isinstance(held, tuple) else (*path, key)
+                    remedy = "give a plain number: 0.5" if factors else "give it in the unit of excitation.level"
+                    yield problem(place, f"is a level of {said}, {but}", remedy)
 
 
 class NoExcitation(Input):
@@ -411,6 +484,19 @@ class Shock(Driven):
     steps with a rise also a displacement."""
     time: q.Time = 0.0
     """When it begins."""
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Few samples in a pulse, and one after the end."""
+        yield from super().doubts(scenario, at)
+        if scenario.run is None or at[0] != "excitation":
+            return
+        if scenario.sample_rate < 20.0 * self.highest_frequency_hz:
+            yield (
+                f"run.sample_rate = {scenario.sample_rate:g} Hz puts fewer than 10 samples into the pulse of "
+                f"{0.5 / self.highest_frequency_hz:g} s"
+            )
+        if self.time >= scenario.run.duration:
+            yield f"{path_text(at)}.time = {self.time:g} s lies after the end of the run, {scenario.run.duration:g} s"
 
     @property
     def most_integrals(self) -> int:
@@ -552,6 +638,11 @@ class SweptSineInput(Driven, FrequencyRange):
             if point.quantity is not None and point.quantity not in self.takes:
                 why, remedy = not_taken(point.quantity, self.takes)
                 raise Unfit(f"is {why}", remedy, ("profile", index, "level"))
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Steps of the level."""
+        yield from super().doubts(scenario, at)
+        yield from level_jumps(scenario, at, self)
 
     @property
     def highest_frequency_hz(self) -> float:
@@ -807,6 +898,14 @@ class MatchedInput(Driven):
             raise Unfit("is an acceleration of the base along a direction",
                         "write applied_to: base, without quantity or rotation", ("kind",))  # fmt: skip
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A run that ends before it."""
+        yield from super().problems(scenario, at)
+        run = scenario.run
+        if at[0] == "excitation" and run is not None and run.duration < self.duration * (1 - 1e-9):
+            message = f"= {run.duration:g} s ends before the matched record, of {self.duration:g} s"
+            yield problem(("run", "duration"), message, "run longer: what follows the record counts, too")
+
 
 One = (
     Harmonic
@@ -902,32 +1001,34 @@ Sine = Harmonic | Forces
 """What sweeps and continuations follow; see `sine_problems`."""
 
 
-def sine_problems(excitation: Any, section: str) -> Iterator[Problem]:
+def sine_problems(excitation: Any, section: str) -> Problems:
     """Why a sweep or continuation, a section of the scenario, cannot follow an excitation."""
+    if isinstance(excitation, Harmonic):
+        return
     if isinstance(excitation, Forces):
         frequency = excitation.harmonics[0].frequency if excitation.harmonics else 0.0
         for index, force in enumerate(excitation.forces):
-            at = f"excitation.forces[{index}]"
+            at = ("excitation", "forces", index)
             if force.on_base:
-                yield Problem(
-                    f"{at}.applied_to", f"is the base, which {section} moves alone",
+                yield problem(
+                    (*at, "applied_to"), f"is the base, which {section} moves alone",
                     "leave out the other forces, or move its supports instead",
                 )  # fmt: skip
             elif not isinstance(force, Harmonic):
-                yield Problem(
-                    f"{at}.kind", f"= {force.kind} has no frequency that {section} could change",
+                yield problem(
+                    (*at, "kind"), f"= {force.kind} has no frequency that {section} could change",
                     "make it harmonic, or leave it out",
                 )  # fmt: skip
             elif force.frequency != frequency:
-                yield Problem(
-                    f"{at}.frequency", f"= {force.frequency:g} Hz, and another force has {frequency:g} Hz",
+                yield problem(
+                    (*at, "frequency"), f"= {force.frequency:g} Hz, and another force has {frequency:g} Hz",
                     f"give all forces one frequency, which {section} changes",
                 )  # fmt: skip
-    elif not isinstance(excitation, Harmonic):
-        yield not_harmonic(section, "the frequency of a harmonic excitation", excitation)
+    else:
+        yield not_harmonic((section,), "the frequency of a harmonic excitation", excitation)
 
 
-def not_harmonic(at: str, needed: str, excitation: Any) -> Problem:
+def not_harmonic(at: Path, needed: str, excitation: Any) -> Problem:
     """That a section at a path needs something of another excitation."""
     remedy = "give excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}"
-    return Problem(at, f"needs {needed}, but this one is {excitation.kind}", remedy)
+    return problem(at, f"needs {needed}, but this one is {excitation.kind}", remedy)

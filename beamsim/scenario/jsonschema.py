@@ -9,9 +9,9 @@ from pydantic_core import core_schema
 
 from beamsim.scenario.base import Schema, descriptions
 from beamsim.scenario.chain import Chain
+from beamsim.scenario.identification import SteadyTest
 from beamsim.scenario.quantities import NUMBER_WITH_UNIT, example_of
 from beamsim.scenario.scenario import Scenario
-from beamsim.scenario.studies import SteadyTest
 from beamsim.scenario.tree import REPLACED_WHOLE
 
 _PARTIAL = "Partial"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Self
 
 from pydantic import Field
 
-from beamsim.scenario.base import BY_FORM, Path, Schema, Variants, walk
+from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Variants, Whole, path_text, problem, walk
 from beamsim.scenario.beam import AnyBeam
 from beamsim.scenario.body import NUMBERED, AtPlace, Body, Located, Probe, WrittenPosition
 from beamsim.scenario.chain import Chain
@@ -19,16 +19,19 @@ from beamsim.scenario.connections import (
     GroundSpring,
     LinkSpring,
     Maxwell,
+    base_problems,
     has_own_law,
+    placed,
 )
 from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation, Sine
+from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
 from beamsim.scenario.reporting import AnyOutput, DisplayUnits, Limits, ReactionOutput, output_dimension
 from beamsim.scenario.run import Reduction, Run
-from beamsim.scenario.studies import IdentifyStiffness, Optimise, Vary
+from beamsim.scenario.studies import Optimise, Vary
 from beamsim.scenario.sweep import NonlinearMode, Sweep
 
 AnyBody = Annotated[
@@ -88,6 +91,31 @@ class ScenarioParts(Schema):
     units: DisplayUnits | None = None
     """Units of tables, plots and reports, {acceleration: g, length: mm}; by default those in which most quantities are
     written. Result files and --json stay in SI units."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Gravity that moves no point of a body, and names that are given twice."""
+        for k, component in enumerate(self.gravity if isinstance(self.gravity, tuple) else ()):
+            if component != 0:
+                axis = "xyz"[k]
+                yield from base_problems(self, ("gravity", k), axis, f"acts along {axis}, which")
+        keys = ("snubbers", "springs_to_ground", "springs_between", "friction")
+        acting: list[tuple[Path, Sequence[Any]]] = [((key,), getattr(self, key)) for key in keys]
+        for name, body in self.all_bodies.items():
+            acting += [((*self.body_path(name), key), items) for key, items in body.own_lists.items()]
+        of_run = () if self.run is None else self.run.outputs
+        shown = [(("probes",), self.probes), (("outputs",), self.outputs), (("run", "outputs"), of_run)]
+        for lists in (acting, shown, [(("joints",), self.joints)]):
+            yield from _named_twice(lists)
+        for index, joint in enumerate(self.joints):
+            yield from _named_twice([(("joints", index, "stops"), getattr(joint, "stops", ()))])
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Joints between points that lie apart."""
+        for apart in placed(self.joints, self.all_bodies, self.default_body).apart if self.joints else ():
+            yield (
+                f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before "
+                f"it place {apart.through}: it acts as if they were together; check its positions"
+            )
 
     @property
     def study(self) -> Vary | Optimise | None:
@@ -266,6 +294,11 @@ class ScenarioParts(Schema):
         return (*(spring for spring in springs if has_own_law(spring.item)), *self.located_friction)
 
     @property
+    def has_cubic_springs(self) -> bool:
+        """Whether the motion has no closed form, because of a cubic spring."""
+        return any(located.item.kind == "cubic" for located in self.nonlinear_springs)
+
+    @property
     def located_friction(self) -> tuple[Located, ...]:
         """The friction contacts with their paths: those of the scenario, then those of hinges."""
         return (*self._listed("friction"), *self._of_hinges("all_friction"))
@@ -353,6 +386,18 @@ class ScenarioParts(Schema):
             point = self.all_bodies[place.body or self.default_body].point_of(place)
             named = "_".join(f"{p:g}" for p in (point if isinstance(point, tuple) else (point,)))
         return named if place.body is None else f"{place.body}_{named}"
+
+
+def _named_twice(lists: Sequence[tuple[Path, Sequence[Any]]]) -> Problems:
+    """Names that are not unique within lists, which are given by their paths."""
+    first: dict[str, Path] = {}
+    for path, items in lists:
+        for index, item in enumerate(items):
+            if item.name in first:
+                other = path_text(first[item.name])
+                message = f"= {item.name} is already the name of {other}"
+                yield problem((*path, index, "name"), message, "choose another name")
+            first.setdefault(item.name, (*path, index))
 
 
 def _on(body: str | None, place: AtPlace) -> AtPlace:

@@ -11,7 +11,7 @@ from pydantic import Field
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Schema, Unfit, path_text, problem
+from beamsim.scenario.base import Path, Problems, Schema, Unfit, Whole, path_text, problem
 from beamsim.scenario.body import (
     AtPlace,
     Body,
@@ -228,23 +228,23 @@ class PlateBody(Body):
         on_point = any(same_position(x, a) and same_position(y, b) for a, b in self.supported_points)
         return "on the point support" if on_point else ""
 
-    def problems(self, where: Path) -> Iterator[Problem]:
+    def problems(self, scenario: Whole, at: Path) -> Problems:
         """Elements too small for the digits there are, points outside the plate, stiffeners without a length."""
         for index, count in enumerate(self.elements):
             smallest = (2.0 / count) ** self.grading / 2.0
             if count > 2 and smallest < SMALLEST_ELEMENT:
                 yield problem(
-                    (*where, "grading"),
+                    (*at, "grading"),
                     f"= {self.grading:g} with {count} elements along {'xy'[index]} makes one of {smallest:.2g} of the "
                     f"side: below {SMALLEST_ELEMENT:g} round-off shows in the lowest frequencies",
                     "use a smaller grading, or fewer elements: they are small where it matters",
                 )
-        yield from super().problems(where)
+        yield from super().problems(scenario, at)
         for index, stiffener in enumerate(self.stiffeners):
             for key, end in (("from", stiffener.from_), ("to", stiffener.to)):
-                yield from self.position_problems(where, (*where, "stiffeners", index, key), end, "")
+                yield from self.position_problems(at, (*at, "stiffeners", index, key), end, "")
             if len(set(self.line_of(stiffener))) == 1:
-                yield problem((*where, "stiffeners", index), "begins and ends at the same point", "give it a length")
+                yield problem((*at, "stiffeners", index), "begins and ends at the same point", "give it a length")
 
     def shape_problems(self, where: Path, at: Path, position: float | q.Share) -> Iterator[Problem]:
         """Measured mode shapes have one coordinate.
@@ -271,18 +271,20 @@ class PlateBody(Body):
             "the stress at that point grows with the number of elements; take it a thickness or more beside it"
         )
 
-    def doubts(self, where: Path, highest_hz: float) -> Iterator[str]:
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Too few elements for the excitation, and a plate that is not thin."""
+        yield from super().doubts(scenario, at)
         depth, side = self.depth, min(self.sides)
         if depth > side / 10.0:
             yield (
-                f"{path_text(where)} is {depth:g} m thick and {side:g} m wide: thin-plate theory (no shear) "
+                f"{path_text(at)} is {depth:g} m thick and {side:g} m wide: thin-plate theory (no shear) "
                 "is doubtful when the thickness is more than a tenth of the shorter side"
             )
         stiffness = self.bending.rigidity
         for axis, d in enumerate((stiffness.dx, stiffness.dy)):
-            at, elements, ratio = (*where, "elements", axis), self.elements[axis], d / self.bending.mass_per_area
-            yield from coarse_mesh(at, elements, self.sides[axis] / elements, ratio, highest_hz)
+            elements, ratio = self.elements[axis], d / self.bending.mass_per_area
+            size, highest_hz = self.sides[axis] / elements, scenario.excitation.highest_tone_hz
+            yield from coarse_mesh((*at, "elements", axis), elements, size, ratio, highest_hz)
 
 
 class Plate(PlateBody):

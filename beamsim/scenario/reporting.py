@@ -8,11 +8,28 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Schema, Unfit, Variants, within
-from beamsim.scenario.body import Body, Sited
-from beamsim.scenario.excitation import About, AtLeastTwo, ShockCurve, check_limit_curve, point_of
+from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Variants, Whole, problem, unknown, within
+from beamsim.scenario.body import Body, MovedSupport, Sited, body_problems
+from beamsim.scenario.connections import HingeStop, base_problems
+from beamsim.scenario.excitation import (
+    About,
+    AtLeastTwo,
+    ShockCurve,
+    check_limit_curve,
+    point_of,
+    sine_problems,
+)
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
 from beamsim.scenario.units import Dimension
+
+INPUT = "input"  # name of the excitation among the signals of spectra and statistics
+SWEPT = ("swept_sine", "stepped")  # sweeps that give a response over frequency
+
+
+def named_body(scenario: Whole, output: Any) -> tuple[str, Body | None]:
+    """The body of an output and its name; None where there is none of that name."""
+    name = (output.place if isinstance(output, Sited) else output).body or scenario.default_body
+    return name, scenario.all_bodies.get(name)
 
 
 class Output(Schema):
@@ -27,6 +44,14 @@ class MotionOutput(Output, Sited):
 
     kind: Literal["displacement", "velocity", "acceleration", "rotation"]
     """Displacement or velocity relative to the base, absolute acceleration, or the slope dw/dx of a beam."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A slope of points that only deflect."""
+        yield from super().problems(scenario, at)
+        _, body = named_body(scenario, self)
+        if self.kind == "rotation" and body is not None and not body.has_slope:
+            message = f"asks for a slope, but the points of a {body.body_kind} have none"
+            yield problem(at, message, "name a point of a beam")
 
 
 class BendingOutput(Output, Sited):
@@ -45,6 +70,27 @@ class BendingOutput(Output, Sited):
         super().check()
         if self.kind == "bending_moment" and self.surface is not None:
             raise Unfit("belongs to a stress or strain", "leave it out", ("surface",))
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A body that does not bend, a component of a beam, and an unknown distance of the fibre."""
+        yield from super().problems(scenario, at)
+        name, body = named_body(scenario, self)
+        if body is None:
+            return
+        if body.body_kind not in ("beam", "plate"):
+            message = f"asks for a {self.kind.replace('_', ' ')}, but {name} is of the kind {body.body_kind}"
+            yield problem(at, message, "name a point of a beam or plate")
+        elif self.component is not None and body.body_kind == "beam":
+            yield problem((*at, "component"), f"belongs to a plate, but {name} is a beam", "leave it out")
+        elif self.kind == "strain" and body.gives_strain:
+            return
+        elif self.kind == "strain" and body.body_kind == "plate":
+            yield problem(at, f"needs the thickness of {name}, which its stiffnesses do not tell", "give its thickness")
+        elif self.kind != "bending_moment" and not body.gives_stress:
+            yield problem(
+                at, f"needs the outermost fibre of {name}, which its bending stiffness does not tell",
+                "give a section, or ask for kind: bending_moment",
+            )  # fmt: skip
 
 
 class ReactionOutput(Output):
@@ -68,6 +114,22 @@ class ReactionOutput(Output):
         """The point, m."""
         return point_of(self.about)
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """What does not fit the base or a support; which supports a body has is known to its model."""
+        of_base, is_moment = self.support == "base", self.kind == "reaction_moment"
+        if not of_base:
+            yield from body_problems(scenario, at, self.body, "add body: BODY")
+        if self.about is not None and not (of_base and is_moment):
+            yield problem((*at, "about"), "belongs to the moment of the base", "leave it out")
+        if of_base and self.body is not None:
+            yield problem((*at, "body"), "belongs to a support; the base holds all bodies", "leave it out")
+        elif of_base and (is_moment or self.direction is not None):
+            direction = self.direction or ("ry" if is_moment else "z")
+            yield from base_problems(scenario, (*at, "direction"), direction, f"= {direction}")
+        if self.direction is not None and (len(self.direction) == 2) != is_moment:
+            yield problem((*at, "direction"), f"= {self.direction} is none of a {self.kind.replace('_', ' ')}",
+                           "forces have x, y and z, moments rx, ry and rz")  # fmt: skip
+
 
 class JointOutput(Output):
     """What is transmitted by a joint, or by a linear spring between points of bodies."""
@@ -77,6 +139,10 @@ class JointOutput(Output):
     point on that point."""
     joint: q.Name
     """Name of the joint or spring."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A joint that there is not."""
+        yield from unknown((*at, "joint"), self.joint, "joint", (joint.name for joint in scenario.joined_by))
 
 
 class RecoveredOutput(Output):
@@ -93,6 +159,18 @@ class RecoveredOutput(Output):
     unit: q.Text = "1"
     """Unit of the product, for tables and files: Pa where the matrix gives stress in Pa."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A body that is unknown, or has no recovery matrix with this row."""
+        yield from body_problems(scenario, at, self.body, "add body: BODY")
+        name, body = named_body(scenario, self)
+        if body is not None and not body.recovered_rows:
+            yield problem(
+                at, f"needs a recovery matrix, which {name} lacks",
+                "give recovery: {file: panel.op4, name: stress, rows: [skin]} of imported matrices",
+            )  # fmt: skip
+        elif body is not None:
+            yield from unknown((*at, "row"), self.row, "row of the recovery matrix", body.recovered_rows)
+
 
 class EnergyOutput(Output):
     """Energy of a body."""
@@ -101,6 +179,10 @@ class EnergyOutput(Output):
     """Kinetic energy of the motion relative to the base, or strain energy."""
     body: q.Name | None = None
     """The body; may be left out where there is only one."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A body that there is not."""
+        yield from body_problems(scenario, at, self.body, "add body: BODY")
 
 
 AnyOutput = Annotated[
@@ -237,6 +319,75 @@ class Limits(Schema):
         for name in self.curves:
             yield from ((name, place, points) for place, points in (getattr(self, name) or {}).items())
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Limits on what this structure or analysis does not have."""
+        stationary = scenario.excitation.stationary
+        if self.bending_stress is not None:
+            yield from stress_problems(scenario, (*at, "bending_stress"))
+        for name in ("rms_displacement", "rms_acceleration"):
+            if getattr(self, name) is not None and not stationary and scenario.run is None:
+                yield problem((*at, name), "needs a run", "limit peaks, or add run: {duration: 1 s}")
+        if self.rms_force is not None and not stationary:
+            message = f"is of a stationary input, and the excitation is {scenario.excitation.kind}"
+            yield problem((*at, "rms_force"), message, "limit peak_force")
+        if self.gapping is not None:
+            sine = scenario.excitation.kind != "none" and not any(sine_problems(scenario.excitation, "sweep"))
+            if not sine or getattr(scenario.sweep, "kind", "stepped") not in SWEPT:
+                needed = "needs a run or a sweep of a harmonic excitation"
+                yield problem((*at, "gapping"), needed, "limit gap instead")
+        yield from self._problems_of_curves(scenario, at)
+        yield from self._problems_of_places(scenario, at)
+        yield from self._problems_of_outputs(scenario, (*at, "outputs"))
+
+    def _problems_of_places(self, scenario: Whole, at: Path) -> Problems:
+        """Places that there are not."""
+        for name in type(self).model_fields:
+            of_place = getattr(self, name)
+            if of_place is None or name in ("outputs", *self.curves):
+                continue
+            moment, both = name.endswith("moment"), name == "gapping"
+            snubbers = moment or name.endswith(("force", "gap", "gapping"))
+            stops = [stop for stop in scenario.all_snubbers if both or isinstance(stop, HingeStop) == moment]
+            if snubbers and not stops:
+                what, remedy = ("stops of hinges", "stops to a hinge") if moment else ("snubbers", "a snubber")
+                message = f"limits the {what}, and there are none"
+                yield problem((*at, name), message, f"add {remedy}, or leave it out")
+            elif isinstance(of_place, dict):
+                known = [each.name for each in (stops if snubbers else scenario.effective_probes)]
+                for place in of_place:
+                    yield from unknown((*at, name, place), place, "snubber" if snubbers else "probe", known)
+
+    def _problems_of_outputs(self, scenario: Whole, at: Path) -> Problems:
+        """Outputs that there are not, and limits in a unit of something else."""
+        outputs = {output.name: output for _, output in scenario.requested_outputs}
+        for name, limit in (self.outputs or {}).items():
+            yield from unknown((*at, name), name, "output", outputs, "list it in outputs")
+            if name in outputs:
+                dimension = output_dimension(outputs[name], scenario.all_bodies, scenario.default_body)
+                kind = outputs[name].kind.replace("_", " ")
+                yield from unit_problems((*at, name), limit, dimension, f"and the output is a {kind}")
+
+    def _problems_of_curves(self, scenario: Whole, at: Path) -> Problems:
+        """Curves of spectra that are not asked for, and of places that there are not."""
+        for name, place, points in self.given_curves():
+            path = (*at, name, place)
+            needed, remedy = _what_a_curve_lacks(scenario, name)
+            said = None if name == "srs" or isinstance(points, CurveFile) else q.meant(points[0][1])
+            if needed:
+                yield problem(path, f"needs {needed}", remedy)
+            elif name != "srs" and not isinstance(points, CurveFile):
+                other = [k for k, (_, level) in enumerate(points) if q.meant(level) != said]
+                if other:
+                    yield problem((*path, other[0], 1), "is of another quantity than the first", "give all in one unit")
+            snubbers, forces = [each.name for each in scenario.all_snubbers], not needed and said in _FORCES
+            places = [*(each.name for each in scenario.effective_probes), *([INPUT] if name in ("srs", "psd") else [])]
+            if name == "srs":
+                moved = (each.applied_to for _, each in scenario.excitation.items)
+                places += [at.label for at in moved if isinstance(at, MovedSupport) and not at.rotates]
+            elif isinstance(points, CurveFile):
+                places += snubbers
+            yield from unknown(path, place, "place", snubbers if forces else places)
+
     @property
     def given(self) -> dict[str, float]:
         """The given limits in SI units, by name: that of the value, and behind a point the place where it has one.
@@ -252,6 +403,54 @@ class Limits(Schema):
             elif held is not None:
                 given[name] = held
         return given
+
+
+_FORCES = {each.name for each in (units.FORCE_PSD, units.MOMENT_PSD, units.FORCE, units.MOMENT)}
+
+
+def _what_a_curve_lacks(scenario: Whole, name: str) -> tuple[str, str]:
+    """What a curve of a name needs in addition, and a remedy; empty where it is there."""
+    run = scenario.run
+    if name == "srs":
+        there = run is not None and run.srs is not None
+        needed, remedy = "shock response spectra", "add run.srs: {from: 10 Hz, to: 2 kHz}"
+    elif name == "psd":
+        there = run is not None and scenario.excitation.stationary
+        needed = "a run with a stationary input"
+        remedy = "limit peaks or srs, or give random noise or a record with stationary: true"
+    else:
+        there = getattr(scenario.sweep, "kind", "") in SWEPT
+        needed = "a sweep in frequency"
+        remedy = "limit peaks, or add sweep: {kind: swept_sine, ...} or {kind: stepped, ...}"
+    return ("", "") if there else (needed, remedy)
+
+
+def stress_problems(scenario: Whole, at: Path) -> Problems:
+    """That something at a path needs a stress, which no body gives."""
+    if not any(body.gives_stress for body in scenario.all_bodies.values()):
+        remedy = "leave it out, or give a beam's extreme_fibre and youngs_modulus"
+        yield problem(at, "needs a body whose stress is known", remedy)
+
+
+def unit_problems(at: Path, limit: float, dimension: units.Dimension | None, but: str) -> Problems:
+    """A limit in a unit of something else.
+
+    Parameters
+    ----------
+    at : path of the limit.
+    limit : its value, which remembers its unit.
+    dimension : of what is limited; None of rows of recovery matrices, which have units of their own.
+    but : what is limited, for the message.
+
+    Yields
+    ------
+    Problem
+    """
+    said = q.meant(limit)
+    if dimension is None and said is not None:
+        yield problem(at, "has a unit, and the output has one of its own", "give a plain number in that unit")
+    elif dimension is not None and said not in (None, unit_of_dimension(dimension)):
+        yield problem(at, f"is in {said or 'no unit'}, {but}", f"write {dimension.example}")
 
 
 def output_dimension(output: Any, bodies: Mapping[str, Body], default_body: str) -> units.Dimension | None:

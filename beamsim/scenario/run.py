@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 from math import log2
 from typing import Annotated, ClassVar, Literal
@@ -10,15 +12,29 @@ from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import Path, Schema, ShortFor, Unfit, Variants
-from beamsim.scenario.body import PlacedForce
+from beamsim.scenario.base import Path, Problems, Schema, ShortFor, Unfit, Variants, Whole, path_text, problem, unknown
+from beamsim.scenario.body import Body, PlacedForce
 from beamsim.scenario.excitation import FrequencyRange
-from beamsim.scenario.reporting import AnyOutput, Stress
+from beamsim.scenario.reporting import INPUT, AnyOutput, Stress, stress_problems
+from beamsim.scenario.studies import parameter_problems, resolve_parameter
 
 MOST_OSCILLATORS = 10_000
 MOST_PERIODS = 2_000_000  # of the highest oscillator in a run: several panels each are kept
 MOST_FILTERED = 100_000_000  # periods of a low-pass's frequency in a run: hours
 MOST_FREQUENCIES = 50_000  # of the curve of a spectrum
+MOST_SAMPLES = 50_000_000
+"""Largest number of samples of histories; more would not fit into memory."""
+
+
+def closed_form_problems(scenario: Whole, at: Path) -> Problems:
+    """That statistics at a path need a motion in closed form, which this run does not compute."""
+    if scenario.run.method == "reference":
+        yield problem(at, "needs the motion in closed form", "leave run.method: reference out")
+    elif scenario.has_cubic_springs:
+        yield problem(
+            at, "needs the motion in closed form, which cubic springs do not have",
+            "leave it out, or replace the cubic springs by piecewise-linear ones",
+        )  # fmt: skip
 
 
 NonNegativeForce = Annotated[float, q.Quantity(units.FORCE, minimum=0.0)]
@@ -35,6 +51,12 @@ class ImpactSettings(Schema):
     force_threshold: NonNegativeForce = 0.0
     """Impacts whose peak force is smaller are not counted; sums over all time keep them."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Statistics that this structure, or time stepping, does not have."""
+        yield from closed_form_problems(scenario, at)
+        if not scenario.all_snubbers:
+            yield problem(at, "needs a snubber, and there is none", "leave it out, or add a snubber")
+
 
 class StressLife(Schema):
     """S-N line of the material: N = cycles (stress_range / S)^exponent, S being the range of a cycle (twice its
@@ -48,6 +70,11 @@ class StressLife(Schema):
     """Exponent of the line, 1 to 100: about 3 for welds, 5 to 10 for smooth metal."""
     endurance_limit: Stress | None = None
     """Stress range up to which a cycle does no damage; none by default."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A stress that this structure, or time stepping, does not have."""
+        yield from closed_form_problems(scenario, at)
+        yield from stress_problems(scenario, at)
 
 
 class PolynomialStart(Schema):
@@ -64,6 +91,34 @@ class PolynomialStart(Schema):
         if not self.displacement and not self.velocity:
             raise Unfit("is an empty initial state", "give displacement, velocity or both, or write start: rest")
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Shapes that do not fit their body, and one shape for several bodies."""
+        bodies = scenario.all_bodies
+        name = str(at[-1]) if at[-2] == "bodies" else scenario.default_body
+        if not name:
+            named = f"{{bodies: {{{next(iter(bodies))}: {{displacement: [...]}}}}}}"
+            message = f"gives one shape, and there are {len(bodies)} bodies"
+            yield problem(at, message, f"name the body: start: {named}")
+        elif name in bodies:
+            for key, numbers in (("displacement", self.displacement), ("velocity", self.velocity)):
+                yield from _units_of_shape(bodies[name], (*at, key), numbers)
+                yield from bodies[name].start_problems((*at, key), numbers)
+
+
+def _units_of_shape(body: Body, at: Path, numbers: tuple[float, ...]) -> Problems:
+    """Numbers with the unit of another one of the shape."""
+    dimensions = q.SHAPE_DISPLACEMENTS if at[-1] == "displacement" else q.SHAPE_VELOCITIES
+    for index, number in enumerate(numbers):
+        said, power = q.meant(number), body.power_of_start(index)
+        if said is not None and int(said) != power:
+            wanted = dimensions[power] if power < len(dimensions) else None
+            yield problem(
+                (*at, index),
+                f"is {dimensions[int(said)].with_article}, but must be "
+                f"{f'the coefficient of x^{power}' if wanted is None else wanted.with_article}",
+                "write a bare number in SI units" if wanted is None else f"write for example {wanted.example}",
+            )
+
 
 class BodiesStart(Schema):
     """Start from given shapes and velocities of several bodies; those not named begin without either."""
@@ -71,6 +126,11 @@ class BodiesStart(Schema):
     known_by: ClassVar[tuple[str, ...]] = ("bodies",)
     bodies: Annotated[dict[q.Name, PolynomialStart], Field(min_length=1)]
     """Displacement and velocity by name of the body."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Bodies that there are not."""
+        for name in self.bodies:
+            yield from unknown((*at, "bodies", name), name, "body", scenario.all_bodies)
 
 
 class ModeStart(Schema):
@@ -81,6 +141,20 @@ class ModeStart(Schema):
     """Number of the mode, from 1."""
     amplitude: q.Amplitude
     """Largest displacement of the shape."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A mode that there is not."""
+        yield from mode_problems(scenario, (*at, "mode"), self.mode)
+
+
+def mode_problems(scenario: Whole, at: Path, mode: int) -> Problems:
+    """That there are fewer modes than the number at a path, where their number is known."""
+    counts = [body.mode_count for body in scenario.all_bodies.values()]
+    known = [count for count in counts if count is not None]
+    total = sum(known)
+    if len(known) == len(counts) and mode > total:
+        what = f"a chain of {total} masses has" if len(counts) == 1 else f"the bodies together have {total} masses and"
+        yield problem(at, f"= {mode}, but {what} {total} modes", f"choose a mode from 1 to {total}")
 
 
 class ReleasedForceStart(Schema):
@@ -141,6 +215,80 @@ class SpectrumSettings(Schema):
             if frequency in self.frequencies[:index]:
                 raise Unfit(f"= {frequency:g} Hz is given twice", "remove one of them", ("frequencies", index))
         self.exclude("periods", "last")
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A part that is longer than the run, and frequencies that its spectra do not have."""
+        run, duration = scenario.run, scenario.run.duration
+        if self.last is not None and self.last > duration * (1.0 + 1e-12):
+            yield problem(
+                (*at, "last"), f"= {self.last:g} s is longer than run.duration = {duration:g} s",
+                "analyse a shorter part, or use a longer run",
+            )  # fmt: skip
+        if self.periods is not None:
+            yield from self._problems_of_periods(scenario, (*at, "periods"), self.periods)
+        if self.frequencies or self.to is not None:
+            stepped = run.method == "reference" or scenario.has_cubic_springs
+            yield from self._problems_of_frequencies(scenario, at, stepped=stepped)
+        if run.method == "reference" and self.to is not None:
+            message = f"= {self.to:g} Hz does nothing: spectra of time stepping go up to half of the sample rate"
+            yield problem((*at, "to"), message, "leave it out, or give that run.sample_rate")
+
+    def _problems_of_periods(self, scenario: Whole, at: Path, periods: int) -> Problems:
+        """Periods of no frequency, or more than the run has."""
+        frequencies, duration = scenario.excitation.frequencies_hz, scenario.run.duration
+        if len(frequencies) != 1:
+            yield problem(at, "needs an excitation with one frequency", "give last: 0.4 s instead")
+        elif periods / frequencies[0] > duration * (1.0 + 1e-12):
+            yield problem(
+                at,
+                f"= {periods} periods of {frequencies[0]:g} Hz take {periods / frequencies[0]:g} s, "
+                f"longer than run.duration = {duration:g} s",
+                f"analyse at most {int(duration * frequencies[0])} periods, or run longer",
+            )
+
+    def _problems_of_frequencies(self, scenario: Whole, at: Path, *, stepped: bool) -> Problems:
+        """Frequencies that cannot be told apart, or lie beyond the highest that a spectrum can have.
+
+        Parameters
+        ----------
+        scenario : that has the run.
+        at : path of the settings.
+        stepped : whether the spectra are those of samples of time stepping.
+
+        Yields
+        ------
+        Problem
+        """
+        chosen, tones = self.frequencies, scenario.excitation.frequencies_hz
+        duration = min(self.last or scenario.run.duration, scenario.run.duration)
+        if self.periods is not None and len(tones) == 1:
+            duration = min(self.periods / tones[0], duration)
+        asked: dict[Path, float] = {(*at, "frequencies", k): value for k, value in enumerate(chosen)}
+        for index, (place, frequency) in enumerate(asked.items()):
+            near = min(chosen[:index], key=lambda other: abs(other - frequency), default=-1.0 / duration)
+            if abs(near - frequency) * duration < 1.0:
+                yield problem(
+                    place,
+                    f"= {frequency:g} Hz cannot be distinguished from {near:g} Hz in the {duration:g} s that are "
+                    "analysed",
+                    f"keep frequencies {1 / duration:g} Hz apart, or analyse a longer part",
+                )
+        if self.to is not None and not stepped:
+            asked[*at, "to"] = self.to
+        for place, frequency in asked.items():
+            if stepped and frequency >= 0.5 * scenario.sample_rate:
+                yield problem(
+                    place,
+                    f"= {frequency:g} Hz is not below half of run.sample_rate = {scenario.sample_rate:g} Hz",
+                    "raise run.sample_rate: spectra of a time-stepping method are those of its samples",
+                )
+            elif not stepped and frequency * duration > MOST_FREQUENCIES:
+                yield problem(
+                    place,
+                    f"= {frequency:g} Hz has {frequency * duration:.4g} periods in the {duration:g} s that are "
+                    f"analysed (at most {MOST_FREQUENCIES})",
+                    f"analyse a shorter part, run.spectrum.last: {0.95 * MOST_FREQUENCIES / frequency:.2g} s",
+                )
 
 
 class ShockSpectrumSettings(FrequencyRange):
@@ -228,6 +376,96 @@ class Run(Schema):
     """Contact states whose tables are kept at once; the least recently used makes room. By default those that fit
     into run.memory."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Too few or too many samples, and settings that do nothing in this run."""
+        yield from self._problems_of_sampling(scenario, at)
+        if self.method != "reference":
+            yield from self._problems_of_stepping(scenario, at)
+        if self.from_:
+            yield from self._problems_of_counting(scenario, (*at, "from"))
+        if self.srs is not None or scenario.excitation.stationary:
+            yield from _names_of_input(scenario)
+        if self.test_duration is not None and not scenario.excitation.stationary:
+            yield problem((*at, "test_duration"), "is that of a test with a random input, of which the run is a sample",
+                          "leave it out, or simulate the whole test by run.duration")  # fmt: skip
+        if self.sensitivities:
+            yield from self._problems_of_sensitivities(scenario, (*at, "sensitivities"))
+
+    def _problems_of_sampling(self, scenario: Whole, at: Path) -> Problems:
+        """A rate that gives one sample, or more than there is memory for, or does not resolve the excitation."""
+        rate, highest = scenario.sample_rate, scenario.excitation.highest_tone_hz
+        place = (*at, "duration" if self.sample_rate is None else "sample_rate")
+        if rate * self.duration < 1.0:
+            yield problem(
+                place, f"= {rate:g} Hz gives only one sample in run.duration = {self.duration:g} s",
+                "use a higher sample rate, or a longer run",
+            )  # fmt: skip
+        elif rate * self.duration > MOST_SAMPLES:
+            given = f"= {rate:g} Hz over run.duration = {self.duration:g} s"
+            if self.sample_rate is None:
+                given = f"= {self.duration:g} s at the {rate:g} Hz that the excitation asks for"
+            yield problem(
+                place, f"{given} gives {rate * self.duration:.3g} samples, over the limit of {MOST_SAMPLES:.0e}",
+                "contacts are found exactly at any sample rate; use a lower one, or a shorter run",
+            )  # fmt: skip
+        if rate < 2.0 * highest:
+            yield problem(
+                place, f"= {rate:g} Hz is under twice the excitation frequency of {highest:g} Hz",
+                f"use at least {2 * highest:g} Hz; {20 * highest:g} Hz shows the first harmonics",
+            )  # fmt: skip
+
+    def _problems_of_stepping(self, scenario: Whole, at: Path) -> Problems:
+        """Settings of time stepping that do nothing in this run."""
+        cubic = scenario.has_cubic_springs
+        does = "which is integrated by DOP853" if cubic else "which is in closed form"
+        for key in ("integrator",) if cubic else ("integrator", "rtol", "atol"):
+            if getattr(self, key) != type(self).model_fields[key].default:
+                message = f"= {getattr(self, key)} does nothing in this run, {does}"
+                yield problem((*at, key), message, "leave it out, or give method: reference")
+
+    def _problems_of_counting(self, scenario: Whole, at: Path) -> Problems:
+        """A time from which on nothing counts, or that is after the end."""
+        counts_none = self.impacts is None and not scenario.friction
+        if self.method == "reference" or scenario.has_cubic_springs or counts_none:
+            message = f"= {self.from_:g} s says from when on impacts and sliding count, and this run counts none"
+            yield problem(at, message, "leave it out, or add impacts: {}")
+        elif self.from_ >= self.duration:
+            message = f"= {self.from_:g} s is not before the end, {self.duration:g} s"
+            yield problem(at, message, "give an earlier time")
+
+    def _problems_of_sensitivities(self, scenario: Whole, at: Path) -> Problems:
+        """Unknown paths, numbers that are named twice, and those that have no derivative."""
+        problems = list(parameter_problems(scenario, self.sensitivities, at))
+        yield from problems
+        for k, asked in enumerate(() if problems else self.sensitivities):
+            number = resolve_parameter(scenario, asked)
+            settings = any(place[0] == "run" and place[1] != "start" for place in number.places)
+            if settings or number.whole:
+                what = "is a setting of the run" if settings else "is a whole number"
+                remedy = "name a number of the structure, the excitation or the start"
+                yield problem((*at, k), f"= {number.path} {what}, which has no derivative", remedy)
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """No motion, a short run, and few or many samples."""
+        excitation, rate = scenario.excitation, scenario.sample_rate
+        idle = not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)])
+        if idle and self.start == "static_equilibrium" and not scenario.just_mounted:
+            said = "there is no excitation" if excitation.kind == "none" else "the level of the excitation is zero"
+            yield (
+                f"nothing moves: {said}, and the run starts at static equilibrium; give excitation, or "
+                "run.start: rest, {mode: 1, amplitude: 1 mm} or another one"
+            )
+        lowest, highest = min(excitation.frequencies_hz, default=math.inf), excitation.highest_tone_hz
+        if self.duration * lowest < 1.0:
+            yield f"run.duration = {self.duration:g} s is shorter than one period of the excitation, {1.0 / lowest:g} s"
+        if rate < 10.0 * highest:
+            yield (
+                f"run.sample_rate = {rate:g} Hz is {rate / highest:.3g} samples a period: "
+                "time histories are coarse, and of a time-stepping method superharmonics fold back into the spectrum"
+            )
+        if rate * self.duration > 5e6:  # a gigabyte or so
+            yield f"{rate * self.duration:.3g} output samples make a very large result file"
+
     def check(self) -> None:
         """Refuse filters so fast against the run that they would take hours, or more than the memory."""
         super().check()
@@ -245,6 +483,15 @@ class Run(Schema):
                 )  # fmt: skip
 
 
+def _names_of_input(scenario: Whole) -> Problems:
+    """Names of places with a spectrum that is listed beside that of the input, which is called input."""
+    for section in ("probes", "snubbers", "outputs"):
+        for k, item in enumerate(getattr(scenario, section)):
+            if item.name == INPUT:
+                message = f"= {INPUT} is the name of the input's own spectrum and statistics"
+                yield problem((section, k, "name"), message, "choose another name")
+
+
 class Reduction(Schema):
     """Number of modes, in addition to the static vectors of contacts and loads."""
 
@@ -256,3 +503,12 @@ class Reduction(Schema):
     def check(self) -> None:
         """Reject two rules."""
         self.exclude("highest_frequency", "modes")
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Modes that the excitation excites, and are left out."""
+        highest = scenario.excitation.highest_frequency_hz
+        if self.highest_frequency is not None and self.highest_frequency < highest:
+            yield (
+                f"{path_text(at)}.highest_frequency = {self.highest_frequency:g} Hz is below the excitation frequency, "
+                f"{highest:g} Hz; the modes it excites are omitted"
+            )

@@ -7,7 +7,6 @@ warnings about values that are allowed but questionable.
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,18 +14,14 @@ from functools import cache, lru_cache
 from pathlib import Path as FilePath
 from typing import Any, Self
 
-from beamsim.errors import InputFileError, ScenarioError
+from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.input_files import is_as_opened, open_input, state_of
 from beamsim.scenario.base import Path, Schema, Unfit, path_text, plain, problem, walk, within
-from beamsim.scenario.body import ModalDamping
-from beamsim.scenario.checks import problems
-from beamsim.scenario.connections import HingeStop, SnubberRatioDamping, placed
-from beamsim.scenario.excitation import Shock, level_jumps
+from beamsim.scenario.body import Body
+from beamsim.scenario.excitation import level_jumps
 from beamsim.scenario.parts import ScenarioParts
-from beamsim.scenario.quantities import FACTOR, FileType, amplitude_unit
+from beamsim.scenario.quantities import FileType
 from beamsim.scenario.tree import dumped, locate, located_problem
-
-_LARGEST_ANGLE = 0.35  # rad, of a hinge
 
 Record = Mapping[str, Any]
 """Of one file: ``file``, its name as it is written, ``folder``, where that was, ``bytes``, and ``sha256`` of its
@@ -106,36 +101,27 @@ class SolvedFiles:
         raise ScenarioError(problem(path, f"= {name} {message}", remedy))
 
 
-def doubts(scenario: ScenarioParts) -> Iterator[str]:
-    """Yield a sentence for each questionable value."""
-    highest_hz = max(scenario.excitation.frequencies_hz, default=0.0)
-    for name, body in scenario.all_bodies.items():
-        yield from body.doubts(scenario.body_path(name), highest_hz)
-    for found in (_sizes, _damping, _snubbers, _point_forces):
-        yield from found(scenario)
-    for apart in placed(scenario.joints, scenario.all_bodies, scenario.default_body).apart:
-        yield (
-            f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before it "
-            f"place {apart.through}: it acts as if they were together; check its positions"
-        )
-    for found in (_idle_forces, _timing, profile_jumps):
-        yield from found(scenario)
-    reduction = scenario.reduction
-    if reduction is not None and reduction.highest_frequency is not None:
-        highest = scenario.excitation.highest_frequency_hz
-        if reduction.highest_frequency < highest:
-            yield (
-                f"reduction.highest_frequency = {reduction.highest_frequency:g} Hz is below the excitation frequency, "
-                f"{highest:g} Hz; the modes it excites are omitted"
-            )
+def problems(scenario: ScenarioParts) -> list[Problem]:
+    """All inconsistencies between the parts of a scenario that are written: each is asked for its own."""
+    bodies = scenario.all_bodies
+    if not bodies:
+        remedy = "give beam:, chain: or bodies: (beamsim new writes a template)"
+        return [problem((), "the scenario has no structure", remedy)]
+    found = [each for name, body in bodies.items() for each in body.problems(scenario, scenario.body_path(name))]
+    analyses = set() if not found else _ANALYSES  # whose rates and frequencies follow from the bodies
+    for at, part in walk(scenario):
+        if not isinstance(part, Body) and not analyses.intersection(at[:1]):
+            found += part.problems(scenario, at)
+    return found
+
+
+_ANALYSES = {"run", "sweep", "nnm", "identify_stiffness", "vary", "optimise", "limits"}
 
 
 def profile_jumps(scenario: ScenarioParts) -> Iterator[str]:
     """Where the level of a sweep steps."""
-    quantity = getattr(scenario.excitation, "takes", (FACTOR,))[0]
-    unit = "g" if quantity == "acceleration" else "" if quantity == FACTOR else amplitude_unit(quantity)
     for key in ("excitation", "sweep"):
-        yield from (f"{key}: {text}" for text in level_jumps(getattr(scenario, key), unit))
+        yield from level_jumps(scenario, (key,), getattr(scenario, key))
 
 
 def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> list[str]:
@@ -156,94 +142,6 @@ def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> li
         for name, (peak, probe) in largest.items()
         if name in scenario.all_bodies and peak > (allowed := scenario.all_bodies[name].largest_deflection)
     ]
-
-
-def _sizes(scenario: ScenarioParts) -> Iterator[str]:
-    """Bodies so large that a unit may be missing."""
-    for name, body in scenario.all_bodies.items():
-        for key, size in zip(("length", "width"), body.sides, strict=False):
-            if size > 100.0:  # m
-                yield f"{path_text((*scenario.body_path(name), key))} = {size:g} m: was {size:g} mm meant?"
-
-
-def _damping(scenario: ScenarioParts) -> Iterator[str]:
-    """Overdamped modes and snubbers."""
-    for path, part in walk(scenario):
-        if isinstance(part, ModalDamping | SnubberRatioDamping):
-            ratio = max(part.ratio) if isinstance(part.ratio, tuple) else part.ratio
-            if ratio >= 1.0:
-                yield f"{path_text(path)}.ratio = {ratio:g} is critical or above; was {ratio:g} % meant?"
-
-
-def _point_forces(scenario: ScenarioParts) -> Iterator[str]:
-    """Where forces act on points."""
-    acting: list[tuple[Path, str, Any]] = [(each.path, each.body, each.item) for each in scenario.located_snubbers]
-    acting += [(("constant_forces", index), "", force) for index, force in enumerate(scenario.constant_forces)]
-    for path, part in walk(scenario.excitation, ("excitation",)):
-        if (applied_to := getattr(part, "applied_to", "base")) != "base":
-            acting.append(((*path, "applied_to"), "", applied_to))
-    for path, body, item in acting:
-        for of, position in scenario.points_of(item, body):
-            yield from of.point_force_doubts(path, position)
-
-
-def _snubbers(scenario: ScenarioParts) -> Iterator[str]:
-    """Gaps larger than the structure they are at."""
-    for path, body, snubber, _ in scenario.located_snubbers:
-        if isinstance(snubber, HingeStop):
-            if snubber.gap is not None and abs(snubber.gap) > _LARGEST_ANGLE:
-                yield (
-                    f"{path_text(path)} is met at {math.degrees(abs(snubber.gap)):.3g} deg, beyond the theory of small "
-                    f"rotations (more than {math.degrees(_LARGEST_ANGLE):.3g} deg): was {snubber.gap:.3g} deg meant?"
-                )
-            continue
-        bodies = [scenario.all_bodies.get(place.body or body) for place in snubber.places]
-        largest = min((b.largest_gap for b in bodies if b is not None), default=math.inf)
-        if snubber.gap is not None and abs(snubber.gap) > largest:
-            what = "gap" if snubber.gap > 0 else "prestress"
-            yield (
-                f"{path_text(path)}.gap = {snubber.gap:g} m is a large {what} for a structure of this size (more than "
-                f"{largest:.3g} m): a unit such as mm may be missing"
-            )
-
-
-def _idle_forces(scenario: ScenarioParts) -> Iterator[str]:
-    for name in ("constant_forces", "probes"):
-        for index, item in enumerate(getattr(scenario, name)):
-            if any(body.held(position) for body, position in scenario.points_of(item)):
-                yield f"{name}[{index}] sits on a support, which cannot deflect"
-
-
-def _timing(scenario: ScenarioParts) -> Iterator[str]:
-    run, excitation = scenario.run, scenario.excitation
-    if run is None:
-        return
-    idle = not any(level for _, part in excitation.items for _, level in part.levels() or [((), 1.0)])
-    if idle and run.start == "static_equilibrium" and not scenario.just_mounted:
-        said = "there is no excitation" if excitation.kind == "none" else "the level of the excitation is zero"
-        yield (
-            f"nothing moves: {said}, and the run starts at static equilibrium; give excitation, or "
-            "run.start: rest, {mode: 1, amplitude: 1 mm} or another one"
-        )
-    lowest = min(excitation.frequencies_hz, default=math.inf)
-    if run.duration * lowest < 1.0:
-        yield f"run.duration = {run.duration:g} s is shorter than one period of the excitation, {1.0 / lowest:g} s"
-    highest = max(excitation.frequencies_hz, default=0.0)
-    if scenario.sample_rate < 10.0 * highest:
-        yield (
-            f"run.sample_rate = {scenario.sample_rate:g} Hz is {scenario.sample_rate / highest:.3g} samples a period: "
-            "time histories are coarse, and of a time-stepping method superharmonics fold back into the spectrum"
-        )
-    for path, shock in walk(excitation, ("excitation",)):
-        if isinstance(shock, Shock) and scenario.sample_rate < 20.0 * shock.highest_frequency_hz:
-            yield (
-                f"run.sample_rate = {scenario.sample_rate:g} Hz puts fewer than 10 samples into the pulse of "
-                f"{0.5 / shock.highest_frequency_hz:g} s"
-            )
-        if isinstance(shock, Shock) and shock.time >= run.duration:
-            yield f"{path_text(path)}.time = {shock.time:g} s lies after the end of the run, {run.duration:g} s"
-    if scenario.sample_rate * run.duration > 5e6:  # a gigabyte or so
-        yield f"{scenario.sample_rate * run.duration:.3g} output samples make a very large result file"
 
 
 class Scenario(ScenarioParts):
@@ -399,7 +297,8 @@ class Scenario(ScenarioParts):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about values that are allowed but questionable, one sentence each."""
-        return tuple(dict.fromkeys((*self._left_out, *doubts(self))))
+        doubts = (text for at, part in walk(self) for text in part.doubts(self, at))
+        return tuple(dict.fromkeys((*self._left_out, *doubts)))
 
     def to_yaml(self) -> str:
         """Return the scenario as YAML: as it was written, numbers in SI units; it loads to an equal scenario."""

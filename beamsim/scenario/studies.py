@@ -1,21 +1,49 @@
-"""Sections that name numbers by their paths: studies that vary them, identification that finds them."""
+"""Studies: numbers of a scenario that are varied from case to case, each named by its path."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
+from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, PAIR, Schema, ShortFor, Unfit, Variants, counted, demand_rising, kind_of
-from beamsim.scenario.body import Ratios
-from beamsim.scenario.excitation import Excitation, FrequencyRange
+from beamsim.scenario.base import (
+    BY_FORM,
+    PAIR,
+    Path,
+    Problems,
+    Schema,
+    Unfit,
+    Variants,
+    Whole,
+    counted,
+    path_text,
+    plain,
+    problem,
+    unknown,
+)
+from beamsim.scenario.excitation import Input, MatchedInput, RandomInput
 from beamsim.scenario.files import DecimalMark
-from beamsim.scenario.records import RecordPreparation
-from beamsim.scenario.run import Start
+from beamsim.scenario.parameters import (
+    choices_at,
+    dimension_at,
+    dimension_of_level,
+    each_once,
+    field_type_at,
+    find_parameters,
+    read_as,
+    unit_at,
+    value_at,
+)
+from beamsim.scenario.quantities import Share
+from beamsim.scenario.tree import apply_overrides, from_python
+from beamsim.scenario.units import RATIO, UnitError, read_quantity
 
 Aim = Annotated[q.Text | tuple[q.Text, ...] | dict[q.Text, q.AnyValue], BY_FORM]
 Spacing = Literal["linear", "logarithmic"]
@@ -151,10 +179,30 @@ RandomParameter = Annotated[
 ]
 
 
-class _Study(Schema):
-    """What all kinds of studies share."""
+MOST_CASES = 200_000
+"""Largest number of cases of a study."""
+
+
+class _ManyCases(Schema):
+    """What asks for many cases."""
 
     section: ClassVar[str] = "vary"
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Unknown paths, values that their fields do not accept, too many cases."""
+        parameters: tuple[Any, ...] = getattr(self, "parameters", ())
+        yield from parameter_problems(scenario, parameters, (*at, "parameters"))
+        count = case_count(self)
+        if count > MOST_CASES:
+            yield problem(
+                at,
+                f"asks for {count:.3g} cases (at most {MOST_CASES:,} are computed)".replace(",", " "),
+                "take fewer values of each parameter, or sample: kind: latin_hypercube with samples: 1000",
+            )
+
+
+class _Study(_ManyCases):
+    """What the kinds of studies share that judge cases."""
 
     responses: tuple[q.Text, ...] = ()
     """Responses that are computed, such as peak_force; all by default, of which the bending stress takes longest."""
@@ -179,6 +227,22 @@ class Correlation(Schema):
     """Rank correlation (Spearman's): 1 were in the same order, -1 in the opposite one."""
 
 
+def _correlation_problems(sample: LatinHypercube | Reliability | Tolerances, at: Path) -> Problems:
+    """Correlations of what is no parameter, of one with itself, or stated twice; samples too small to have them."""
+    paths, stated = [parameter.path for parameter in sample.parameters], set[frozenset[str]]()
+    for k, correlation in enumerate(sample.correlations):
+        place, pair = (*at, "correlations", k, "between"), frozenset(correlation.between)
+        for j, path in enumerate(correlation.between):
+            yield from unknown((*place, j), path, "parameter", paths)
+        if len(pair) < 2 or pair in stated:
+            what = "are one parameter" if len(pair) < 2 else "have a correlation already"
+            yield problem(place, f"= {', '.join(correlation.between)} {what}", "name two parameters, each pair once")
+        stated.add(pair)
+    if stated and sample.samples <= len(paths):
+        message = f"= {sample.samples} is too few for correlations of {counted(len(paths), 'parameter')}"
+        yield problem((*at, "samples"), message, f"take more than {len(paths)}")
+
+
 class Tolerances(Schema):
     """What manufacture leaves open: every case is solved as it is, and again for each of a sample of deviations."""
 
@@ -193,6 +257,28 @@ class Tolerances(Schema):
     """The numbers with a tolerance. That of a varied number is about its value in each case."""
     correlations: tuple[Correlation, ...] = ()
     """Which of their deviations go together; all others are independent."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Unknown paths, deviations that a field does not accept, whole numbers, numbers that are varied in part."""
+        problems = list(parameter_problems(scenario, self.parameters, (*at, "parameters")))
+        yield from problems
+        yield from _correlation_problems(self, at)
+        if problems:
+            return
+        try:
+            varied = varied_parameters(scenario)
+        except Unfit:
+            return  # reported where it is varied
+        for k, asked in enumerate(self.parameters):
+            number, place = resolve_parameter(scenario, asked), (*at, "parameters", k, "path")
+            if number.whole:
+                message = f"= {asked.path} is a whole number, which has no tolerance"
+                yield problem(place, message, "vary it: values: [...]")
+            for other in varied:
+                if set(number.places) & set(other.places) and set(number.places) != set(other.places):
+                    message = f"= {number.path} is varied in part, as {other.path}"
+                    remedy = f"write the path as it is varied: {other.path}, with the same `also`"
+                    yield problem(place, message, remedy)
 
     def check(self) -> None:
         """Refuse a quantile beyond what the realisations, the nominal one among them, can tell from the worst."""
@@ -228,6 +314,17 @@ class Zipped(_ToleratedStudy):
     parameters: Annotated[tuple[AnyParameter, ...], Field(min_length=1)]
     """The varied parameters; all need the same number of values."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Different numbers of values."""
+        yield from super().problems(scenario, at)
+        counts = [value_count(parameter) for parameter in self.parameters]
+        if len(set(counts)) > 1:
+            yield problem(
+                (*at, "parameters"),
+                f"have {', '.join(map(str, counts))} values, which cannot be zipped",
+                "give all of them equally many, or write kind: grid",
+            )
+
 
 class OneAtATime(_Study):
     """The scenario as it is, and every value of each parameter with all others as they are: a tornado."""
@@ -252,6 +349,11 @@ class LatinHypercube(_ToleratedStudy):
     correlations: tuple[Correlation, ...] = ()
     """Which of them go together; all others are independent."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Correlations of what is no parameter."""
+        yield from super().problems(scenario, at)
+        yield from _correlation_problems(self, at)
+
 
 class Sobol(_Study):
     """A sample for Sobol' indices: which parameter accounts for which share of a response's variance."""
@@ -265,14 +367,23 @@ class Sobol(_Study):
     parameters: Annotated[tuple[SampledParameter, ...], Field(min_length=1)]
     """The varied parameters, which are independent of each other."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A sample that is no power of two, and a single parameter."""
+        yield from super().problems(scenario, at)
+        if self.samples & (self.samples - 1):
+            power = 2 ** (self.samples - 1).bit_length()
+            message = f"= {self.samples} is not a power of two"
+            yield problem((*at, "samples"), message, f"take {power // 2} or {power}")
+        if len(self.parameters) < 2:
+            message = "has one, which causes all of the variance"
+            yield problem((*at, "parameters"), message, "write kind: latin_hypercube")
+
 
 Variation = Annotated[float, q.Quantity(replace(units.RATIO, example="10 %"), above=0.0)]
 
 
-class Reliability(Schema):
+class Reliability(_ManyCases):
     """How likely it is that a limit is exceeded. Every history has other realisations of random and matched inputs."""
-
-    section: ClassVar[str] = "vary"
 
     kind: Literal["reliability"] = "reliability"
     """The probability of exceeding limits."""
@@ -298,8 +409,38 @@ class Reliability(Schema):
     responses: tuple[q.Text, ...] = ()
     """Responses that are computed beside those of limits."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Nothing or a whole number that scatters, no limit, random inputs with a method for numbers alone."""
+        yield from super().problems(scenario, at)
+        yield from _correlation_problems(self, at)
+        inputs = inputs_with_seed(scenario.excitation)
+        if not (self.parameters or inputs):
+            message = "is empty, and the excitation is not random"
+            yield problem((*at, "parameters"), message, "list the numbers that scatter")
+        if scenario.limits is None:
+            message = "is missing, so that there is nothing to exceed"
+            yield problem(("limits",), message, "add limits: {peak_force: 50 N}")
+        matched = any(isinstance(item, MatchedInput) for _, item in inputs)
+        if inputs and self.method in ("form", "importance_sampling"):
+            yield problem(
+                (*at, "method"), f"= {self.method} is for numbers alone, and the excitation is random",
+                "write monte_carlo" if matched else "write subset, or monte_carlo",
+            )  # fmt: skip
+        elif matched and self.method == "subset":
+            message = "= subset takes small steps between realisations, and a matched record has none between two seeds"
+            yield problem((*at, "method"), message, "write monte_carlo")
+        for k, parameter in enumerate(self.parameters):
+            with suppress(Unfit):  # is reported with the parameter
+                if resolve_parameter(scenario, parameter).whole:
+                    message = f"= {parameter.path} is a whole number, which does not scatter"
+                    yield problem((*at, "parameters", k, "path"), message, "leave it out")
+        for place, item in inputs:
+            if isinstance(item, RandomInput) and item.amplitudes == "fixed":
+                message = "= fixed is no Gaussian process"
+                yield problem(("excitation", *place, "amplitudes"), message, "leave it out, or write random")
 
-class Optimise(Schema):
+
+class Optimise(_ManyCases):
     """The best design: a search for the numbers with the smallest or largest response that meet every limit."""
 
     kind: ClassVar[str] = "optimise"
@@ -332,444 +473,319 @@ class Optimise(Schema):
 Vary = Annotated[Grid | Zipped | OneAtATime | LatinHypercube | Sobol | Reliability, BY_FORM]
 
 
-Probability = Annotated[float, q.Quantity(replace(units.RATIO, example="95 %"), above=0.0, below=1.0)]
+Value = float | str
+
+_SECTIONS = ("vary", "optimise", "limits", "title", "identify_stiffness", "nnm")  # no case depends on them
+AS_IT_IS = "as it is"  # in a catalogue what the scenario has, where that is none of the choices
+_LIST_EXAMPLE = "write for example {path: snubbers.tip.gap, values: [0 mm, 0.1 mm]}"
 
 
-Bound = Annotated[float | str, q.NumberOrText("60 GPa")]
+@dataclass(frozen=True)
+class VariedParameter:
+    """A varied parameter in SI units."""
+
+    path: str
+    places: tuple[Path, ...]  # where its value goes
+    unit: str  # SI unit, "1" for plain numbers and words
+    nominal: Value  # in the scenario
+    values: tuple[Value, ...]  # as listed; empty for a range
+    low: float = math.nan
+    high: float = math.nan
+    points: int = 0  # of a range
+    spacing: str = "linear"
+    distribution: str = "uniform"
+    whole: bool = False  # only whole numbers
+    choices: Mapping[str, Mapping[Path, Any]] = field(default_factory=dict)  # of a catalogue, what each sets
+
+    @property
+    def count(self) -> int:
+        """Number of values."""
+        return len(self.values) or self.points
+
+    @property
+    def set_by(self) -> tuple[Path, ...]:
+        """All places that depend on it."""
+        return (*self.places, *dict.fromkeys(place for changes in self.choices.values() for place in changes))
 
 
-DynamicPoint = tuple[q.Frequency, q.Stiffness, q.Ratio]
-"""Frequency, storage stiffness and loss factor."""
-RelaxationPoint = tuple[q.Time, q.Stiffness]
-"""Time since the deflection began, and force over the deflection that is held."""
+def varied_parameters(scenario: Whole) -> tuple[VariedParameter, ...]:
+    """The varied parameters of a scenario that passed its checks; in a reliability study also the seeds of inputs."""
+    assert scenario.study is not None
+    numbers = tuple(resolve_parameter(scenario, parameter) for parameter in scenario.study.parameters)
+    if not isinstance(scenario.study, Reliability):
+        return numbers
+    places = [("excitation", *at, "seed") for at, _ in inputs_with_seed(scenario.excitation)]
+    return (*numbers, *(_number(scenario, path_text(place), [place]) for place in places))
 
 
-class PadData(Schema):
-    """What was measured on the pad; one of dynamic, relaxation and file."""
-
-    dynamic: tuple[DynamicPoint, ...] | None = None
-    """Frequency, storage stiffness and loss factor of each measurement: [[10 Hz, 120 kN/m, 0.08], ...]."""
-    relaxation: tuple[RelaxationPoint, ...] | None = None
-    """Time since the deflection began, and force over the deflection that is held: [[1 ms, 190 kN/m], ...]."""
-    ramp: q.Duration | None = None
-    """Time over which the deflection of a relaxation test rises evenly; by default it is sudden."""
-    file: q.FileName | None = None
-    """CSV file of either, relative to the scenario's folder; headings state units: frequency (Hz), storage (kN/m), loss
-    factor, or time (s), stiffness (kN/m). A modulus in place of a stiffness takes height and area of the pad."""
-    columns: tuple[q.Text, ...] = ()
-    """Headings of the columns of the file that are meant, where several have the same dimension."""
-    decimal: DecimalMark | None = None
-    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
-    branches: Annotated[int, q.Whole(1, 8)] | None = None
-    """Number of Maxwell branches; by default as few as fit nearly as well as any number."""
-
-    def check(self) -> None:
-        """Demand one kind of measurement, and points that determine the branches."""
-        given = [key for key in ("dynamic", "relaxation", "file") if getattr(self, key) is not None]
-        if len(given) != 1:
-            message = f"has {' and '.join(given)}" if given else "needs one of dynamic, relaxation and file"
-            raise Unfit(message, "give for example dynamic: [[10 Hz, 120 kN/m, 0.08], [100 Hz, 150 kN/m, 0.11]]")
-        if self.ramp is not None and self.dynamic is not None:
-            raise Unfit("goes with a relaxation test", "leave ramp out", ("ramp",))
-        if given != ["file"]:
-            check_data(getattr(self, given[0]), given[0], self.branches)
+def inputs_with_seed(excitation: Input) -> list[tuple[Path, RandomInput | MatchedInput]]:
+    """The inputs whose realisation follows from a seed, each with its path within the excitation."""
+    return [(at, item) for at, item in excitation.items if isinstance(item, RandomInput | MatchedInput)]
 
 
-def check_data(points: Any, kind: str, branches: int | None) -> None:
-    """Reject measurements of a pad that are out of order or too few.
-
-    Parameters
-    ----------
-    points : rows of frequency, Hz, or time, s, with what was measured there.
-    kind : dynamic or relaxation, the key under which they are.
-    branches : number of Maxwell branches to be fitted; None to find it.
+def drawn_parameters(scenario: Whole, draws: Mapping[str, list[Any]]) -> tuple[VariedParameter, ...]:
+    """The parameters of an ensemble: by path the values of all draws, SI numbers or text as a list of values has it.
 
     Raises
     ------
-    Unfit
-        where they are too few for so many branches, are not in order, or have no loss at all.
+    ScenarioError
+        Located in ``draws``.
     """
-    least = 2 if branches is None else branches + 1
-    if len(points) < least:
-        what = counted(len(points), "measurement")
-        raise Unfit(f"has {what}", f"measure at {least} or more", (kind,))
-    unit = "Hz" if kind == "dynamic" else "s"
-    demand_rising((point[0] for point in points), unit, lambda k: (kind, k, 0), "list the measurements in their order")
-    if kind == "dynamic" and all(point[2] == 0.0 for point in points):
-        raise Unfit("has no loss at all", "a pad without loss needs a stiffness alone", (kind,))
+    parameters, problems, taken = [], [], dict[Path, str]()
+    for path, values in draws.items():
+        if not values:
+            problems.append(Problem(f"draws[{path!r}]", "has no values", "give one value for each case"))
+            continue
+        try:
+            parameters.append(_drawn_parameter(scenario, path, values))
+        except Unfit as error:
+            problems.append(replace(error.problem(()), path=f"draws[{path!r}]"))
+            continue
+        others = (taken.setdefault(place, path) for place in parameters[-1].places)
+        if other := next((name for name in others if name != path), None):
+            remedy = "give the values of every number once"
+            problems.append(Problem(f"draws[{path!r}]", f"names a number that {other} names too", remedy))
+    counts = {parameter.path: len(parameter.values) for parameter in parameters}
+    if len(set(counts.values())) > 1:
+        given = ", ".join(f"{count} of {path}" for path, count in counts.items())
+        problems.append(Problem("draws", f"have different numbers of values: {given}", "give all of them equally many"))
+    if problems:
+        raise ScenarioError(problems)
+    return tuple(parameters)
 
 
-class Pad(Schema):
-    """Rubber pad of the snubber: its size, for Young's modulus E = k height / area, and what was measured on it."""
-
-    height: q.Length | None = None
-    """Height (in the direction of the force)."""
-    area: q.Area | None = None
-    """Loaded area."""
-    data: PadData | None = None
-    """Storage stiffness and loss factor over frequency, or relaxation: gives Maxwell branches."""
-
-    def check(self) -> None:
-        """Demand the size, measurements, or both."""
-        if (self.height is None) != (self.area is None):
-            key = "height" if self.height is None else "area"
-            raise Unfit("is missing", "give both height and area", (key,))
-        if self.height is None and self.data is None:
-            raise Unfit("is missing", "give height and area of the pad, or measurements on it in data", ("height",))
+def _drawn_parameter(scenario: Whole, path: str, values: list[Any]) -> VariedParameter:
+    number = _number(scenario, path, _places(scenario, path, ("path",)))
+    text = any(isinstance(value, str) for value in values)
+    read = [_read(scenario, number.places[0], value, ()) for value in values] if text else values
+    if number.whole:
+        read = [int(value) if not isinstance(value, str) and float(value).is_integer() else value for value in read]
+    return replace(number, nominal=math.nan, values=tuple(read))
 
 
-class MonteCarlo(Schema):
-    """Monte Carlo samples around the measured frequencies, to check the first-order uncertainty."""
-
-    samples: q.SteppedCount = 10_000
-    """Number of samples."""
-    seed: q.RandomSeed = 0
-    """Seed of the random generator."""
-
-
-class ParameterUncertainty(Schema):
-    """Uncertainty of a parameter of the structure; its contribution to the uncertainty of the stiffness is reported."""
-
-    parameter: q.Text
-    """Path of the number, for example beam.thickness or beam.point_masses[*].mass."""
-    uncertainty: q.Ratio
-    """Standard deviation, relative to the value."""
+def _number(scenario: Whole, path: str, places: Sequence[Path]) -> VariedParameter:
+    """The number or word at places, before it is varied."""
+    field, nominal = field_type_at(scenario, places[0]), value_at(scenario, places[0])
+    nominal = str(nominal) if isinstance(nominal, q.Rate) else nominal  # with its unit, like a word
+    return VariedParameter(
+        path=path, places=tuple(places), unit=unit_at(scenario, places[0]),
+        nominal=nominal if isinstance(nominal, str) else float(nominal), values=(),
+        whole=isinstance(field, q.Whole) or (field is None and isinstance(nominal, int)),
+    )  # fmt: skip
 
 
-class SoughtParameter(Schema):
-    """A parameter of the scenario to be identified; its path alone is enough."""
-
-    parameter: q.Text
-    """Path of the number, for example beam.youngs_modulus; [*] varies a list by one common factor."""
-    bounds: Annotated[tuple[Bound, ...], PAIR] = ()
-    """Lowest and highest value, with or without unit."""
-    prior: q.Ratio | None = None
-    """Standard deviation of the prior, relative to the value in the scenario; no prior by default."""
-
-
-Sought = Annotated[SoughtParameter, ShortFor("parameter")]
-
-
-class MeasuredShapes(Schema):
-    """Mode shapes measured without the snubber; compared with the model's by the modal assurance criterion."""
-
-    positions: Annotated[tuple[q.PositionOrShare, ...], Field(min_length=2)]
-    """Where the deflection was measured on the body that the snubber acts on, in m or as shares of its length: 60 %
-    (mass numbers for a chain)."""
-    shapes: Annotated[tuple[tuple[q.Coefficient, ...], ...], Field(min_length=1)]
-    """Deflections of each mode at these positions, from the first mode on, to any scale."""
-
-    def check(self) -> None:
-        """Reject shapes of another length, or zero."""
-        for index, shape in enumerate(self.shapes):
-            if len(shape) != len(self.positions):
-                raise Unfit(
-                    f"has {len(shape)} values for {len(self.positions)} positions",
-                    "give one deflection per position",
-                    ("shapes", index),
-                )
-            if not any(shape):
-                raise Unfit("is zero everywhere", "leave out modes that were not measured", ("shapes", index))
+def case_count(vary: _ManyCases) -> int:
+    """Number of cases that are solved at most, each realisation counted."""
+    if isinstance(vary, Sobol):
+        return vary.samples * (len(vary.parameters) + 2)
+    if isinstance(vary, Reliability):
+        return vary.most_cases
+    if isinstance(vary, LatinHypercube | Optimise):
+        count = vary.samples if isinstance(vary, LatinHypercube) else vary.most_cases
+    else:
+        assert isinstance(vary, Grid | Zipped | OneAtATime)
+        counts = [value_count(parameter) for parameter in vary.parameters]
+        if isinstance(vary, OneAtATime):
+            return 1 + sum(counts)
+        count = counts[0] if isinstance(vary, Zipped) else math.prod(counts)
+    return count * (1 if vary.tolerances is None else 1 + vary.tolerances.samples)
 
 
-class _AnyTest(Schema):
-    """What tests share."""
-
-    name: q.Name | None = None
-    """What it is called in tables and in leave_out; by default its file."""
-    probe: q.Name | None = None
-    """Probe it belongs to; the first one by default."""
-    gain: q.PositiveNumber = 1.0
-    """Recorded over true value, of a channel whose calibration is not exact; estimate may name it."""
+def value_count(parameter: Any) -> int:
+    """Number of values of a listed or ranged parameter."""
+    if isinstance(parameter, ListedParameter | Catalogue):
+        return len(parameter.values if isinstance(parameter, ListedParameter) else parameter.choices)
+    assert isinstance(parameter, (RangedParameter, TolerancedParameter))
+    return parameter.points
 
 
-class _RecordedTest(_AnyTest, RecordPreparation):
-    """What tests share whose measurement is a file."""
-
-    file: q.FileName
-    """Measured signal or spectrum: CSV, HDF5 (also a beamsim result), netCDF-4, MATLAB or UFF dataset 58; its path is
-    relative to the case."""
-    channel: q.Text | None = None
-    """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""
-    decimal: DecimalMark | None = None
-    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
-    quantity: Literal["absolute_acceleration", "displacement", "absolute_displacement", "velocity"] = (
-        "absolute_acceleration"
-    )
-    """What was measured; displacement and velocity are relative to the base."""
-    unit: q.Text | None = None
-    """Unit of the values in the file, for example g or mm; by default the one that the file states."""
-    axis_unit: q.Text | None = None
-    """Unit of the times or frequencies in the file, for example ms; by default the one that the file states."""
-    phase: Literal["free", "of_excitation"] = "free"
-    """Free: the time origin of the record is unknown, and a delay is fitted; of_excitation: it is that of the
-    excitation."""
-    noise: q.Ratio | None = None
-    """Standard deviation of a harmonic, or of a sample of a transient, relative to the largest one; by default from the
-    scatter of the signal."""
-
-    @property
-    def label(self) -> str:
-        """What it is called."""
-        return self.name or self.file
+def parameter_problems(scenario: Whole, parameters: Sequence[Any], at: Path) -> Problems:
+    """What is wrong with the parameters that a section lists at a path, each alone and with the others."""
+    yield from each_once(parameters, at, lambda each: resolve_parameter(scenario, each).set_by)
 
 
-class SteadyTest(_RecordedTest):
-    """A measured steady vibration; anything not given is as in the excitation of the scenario."""
+def resolve_parameter(scenario: Whole, parameter: Any) -> VariedParameter:
+    """Resolve a parameter; raises `Unfit`, ``at`` being relative to the parameter."""
+    if isinstance(parameter, Catalogue):
+        return _resolved_catalogue(scenario, parameter)
+    places = _places(scenario, parameter.path, ("path",))
+    for k, path in enumerate(parameter.also):
+        places += _places(scenario, path, ("also", k))
+    first, number = places[0], _number(scenario, parameter.path, places)
+    nominal = number.nominal
 
-    kind: Literal["steady"] = "steady"
-    """A steady vibration, of which harmonics are compared; the kind of a test that names none."""
-    frequency: q.Frequency | None = None
-    """Excitation frequency of this test."""
-    level: q.Level | None = None
-    """Excitation level of this test, in the quantity of the scenario's excitation; a frequency response is multiplied
-    by it."""
-    harmonics: Annotated[int, q.Whole(1, 500)] = 6
-    """Number of harmonics of the excitation frequency that the fit uses; a frequency response has one."""
-    last: q.Duration | None = None
-    """Use only the last part of a time signal (the steady vibration); everything by default."""
+    def read_end(value: Value, at: Path) -> float:
+        end = _read(scenario, first, value, at)
+        if isinstance(end, str):
+            raise Unfit(f"= {value} is a share, and a range has lengths", "write a length, or values: [40 %, 60 %]", at)
+        return float(end)
 
-
-class TransientTest(_RecordedTest):
-    """A measured transient, which is compared with a run sample by sample, but for the record's mean."""
-
-    kind: Literal["transient"]
-    """A released start, a shock, a decay, or any measured force or motion of the base."""
-    quantity: Literal["absolute_acceleration", "displacement", "velocity"] = "absolute_acceleration"
-    """What was measured; displacement and velocity are relative to the base."""
-    excitation: Excitation | None = None
-    """What moves the structure in this test; by default the excitation of the scenario. A recorded motion of the base
-    is {kind: sampled, file: drop.csv, column: base}."""
-    start: Start | None = None
-    """Initial state of this test, as run.start; by default that of the run, or static equilibrium."""
-    begin: q.Time = 0.0
-    """Time since the first sample at which excitation and motion begin; with phase: free, a tenth of the compared
-    duration sooner or later."""
-    duration: q.Duration | None = None
-    """Compare only so long from there on; by default all that follows."""
-
-
-class MeasuredPeak(Schema):
-    """The largest magnitude of a probe in a sweep."""
-
-    probe: q.Name | None = None
-    """Where it was measured; by default the probe of the test."""
-    frequency: q.Frequency | None = None
-    """Where in the sweep it was; not given where it is at the jump."""
-    absolute_acceleration: q.PositiveAcceleration | None = None
-    """How large it is: of an accelerometer."""
-    displacement: q.Length | None = None
-    """Or, of the displacement relative to the base."""
-    scatter: q.Ratio = 0.02
-    """Standard deviation, relative."""
-
-    def check(self) -> None:
-        """Demand one value."""
-        if (self.absolute_acceleration is None) == (self.displacement is None):
-            raise Unfit("has no value, or two", "give absolute_acceleration or displacement")
-
-    @property
-    def quantity(self) -> Literal["absolute_acceleration", "displacement"]:
-        """What was measured."""
-        return "displacement" if self.absolute_acceleration is None else "absolute_acceleration"
-
-    @property
-    def value(self) -> float:
-        """How large it is, SI."""
-        value = self.displacement if self.absolute_acceleration is None else self.absolute_acceleration
-        assert value is not None
-        return value
-
-
-class SweepTest(_AnyTest, FrequencyRange):
-    """A row of a table of slow sine sweeps: where it jumps, and its peaks; or a file with the table."""
-
-    kind: Literal["sweep"]
-    """Peaks and jump of a sweep, compared with those of the periodic motions that a slow sweep follows."""
-    name: q.Name
-    """What it is called in tables and in leave_out; rows of a file are numbered behind it, or have names there."""
-    file: q.FileName | None = None
-    """Table with headings and units (CSV), a row a sweep, of the keys below: level, direction, jump, and of peaks
-    tip frequency, tip absolute_acceleration, tip scatter; keys without a column or cell are those given here."""
-    decimal: DecimalMark | None = None
-    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
-    level: q.Level | None = None
-    """Excitation level of this test, in the quantity of the scenario's excitation."""
-    direction: Literal["up", "down"] = "up"
-    """Whether the frequency rises or falls."""
-    where_it_falls: ClassVar[str] = "give the lowest frequency first, and direction: down"
-
-    rate: q.SweepRate | None = None
-    """How fast it was; a warning says where that was too fast for peaks of a steady vibration."""
-    jump: q.Frequency | None = None
-    """Frequency at which the amplitude jumps."""
-    scatter: q.Frequency
-    """Standard deviation of frequencies."""
-    peaks: tuple[MeasuredPeak, ...] = ()
-    """The largest magnitudes."""
-
-    def check(self) -> None:
-        """Demand a measured number, or a file with them."""
-        super().check()
-        if self.file is None and self.jump is None and not self.peaks:
-            raise Unfit("has neither jump nor peaks", "give one of them, or a file", ("peaks",))
-        if self.file is not None and (self.jump is not None or self.peaks):
-            raise Unfit("has a file, and jump or peaks beside it", "write all rows into the file", ("file",))
-
-    @property
-    def label(self) -> str:
-        """What it is called."""
-        return self.name
-
-
-AnyTest = Annotated[
-    SteadyTest | TransientTest | SweepTest,
-    Variants(
-        "is no test", "give kind: steady (or none), transient or sweep",
-        lambda test: f"<{str(kind_of(test) or 'steady').title()}Test>",
-    ),
-]  # fmt: skip
-
-
-class NonlinearFit(Schema):
-    """Parameters from measured nonlinear vibrations."""
-
-    estimate: Annotated[tuple[Sought, ...], Field(min_length=1)]
-    """Parameters to be identified, for example snubbers.tip.gap or beam.damping.ratio."""
-    tests: Annotated[tuple[AnyTest, ...], Field(min_length=1)]
-    """The measured vibrations, transients and rows of tables of sweeps."""
-    leave_out: tuple[q.Text, ...] = ()
-    """Names, or files, of tests that are not used."""
-    starts: q.Few = 5
-    """Number of starting points: the values in the scenario and random points around them."""
-    spread: q.Ratio = 0.3
-    """Relative spread of the random starting points about the values in the scenario."""
-    seed: q.RandomSeed = 0
-    """Seed of the random starting points."""
-    profiles: bool = True
-    """Compute the profile likelihood of every parameter, for the plot."""
-
-    @property
-    def used(self) -> dict[int, SteadyTest | TransientTest | SweepTest]:
-        """The tests that are not left out, by their number in the list."""
-        return {k: test for k, test in enumerate(self.tests) if test.label not in self.leave_out}
-
-    @property
-    def recorded(self) -> dict[int, SteadyTest | TransientTest]:
-        """Those of them whose measurement is a file."""
-        return {k: test for k, test in self.used.items() if not isinstance(test, SweepTest)}
-
-    def check(self) -> None:
-        """Demand a test that is used."""
-        if not self.used:
-            raise Unfit("leaves no test", "keep one", ("leave_out",))
-
-
-class IdentifyStiffness(Schema):
-    """Measurements and settings of the identification."""
-
-    snubber: q.Name
-    """Name of the snubber whose stiffness is identified."""
-    measured_without: tuple[q.Frequency, ...] = ()
-    """Natural frequencies measured without the snubber, from the first on; they check the model of the structure.
-
-    Of several bodies: the frequencies of those that the snubber acts on.
-    """
-    measured_with: tuple[q.Frequency, ...] = ()
-    """Natural frequencies measured with permanent contact, from the first on."""
-    fit_to: Annotated[tuple[q.Count, ...], Field(min_length=1)] = (1,)
-    """Numbers of the modes the fit uses."""
-    method: Literal["secular", "thesis"] = "secular"
-    """Secular: closed form, to machine precision; thesis: k grows by 1 % until the frequency fits (Hazim 2010)."""
-    tolerance: q.Ratio = 1e-3
-    """Method thesis: relative difference in frequency at which the iteration ends."""
-    most_solutions: q.Count = 20_000
-    """Method thesis: largest number of eigenvalue solutions."""
-    uncertainty: Ratios = 0.0
-    """Relative standard deviation of a measured frequency, or a list with one value per mode."""
-    coverage: Probability = 0.95
-    """Coverage probability of the confidence intervals."""
-    monte_carlo: MonteCarlo = MonteCarlo.model_construct()
-    """Check of the uncertainty by random sampling."""
-    parameter_uncertainty: tuple[ParameterUncertainty, ...] = ()
-    """Uncertainties of parameters of the structure."""
-    update: tuple[Sought, ...] = ()
-    """Parameters of the structure to be updated from measured_without before the snubber is identified."""
-    shapes_without: MeasuredShapes | None = None
-    """Mode shapes measured without the snubber."""
-    nonlinear: NonlinearFit | None = None
-    """Damping and contact parameters from measured nonlinear vibrations."""
-    pad: Pad | None = None
-    """Pad of the snubber; gives its Young's modulus, and Maxwell branches from measurements of the pad."""
-
-    def check(self) -> None:
-        """Reject frequencies out of order, modes that were not measured, and more unknowns than measurements."""
-        remedy = "list the frequencies from the first mode on; are the two swapped?"
-        demand_rising(self.measured_without, "Hz", lambda k: ("measured_without", k), remedy)
-        demand_rising(self.measured_with, "Hz", lambda k: ("measured_with", k), remedy)
-        of_pad = self.pad is not None and self.pad.data is not None
-        of_structure = self.update and self.measured_without
-        if not self.measured_with and self.nonlinear is None and not of_structure and not of_pad:
+    if isinstance(parameter, ListedParameter):
+        read = [
+            [_read(scenario, place, value, ("values", k)) for place in places]
+            for k, value in enumerate(parameter.values)
+        ]
+        values = tuple(of_places[0] for of_places in read)
+        if len(set(values)) < len(values):
+            raise Unfit("lists a value twice", "list every value once", ("values",))
+        return replace(number, values=values)
+    if isinstance(parameter, Measured):
+        data = () if isinstance(parameter.data, str) else parameter.data
+        return replace(number, values=tuple(read_end(value, ("data", k)) for k, value in enumerate(data)))
+    if choices_at(scenario, first) or isinstance(nominal, str):
+        raise Unfit(f"= {parameter.path} is a choice, which has no range", _LIST_EXAMPLE, ("path",))
+    points = getattr(parameter, "points", 0)
+    if isinstance(parameter, (RangedParameter, SampledRange)):
+        low, high = (read_end(v, (key,)) for v, key in ((parameter.from_, "from"), (parameter.to, "to")))
+        _check_range(parameter, low, high)
+        spacing = parameter.spacing
+    else:
+        if any(value_at(scenario, place) != nominal for place in places):
             raise Unfit(
-                "is missing, and there are no nonlinear tests",
-                "give the frequencies with permanent contact, measured_with: [196.5 Hz], or nonlinear tests",
-                ("measured_with",),
+                "needs one nominal value, but these paths have different ones",
+                "vary them separately",
+                ("path",),
             )
-        self._modes()
-        self._uncertainties()
-        free = [item for item in self.update if item.prior is None]
-        if len(free) < len(self.update) and self.uncertainty == 0.0:
-            raise Unfit(
-                "is missing, and a prior of update is to be weighed against the measured frequencies",
-                "write for example uncertainty: 0.3 %",
-                ("uncertainty",),
-            )
-        if self.update and len(free) > len(self.measured_without):
-            given = counted(len(self.measured_without), "measured frequency", "measured frequencies")
-            raise Unfit(
-                f"asks for {len(free)} unknowns without prior from {given}",
-                "measure more modes in measured_without, seek fewer parameters, or give them a prior: 5 %",
-                ("update",),
-            )
+        key = "deviation" if isinstance(parameter, Scattered) else "tolerance"
+        deviation = _deviation(scenario, first, getattr(parameter, key), float(nominal), key)
+        if getattr(parameter, "distribution", "") == "lognormal" and not float(nominal) > 0.0:
+            raise Unfit(f"is about {nominal:g}, which is not positive", "write distribution: normal", ("distribution",))
+        low, high, spacing = float(nominal) - deviation, float(nominal) + deviation, "linear"
+    for end in (low, high):
+        for place in places:
+            if not isinstance(parameter, Scattered):  # which has no ends
+                _read(scenario, place, end, ("tolerance" if hasattr(parameter, "tolerance") else "from",))
+    if number.whole and points and abs(high - low) + 1 < points:
+        raise Unfit(
+            f"= {points} is more than the whole numbers from {low:g} to {high:g}", "take fewer points", ("points",)
+        )
+    distribution = getattr(parameter, "distribution", "uniform")
+    return replace(number, low=low, high=high, points=points, spacing=spacing, distribution=distribution)
 
-    def uncertainty_of(self, mode: int) -> float:
-        """Relative standard deviation of the measured frequency of a mode (from 1)."""
-        if isinstance(self.uncertainty, tuple):
-            return self.uncertainty[min(mode, len(self.uncertainty)) - 1]
-        return self.uncertainty
 
-    def _modes(self) -> None:
-        if not self.measured_with:
-            return
-        count = len(self.measured_with)
-        for index, mode in enumerate(self.fit_to):
-            if mode > count:
-                raise Unfit(
-                    f"= {mode}, but measured_with has {counted(count, 'frequency', 'frequencies')}",
-                    "list only modes that were measured",
-                    ("fit_to", index),
-                )
-            if mode in self.fit_to[:index]:
-                raise Unfit(f"= {mode} is listed twice", "list every mode once", ("fit_to", index))
-        if self.method == "thesis" and len(self.fit_to) > 1:
-            raise Unfit(
-                "= thesis fits one mode, but fit_to has several",
-                "keep one mode in fit_to, or use method: secular",
-                ("method",),
-            )
+def _check_range(parameter: RangedParameter | SampledRange, low: float, high: float) -> None:
+    """Refuse a range that is empty, falls where it must not, or has no logarithm."""
+    if low == high:
+        raise Unfit(f"= {high:g} equals the start of the range", "give a range, or values: [...]", ("to",))
+    if isinstance(parameter, SampledRange) and low > high:
+        raise Unfit(f"= {high:g} lies below from = {low:g}", "write the lower value as from", ("to",))
+    if parameter.spacing == "logarithmic" and not (low > 0.0 and high > 0.0):
+        key = "from" if low <= 0.0 else "to"
+        raise Unfit(
+            "must be positive where the spacing is logarithmic", "give a positive value, or spacing: linear", (key,)
+        )
 
-    def _uncertainties(self) -> None:
-        given = self.uncertainty if isinstance(self.uncertainty, tuple) else (self.uncertainty,)
-        if min(given) == 0.0 < max(given):
-            raise Unfit(
-                "= 0 for one mode and not for another would give that mode all the weight",
-                "give every mode its uncertainty, or none",
-                ("uncertainty", given.index(0.0)),
-            )
-        for index, value in enumerate(given):
-            if value > 0.2:
-                raise Unfit(
-                    f"= {value:g} means {100 * value:g} % of a frequency",
-                    f"write {value:g} % if that was meant",
-                    ("uncertainty", index) if isinstance(self.uncertainty, tuple) else ("uncertainty",),
-                )
+
+def _resolved_catalogue(scenario: Whole, catalogue: Catalogue) -> VariedParameter:
+    """What each choice changes: where a scenario with these overrides differs from the one without."""
+    written = {key: value for key, value in plain(scenario).items() if key not in _SECTIONS}
+    as_it_is, choices = type(scenario).model_validate(written), dict[str, dict[Path, Any]]()
+    for name, settings in catalogue.choices.items():
+        try:
+            chosen = type(scenario).model_validate(apply_overrides(from_python(written), settings))
+        except ScenarioError as error:
+            problem = error.problems[0]
+            message, remedy = f"{problem.path} {problem.message}", problem.remedy
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = [part for part in first["loc"] if not str(part).startswith("<")]
+            message = f"{path_text(tuple(where))} {first['msg'].removeprefix('Value error, ')}"
+            remedy = getattr(first.get("ctx", {}).get("error"), "remedy", "write what --set takes")
+        else:
+            choices[name] = dict(_differences(as_it_is, chosen, ()))
+            continue
+        raise Unfit(f"cannot be set: {message}", remedy, ("choices", name))
+    if idle := {place[0] for changes in choices.values() for place in changes} & {*_SECTIONS}:
+        raise Unfit(f"set {idle.pop()}, on which no case depends", "set what the structure is made of", ("choices",))
+    nominal = next((name for name, changes in choices.items() if not changes), AS_IT_IS)
+    return VariedParameter(catalogue.name, (), "1", nominal, tuple(choices), choices=choices)
+
+
+def _differences(one: Any, other: Any, place: Path) -> Iterator[tuple[Path, Any]]:
+    """Where two parts of scenarios differ, and what the second one has there."""
+    keys: Iterable[tuple[Any, Any]] = ()
+    if isinstance(one, Schema) and type(one) is type(other):
+        one, other, keys = one.__dict__, other.__dict__, type(one).keys().items()
+    elif isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        keys = zip(one, one, strict=True)
+    elif isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
+        keys = enumerate(range(len(one)))
+    elif one != other:
+        yield place, other
+    for key, name in keys:
+        yield from _differences(one[name], other[name], (*place, key))
+
+
+def _places(scenario: Whole, path: str, at: Path) -> list[Path]:
+    places = find_parameters(scenario, path, at)
+    for place in places:
+        if place[0] in _SECTIONS:
+            raise Unfit(f"= {path} has no effect on a case", "vary a number of the structure or the excitation", at)
+        free_text = isinstance(value_at(scenario, place), str) and len(choices_at(scenario, place)) < 2
+        takes_words = isinstance(field_type_at(scenario, place), q.Whole)  # reduction.modes: all
+        if place[-1] == "kind" or (free_text and not takes_words):
+            raise Unfit(f"= {path} is neither a number nor a choice", "vary a number, or a word such as a support", at)
+    return places
+
+
+def _read(scenario: Whole, place: Path, value: Value, at: Path) -> Value:
+    """Read a value as the field at a place does; a level must be of the quantity there."""
+    read: Any = read_as(scenario, place, value, at)
+    if isinstance(read, q.LevelValue):
+        field: Any = field_type_at(scenario, place)
+        known = dict(field.quantities)
+        there, said = dimension_of_level(scenario, place, known), known.get(str(read.quantity))
+        if said is not None and said != there:
+            remedy = f"write for example {there.example}"
+            raise Unfit(f"= {value} is {said.with_article}, and {path_text(place)} is {there.with_article}", remedy, at)
+        return float(read)
+    return str(read) if isinstance(read, q.Rate | Share) else read  # a share follows the length in each case
+
+
+def _deviation(scenario: Whole, place: Path, tolerance: Value, nominal: float, key: str) -> float:
+    """Deviation under a key in SI units: a share of the nominal value, or an absolute one in the field's dimension."""
+    at: Path = (key,)
+    try:
+        if isinstance(tolerance, str) and tolerance.rstrip().endswith("%"):
+            deviation = abs(nominal) * read_quantity(tolerance, RATIO)
+        else:
+            of = dimension_at(scenario, place)
+            deviation = read_quantity(tolerance, of if of is not None and of.unit else RATIO)
+    except UnitError as error:
+        raise Unfit(f"= {tolerance} {error.message}", "write for example 2 %, or 0.05 mm for a length", at) from None
+    if not deviation > 0.0:
+        remedy = "give it in the quantity's own unit" if nominal == 0.0 else "write for example 2 %"
+        raise Unfit(f"= {tolerance} of {nominal:g} leaves nothing to vary", remedy, at)
+    return deviation
+
+
+@dataclass(frozen=True)
+class ToleratedParameter:
+    """A number with a tolerance, in SI units."""
+
+    number: VariedParameter  # about its value in the scenario
+    share: float | None  # the tolerance as a share of the value, where it is given in percent
+
+    def reach(self, value: float) -> float:
+        """Largest deviation from a value."""
+        return 0.5 * (self.number.high - self.number.low) if self.share is None else self.share * abs(value)
+
+
+def tolerances_of(scenario: Whole) -> Tolerances | None:
+    """The tolerances of a study."""
+    return getattr(scenario.study, "tolerances", None)
+
+
+def tolerated_parameters(scenario: Whole) -> tuple[ToleratedParameter, ...]:
+    """The numbers with a tolerance of a scenario that passed its checks; none without tolerances."""
+    tolerances = tolerances_of(scenario)
+    if tolerances is None:
+        return ()
+    parameters = []
+    for asked in tolerances.parameters:
+        number = resolve_parameter(scenario, asked)
+        share = None
+        if isinstance(asked.tolerance, str) and asked.tolerance.rstrip().endswith("%"):
+            share = 0.5 * (number.high - number.low) / abs(float(number.nominal))
+        parameters.append(ToleratedParameter(number, share))
+    return tuple(parameters)

@@ -2,21 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from math import log2, tau
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Schema, ShortFor, Unfit, Variants, kind_of
-from beamsim.scenario.body import Body
-from beamsim.scenario.excitation import Between, FrequencyRange, Notch, Number, ProfilePoint, Span, check_profile
+from beamsim.scenario.base import (
+    BY_FORM,
+    Path,
+    Problems,
+    Schema,
+    ShortFor,
+    Unfit,
+    Variants,
+    Whole,
+    kind_of,
+    path_text,
+    problem,
+    unknown,
+)
+from beamsim.scenario.body import Body, Located
+from beamsim.scenario.connections import HingeStop, PiecewiseLinearSpring, SpringToGround
+from beamsim.scenario.excitation import (
+    Between,
+    FrequencyRange,
+    Harmonic,
+    Notch,
+    Number,
+    ProfilePoint,
+    Span,
+    check_profile,
+    level_jumps,
+    level_problems,
+    not_harmonic,
+    sine_problems,
+)
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
-from beamsim.scenario.reporting import OutputLimit, limited_quantity
+from beamsim.scenario.reporting import (
+    BASE_FORCE,
+    QUANTITIES_OF,
+    OutputLimit,
+    limited_quantity,
+    output_dimension,
+    unit_problems,
+)
+from beamsim.scenario.run import MOST_SAMPLES, mode_problems
 
 Harmonics = Annotated[int, q.Whole(1, 500)]
 
@@ -26,6 +61,18 @@ class _Path(Span[Number]):
 
     points_at: tuple[Number, ...] = ()
     """Values at which every branch gets a point."""
+
+    def in_metres(self, scenario: Whole) -> Self:
+        """The same with positions in m on the body of the scenario."""
+        return self
+
+    def value_in(self, scenario: Whole, levels: tuple[float, ...]) -> float | None:
+        """The parameter's own value in the scenario, where the curve has the levels; None where there is none."""
+        return None
+
+    def problems_of_parameter(self, scenario: Whole, at: Path) -> Problems:
+        """Why the parameter, given at a path, cannot be changed in a scenario."""
+        yield from ()
 
 
 class FrequencyPath(_Path[q.Frequency]):
@@ -41,12 +88,74 @@ class LevelPath(_Path[q.PositiveLevel]):
     kind: Literal["level"] = "level"
     """The excitation's level."""
 
+    def value_in(self, scenario: Whole, levels: tuple[float, ...]) -> float | None:
+        """The first level of the curve, else that of the excitation."""
+        return float(levels[0]) if levels else getattr(scenario.excitation, "level", None)
+
+
+def no_stop_of_hinge(at: Path, name: str) -> Problems:
+    """That a stop of a hinge, named at a path, is not what a snubber is needed for."""
+    yield problem(at, f"= {name} is a stop of a hinge", "vary joints[0].stops[0].stiffness or angle in a study")
+
+
+def stops_of_hinges(scenario: Whole) -> set[str]:
+    """Names of the stops of hinges."""
+    return {stop.name for stop in scenario.all_snubbers if isinstance(stop, HingeStop)}
+
 
 class SnubberPath(Schema):
     """A property of one snubber changes."""
 
     snubber: q.Name | None = None
     """Name of the snubber; may be omitted if there is only one."""
+
+    if TYPE_CHECKING:
+        kind: Any
+
+    def changed(self, scenario: Whole) -> Located | None:
+        """The snubber, or pair of stops, that is meant; None where there is none."""
+        written: tuple[Located, ...] = scenario.written_snubbers
+        if self.snubber is None:
+            return written[0] if len(written) == 1 else None
+        return next((located for located in written if located.item.name == self.snubber), None)
+
+    def value_in(self, scenario: Whole, levels: tuple[float, ...]) -> float | None:
+        """What the snubber has."""
+        located = self.changed(scenario)
+        assert located is not None
+        value: float | None = getattr(located.item, self.kind)
+        return value
+
+    def problems_of_parameter(self, scenario: Whole, at: Path) -> Problems:
+        """A snubber that there is not, or whose gap follows from its preload."""
+        located, where = self.changed(scenario), (*at, "snubber")
+        if located is None:
+            yield from self._problems_of_name(scenario, where)
+            return
+        if located.item.name in stops_of_hinges(scenario):
+            yield from no_stop_of_hinge(where, located.item.name)
+            return
+        preloaded = [snubber.name for snubber in scenario.all_snubbers if snubber.preload is not None]
+        if preloaded:
+            yield problem(
+                (*at, "kind"),
+                f"= {self.kind} would change the gap that the preload of {preloaded[0]} asks for at every step",
+                "give its gap instead of its preload",
+            )
+
+    def _problems_of_name(self, scenario: Whole, where: Path) -> Problems:
+        """A name at a path that is missing, unknown, or that of one stop of a pair."""
+        written = scenario.written_snubbers
+        names = [each.item.name for each in written]
+        pairs = [each.item.name for each in written for stop in each.item.stops if stop.name == self.snubber]
+        if self.snubber is None:
+            remedy = f"there are several: choose one of {', '.join(names)}" if names else "add one to snubbers"
+            yield problem(where, "is missing", remedy)
+        elif pairs:
+            message = f"= {self.snubber} is one stop of a pair, and both have the same {self.kind}"
+            yield problem(where, message, f"name the pair: {pairs[0]}, or write two snubbers, side: above and below")
+        else:
+            yield from unknown(where, self.snubber, "snubber", names, "add one to snubbers")
 
 
 class GapPath(SnubberPath, _Path[q.Gap]):
@@ -69,11 +178,51 @@ class PositionPath(SnubberPath, _Path[q.PositionOrShare]):
     kind: Literal["position"] = "position"
     """A snubber's position along the beam, or the share of its length: 60 %."""
 
-    def on_the_body(self, body: Body) -> Self:
-        """The same with positions in m."""
+    def _body(self, scenario: Whole) -> tuple[Any, Body]:
+        """The snubber, and the body that it is on."""
+        located = self.changed(scenario)
+        assert located is not None
+        if (name := located.bodies[0]) not in scenario.all_bodies:
+            raise Unfit(f"is on {name}, an unknown body", "name another body there", ("snubber",))
+        return located.item, scenario.all_bodies[name]
+
+    def in_metres(self, scenario: Whole) -> Self:
+        """The same with positions in m on the body of the snubber."""
+        _, body = self._body(scenario)
         points_at = tuple(map(body.metres, self.points_at))
         ends = {"from": body.metres(self.from_), "to": body.metres(self.to)}
         return self.model_copy(update={**ends, "points_at": points_at})
+
+    def value_in(self, scenario: Whole, levels: tuple[float, ...]) -> float | None:
+        """Where the snubber is, m."""
+        snubber, body = self._body(scenario)
+        return body.metres(snubber.places[0].position)
+
+    def problems_of_parameter(self, scenario: Whole, at: Path) -> Problems:
+        """A snubber that cannot move along a beam, and positions that are not on it."""
+        yield from super().problems_of_parameter(scenario, at)
+        located = self.changed(scenario)
+        if located is None or isinstance(located.item, HingeStop):
+            return
+        place = (*at, "kind")
+        if len(located.item.places) > 1:
+            yield problem(place, "= position moves a snubber between two places", "follow gap or stiffness")
+            return
+        if scenario.has_cubic_springs:
+            yield problem(
+                place, "= position moves a snubber, which is not followed with cubic springs",
+                "follow gap or stiffness, or make the springs piecewise_linear",
+            )  # fmt: skip
+        name = located.item.places[0].body or located.body
+        body = scenario.all_bodies.get(name)
+        if body is None:
+            return
+        if len(body.sides) != 1:
+            message = f"= position moves along a beam, but the structure is {body.called}"
+            yield problem(place, message, "follow gap or stiffness, or vary the place in a study")
+            return
+        for key, value in (("from", self.from_), ("to", self.to)):
+            yield from body.position_problems(scenario.body_path(name), (*at, key), value, "a snubber")
 
 
 ResponseParameter = Annotated[FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath, BY_FORM]
@@ -115,7 +264,28 @@ class SweptOverlay(Schema):
     """Up, down, or up and then down."""
 
 
-class Continuation(Schema):
+class OfSines(Schema):
+    """Common part of what follows motions under sines."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """An excitation that is no sine, and levels in a unit of something else."""
+        unfit, run = list(sine_problems(scenario.excitation, "sweep")), scenario.run
+        yield from unfit
+        if run is not None and run.low_pass is not None and getattr(self, "accelerations", True):
+            message = (
+                f"reports accelerations that run.low_pass = {run.low_pass:g} Hz, the band of runs, does not filter"
+            )
+            yield problem(at, message, "leave the run out here (run: null), or its low_pass, or the sweep")
+        yield from level_problems(scenario, at, self)
+        if not unfit:
+            yield from self.problems_with_sine(scenario, at)
+
+    def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
+        """What else is wrong where the excitation is a sine."""
+        yield from ()
+
+
+class Continuation(OfSines):
     """Branches of periodic motions, stable and unstable, continued in frequency or another parameter."""
 
     kind: Literal["continuation"] = "continuation"
@@ -186,6 +356,47 @@ class Continuation(Schema):
         if self.follow_folds_in is not None and self.follow_folds_in.points_at:
             raise Unfit("belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at"))
 
+    def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
+        """A parameter that cannot be changed, ranges that leave something out, a method for nonlinear systems alone."""
+        given = {"follow_folds_in": self.follow_folds_in, "continue_in": self.continue_in}
+        unfit = [
+            found
+            for key, path in given.items()
+            if path is not None
+            for found in path.problems_of_parameter(scenario, (*at, key))
+        ]
+        yield from unfit or self._problems_of_ranges(scenario, at)
+        nonlinear = scenario.all_snubbers or scenario.nonlinear_springs
+        if isinstance(self.method, HarmonicBalance) and not nonlinear:
+            message = "= harmonic_balance needs a snubber or a nonlinear spring"
+            yield problem((*at, "method"), message, "use shooting, or add a snubber")
+
+    def _problems_of_ranges(self, scenario: Whole, at: Path) -> Problems:
+        """Points beyond the range, and a second range that leaves out where the folds are."""
+        section = at if self.continue_in is None else (*at, "continue_in")
+        second: Any = self.follow_folds_in
+        try:
+            parameter: Any = self.parameter.in_metres(scenario)
+            parameter.check()
+            parameter.demand_inside(parameter.points_at, ("points_at",))
+            if second is None:
+                return
+            section = (*at, "follow_folds_in")
+            second = second.in_metres(scenario)
+            second.check()
+            present = second.value_in(scenario, self.levels)
+        except Unfit as error:
+            yield error.problem(section)
+            return
+        low, high = sorted((float(second.from_), float(second.to)))
+        if present is not None and not low <= present <= high:
+            yield problem(
+                section,
+                f"runs from {low:g} to {high:g}, which leaves out the scenario's own {second.kind} of {present:g}, "
+                "where the folds are found",
+                "widen the range to hold it",
+            )
+
     def _demand_one_range(self) -> None:
         self.exclude("points_at", "continue_in", remedy="give points_at there")
         self.exclude("continue_in", "from", "to", remedy="give the range inside continue_in, or only from and to")
@@ -212,7 +423,7 @@ HIGHEST_ORDER = 64
 _NOTCHES: dict[str, Any] = {"examples": [{"probes.tip.acceleration": "20 g", "base.force": "2 kN"}]}
 
 
-class _UpAndDown(FrequencyRange):
+class _UpAndDown(OfSines, FrequencyRange):
     """Common part of sweeps with a direction."""
 
     where_it_falls: ClassVar[str] = "write the lower frequency as from, and direction: down"
@@ -242,6 +453,12 @@ class _UpAndDown(FrequencyRange):
                     f"give whole numbers or simple fractions up to {HIGHEST_ORDER}: 0.5, 1, 1.5, 2",
                     ("orders", index),
                 )
+
+    def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
+        """Impacts of no contact."""
+        if self.impacts and not scenario.all_snubbers and not scenario.located_friction:
+            message = "needs a snubber or friction, and there is none"
+            yield problem((*at, "impacts"), message, "leave it out, or add a snubber")
 
     @property
     def tracked_orders(self) -> tuple[float, ...]:
@@ -295,6 +512,28 @@ class SweptSine(_UpAndDown):
                     ("levels", index),
                 )
 
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Steps of the level."""
+        yield from level_jumps(scenario, at, self)
+
+    def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
+        """Too many samples, and limits of the level on what there is not."""
+        yield from super().problems_with_sine(scenario, at)
+        samples = self.duration * (self.history_rate or 0.0)
+        if samples > MOST_SAMPLES:
+            yield problem(
+                (*at, "history_rate"),
+                f"= {self.history_rate:g} Hz over {self.duration:g} s gives {samples:.3g} samples, over the limit of "
+                f"{MOST_SAMPLES:.0e}",
+                "lower it, or leave it out: envelopes and harmonics are exact without it",
+            )
+        if self.notch_to is not None:
+            for name, limit in self.notch_to.items():
+                yield from _problems_of_notch(scenario, (*at, "notch_to", name), name, limit)
+            if not self.levels and not self.profile and not scenario.excitation.level > 0:
+                message = "cannot be lowered to sweep.notch_to"
+                yield problem(("excitation", "level"), message, "give a positive level")
+
     def _check_notches(self, limits: Mapping[str, float]) -> None:
         """Automatic notches need one direction and positive levels, and accelerations where these are limited."""
         if not limits:
@@ -318,6 +557,47 @@ class SweptSine(_UpAndDown):
                 raise Unfit(f"= {level:g} cannot be lowered to limits", "give a positive level", ("levels", index))
 
 
+def _problems_of_notch(scenario: Whole, at: Path, name: str, limit: float) -> Problems:
+    """A limit on what this structure does not have, or in a unit of something else.
+
+    Parameters
+    ----------
+    scenario : that has the places.
+    at : path of the limit.
+    name : what is limited.
+    limit : its value, which remembers its unit.
+
+    Yields
+    ------
+    Problem
+    """
+    outputs = {output.name: output for output in scenario.outputs}  # sweeps have none of the run alone
+    names = {
+        "probes": [probe.name for probe in scenario.effective_probes],
+        "snubbers": [snubber.name for snubber in scenario.all_snubbers],
+        "outputs": list(outputs),
+    }
+    of = limited_quantity(name, scenario.base_force or BASE_FORCE.name)
+    if of is None:
+        example = "write for example probes.tip.acceleration, snubbers.tip.force, base.force or outputs.gauge"
+        yield problem(at, "names nothing that can be limited", example)
+    elif name == "base.force" and scenario.base_force is None and BASE_FORCE.name in outputs:
+        yield problem(at, f"needs the name {BASE_FORCE.name}, which another output has", "rename that output")
+    elif name != "base.force" and of.item not in names[of.section]:
+        yield from unknown(at, of.item, of.section.removesuffix("s"), names[of.section])
+    else:
+        output = outputs.get(of.item, BASE_FORCE)
+        if of.section == "outputs":
+            dimension = output_dimension(output, scenario.all_bodies, scenario.default_body)
+        else:
+            dimension = QUANTITIES_OF[of.section][of.quantity]
+        if of.section == "snubbers" and of.item in stops_of_hinges(scenario):
+            dimension = units.MOMENT
+        if of.section == "outputs" and output.kind in ("kinetic_energy", "strain_energy"):
+            yield problem(at, "is an energy, which sweeps do not follow", "limit another quantity")
+        yield from unit_problems(at, limit, dimension, f"which is none of {getattr(dimension, 'name', '')}")
+
+
 class SteppedSine(_UpAndDown):
     """Steady states at a list of frequencies, each started from the previous one."""
 
@@ -335,6 +615,11 @@ class SteppedSine(_UpAndDown):
     """Longest period considered, in cycles of the excitation."""
     measured_cycles: q.Few = 8
     """Smallest number of cycles measured after the motion is steady."""
+
+
+def _problems_of_probe(scenario: Whole, at: Path, name: str) -> Problems:
+    """A probe that there is not; ``at`` is the path of what names it."""
+    yield from unknown((*at, "probe"), name, "probe", (probe.name for probe in scenario.effective_probes))
 
 
 Velocity = Annotated[float, q.Quantity(units.VELOCITY)]
@@ -357,6 +642,10 @@ class BoxCoordinate(Schema):
         """Demand a range."""
         if not any(high - low for low, high in (self.displacement, self.velocity)):
             raise Unfit("has no range", "give displacement: [-5 mm, 5 mm] or velocity: [-1 m/s, 1 m/s]")
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A probe that there is not."""
+        yield from _problems_of_probe(scenario, at, self.probe)
 
     @property
     def ranges(self) -> tuple[Drawn, Drawn]:
@@ -420,6 +709,10 @@ class ImpulseAt(Schema):
     to: Annotated[float, q.Quantity(units.IMPULSE, above=0.0)]
     """Largest impulse that is tried, either way."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A probe that there is not."""
+        yield from _problems_of_probe(scenario, at, self.probe)
+
 
 class BasePulse(Schema):
     """A pulse of the base's acceleration that is short against all periods: its velocity changes at once."""
@@ -431,11 +724,16 @@ class BasePulse(Schema):
 
     probe: ClassVar[str] = ""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A base that rests."""
+        if not getattr(scenario.excitation, "on_base", False):
+            yield problem(at, "is a pulse of the base, which rests", "use kind: impulse, or excite the base")
+
 
 Disturbance = Annotated[ImpulseAt | BasePulse, BY_FORM]
 
 
-class Coexisting(Schema):
+class Coexisting(OfSines):
     """All motions found at a frequency, how likely each is, and what makes the structure leave it."""
 
     kind: Literal["coexisting"] = "coexisting"
@@ -565,6 +863,40 @@ class PhaseResonance(Schema):
     span: ShareOfFrequency = 0.1
     """Fraction of the frequency by which the response curve extends on both sides."""
 
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """What a scenario lacks, or has too much of, to hold its mode by a force."""
+        excitation = scenario.excitation
+        if scenario.nnm.method.kind == "multiple_scales":
+            yield problem(at, "needs the exact mode, not its expansion", "use method: shooting")
+        if not isinstance(excitation, Harmonic):
+            yield not_harmonic(at, "a harmonic excitation, whose frequency is computed", excitation)
+            return
+        if not self.levels and not excitation.level > 0:
+            message = "is zero and sustains no motion"
+            yield problem(("excitation", "level"), message, "give nnm.phase_resonance.levels")
+        if excitation.on_base:
+            yield from _driven_through_contacts(scenario)
+
+
+def _driven_through_contacts(scenario: Whole) -> Problems:
+    """Springs to the ground through which a moving base excites the structure too; its work has no single conjugate."""
+    for path, _, snubber, _ in scenario.located_snubbers:
+        if getattr(snubber, "mounted_on", "base") == "ground":
+            yield problem(
+                (*path, "mounted_on"),
+                "= ground lets the moving base push through the contact too, which phase resonance does not account "
+                "for",
+                "mount it on the base, or apply a point force",
+            )
+    for path, _, spring, _ in scenario.nonlinear_springs:
+        if isinstance(spring, SpringToGround):
+            yield problem(
+                (*path, "kind"),
+                f"= {getattr(spring, 'kind', '')} lets the moving base push through a nonlinear spring, which phase "
+                "resonance does not account for",
+                "apply a force to a mass instead",
+            )
+
 
 class StiffnessFactorContinuation(Span[q.Factor]):
     """The stiffness of the nonlinear springs increases from zero to its full value."""
@@ -575,6 +907,22 @@ class StiffnessFactorContinuation(Span[q.Factor]):
     """First factor; 0 is the linear mode."""
     to: q.Factor = 1.0
     """Last factor; 1 is the full stiffness."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A factor that multiplies changes of slope until a slope of a softening spring would be negative."""
+        key, largest = max(("from", self.from_), ("to", self.to), key=lambda end: end[1])
+        for path, _, spring, _ in scenario.nonlinear_springs:
+            if not isinstance(spring, PiecewiseLinearSpring):
+                continue
+            slope, softest = spring.linear_stiffness, min(spring.stiffnesses)
+            least = slope + largest * (softest - slope)
+            if least < 0:
+                yield problem(
+                    (*at, key),
+                    f"= {largest:g} gives {path_text(path)} the slope {least:g} N/m: the factor multiplies its changes "
+                    f"of slope from the {slope:g} N/m at rest",
+                    f"go up to {slope / (slope - softest):.6g} at most",
+                )
 
 
 class EnergyContinuation(Span[q.Energy]):
@@ -617,6 +965,11 @@ class NonlinearMode(Schema):
     """Excite the damped structure at phase resonance with the mode."""
     convergence: Literal["on", "off"] | None = None
     """Whether values are compared with those of a finer model; by default off."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A mode that there is not, and levels in a unit of something else."""
+        yield from mode_problems(scenario, (*at, "mode"), self.mode)
+        yield from level_problems(scenario, at, self)
 
     def check(self) -> None:
         """Refuse an energy where it is what changes, and methods that follow the factor only."""

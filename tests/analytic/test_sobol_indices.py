@@ -8,7 +8,7 @@ import pytest
 from beamsim.analyses.designs.gathering import sensitivities
 from beamsim.analyses.designs.plan import latin_hypercube, sobol
 from beamsim.analyses.designs.result import Response
-from beamsim.scenario.parameters import VariedParameter
+from beamsim.scenario.studies import VariedParameter
 
 pytestmark = pytest.mark.quick
 

@@ -14,8 +14,7 @@ from beamsim.analyses.designs.statistics import populations, probability, rank_c
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
-from beamsim.scenario.parameters import VariedParameter
-from beamsim.scenario.studies import Correlation
+from beamsim.scenario.studies import Correlation, VariedParameter
 from tests.fabricated import solved_case
 
 pytestmark = pytest.mark.quick

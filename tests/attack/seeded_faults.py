@@ -102,8 +102,8 @@ OF_PLACES = {
         "body.metres(each)",
     ),
     "tables reach beyond their body": (
-        "beamsim/scenario/checks.py",
-        'yield from body.beyond(where, (*path, "shape", key, index), position, axis)',
+        "beamsim/scenario/distributed.py",
+        "yield from body.beyond(where, (*at, key, index), position, axis)",
         "pass",
     ),
     "values are along the first side": (PARAMETERS, "int(second and len(body.sides) > 1)", "0"),
@@ -113,14 +113,18 @@ OF_PLACES = {
         'named = found[0].bodies[0] if found else ""',
         "named = next(iter(scenario.all_bodies))",
     ),
-    "bounds reach beyond their body": (PARAMETERS, "        for bound in (low, high):\n", "        for bound in ():\n"),
+    "bounds reach beyond their body": (
+        "beamsim/scenario/identification.py",
+        "        for bound in (low, high):\n",
+        "        for bound in ():\n",
+    ),
     "shares of a list are those of the nominal length": (
-        PARAMETERS,
+        "beamsim/scenario/studies.py",
         "return str(read) if isinstance(read, q.Rate | Share) else read",
-        "return str(read) if isinstance(read, q.Rate) else _in_metres(scenario, place, read)",
+        "return str(read) if isinstance(read, q.Rate) else in_metres(scenario, place, read)",
     ),
     "a snubber moves along the first body": (
-        "beamsim/scenario/checks.py",
+        "beamsim/scenario/sweep.py",
         "return located.item, scenario.all_bodies[name]",
         "return located.item, next(iter(scenario.all_bodies.values()))",
     ),

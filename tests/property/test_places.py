@@ -18,7 +18,6 @@ from beamsim.analyses.identify.fit import sought_numbers
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.base import Schema, path_text, walk
-from beamsim.scenario.checks import in_metres
 from beamsim.scenario.parameters import value_at
 from beamsim.scenario.quantities import PositionType
 from beamsim.scenario.tree import parse
@@ -68,8 +67,9 @@ def analysed(scenario):
                                sought_numbers(scenario, scenario.identify_stiffness.update)[0]):  # fmt: skip
         found |= {f"bounds[{k}][{i}]": bound for i, bound in enumerate(number.bounds)}
     for name in ("parameter", "follow_folds_in"):
-        followed = in_metres(scenario, getattr(scenario.sweep, name, None))
+        followed = getattr(scenario.sweep, name, None)
         if getattr(followed, "kind", "") == "position":
+            followed = followed.in_metres(scenario)
             ends = (followed.from_, followed.to, *followed.points_at)
             found |= {f"{name}[{i}]": x for i, x in enumerate(ends)}
     return found

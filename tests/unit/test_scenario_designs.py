@@ -4,7 +4,7 @@ import pytest
 
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.scenario.parameters import varied_parameters
+from beamsim.scenario.studies import varied_parameters
 
 pytestmark = pytest.mark.quick
 

@@ -10,7 +10,8 @@ from beamsim import load_scenario
 from beamsim.analyses.designs.responses import run_responses
 from beamsim.cli.motions import run_screen
 from beamsim.plots.run import run_figures
-from beamsim.scenario.parameters import resolve_parameter, with_values
+from beamsim.scenario.parameters import with_values
+from beamsim.scenario.studies import resolve_parameter
 from beamsim.store.results import open_result, write_result
 
 STOP = {"name": "stop", "mass": 1, "side": "below", "stiffness": 3e4, "gap": 1e-3}

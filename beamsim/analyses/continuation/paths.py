@@ -25,7 +25,6 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
-from beamsim.scenario.checks import changed_snubber, in_metres
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.quantities import power_of
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, SnubberPath
@@ -181,7 +180,8 @@ def response_model(scenario: Scenario) -> ResponseModel:
     ]:
         if settings.parameter.kind != "level" and level == 0:
             raise scenario.located(ScenarioError.at(at, "= 0 excites nothing", "give a positive level"))
-    parameter, second = (in_metres(scenario, path) for path in (settings.parameter, settings.follow_folds_in))
+    parameter: Any = settings.parameter.in_metres(scenario)
+    second: Any = None if settings.follow_folds_in is None else settings.follow_folds_in.in_metres(scenario)
     highest = excitation.frequency
     if parameter.kind == "frequency":
         highest = max(parameter.from_, parameter.to)
@@ -191,7 +191,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
     ends = None
     if moving:
         values = [x for p in moving for x in (p.from_, p.to)]
-        site = of_kind(Place, snubber_site(not_none(changed_snubber(scenario, moving[0]))))
+        site = of_kind(Place, snubber_site(not_none(moving[0].changed(scenario))))
         ends = replace(site, point=min(values)), replace(site, point=max(values))
     family = build_family(forced, ends)
     system = family.system
@@ -212,12 +212,12 @@ def _followed(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> F
     points_at = tuple(map(float, path.points_at))
     if not isinstance(path, SnubberPath):
         return FollowedParameter(path.kind, first, last, unit or scenario.level_unit or "1", points_at)
-    located, system = not_none(changed_snubber(scenario, path)), family.system
+    located, system = not_none(path.changed(scenario)), family.system
     snubber: Any = located.item
     contacts = [i for i, stop in enumerate(scenario.located_snubbers) if stop.path == located.path]
     damping = snubber.damping
     ratio = damping.ratio if damping is not None and damping.kind == "ratio" else None
-    kind = path.kind  # type: ignore[attr-defined]
+    kind = path.kind
     if kind == "stiffness" and ratio and system.cubic.count:
         raise scenario.located(
             ScenarioError.at(

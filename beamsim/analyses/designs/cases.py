@@ -11,7 +11,7 @@ from typing import Any, Self
 from beamsim.analyses.designs.plan import Case
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.outcomes import Outcome, OutcomeKind
-from beamsim.scenario.parameters import Value
+from beamsim.scenario.studies import Value
 
 
 def unsettled(tried: int) -> Outcome:

@@ -20,19 +20,22 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.fields import names_in
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, plain, suggestion
-from beamsim.scenario.parameters import (
+from beamsim.scenario.parameters import replaced, value_at, with_values
+from beamsim.scenario.studies import (
+    Correlation,
+    LatinHypercube,
+    OneAtATime,
+    Optimise,
+    Reliability,
+    Sobol,
     ToleratedParameter,
     Value,
     VariedParameter,
     drawn_parameters,
-    replaced,
     tolerances_of,
     tolerated_parameters,
-    value_at,
     varied_parameters,
-    with_values,
 )
-from beamsim.scenario.studies import Correlation, LatinHypercube, OneAtATime, Optimise, Reliability, Sobol
 from beamsim.typing import Floats
 
 MOST_CHECKED = 400  # cases checked before the first is solved

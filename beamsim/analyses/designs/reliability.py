@@ -23,8 +23,16 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, tell
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Unfit, path_text
 from beamsim.scenario.excitation import MatchedInput, RandomInput
-from beamsim.scenario.parameters import VariedParameter, inputs_with_seed, read_as
-from beamsim.scenario.studies import LEAST_DATA, Measured, RandomParameter, Reliability, Scattered
+from beamsim.scenario.parameters import read_as
+from beamsim.scenario.studies import (
+    LEAST_DATA,
+    Measured,
+    RandomParameter,
+    Reliability,
+    Scattered,
+    VariedParameter,
+    inputs_with_seed,
+)
 from beamsim.typing import Bools, Floats, of_kind
 
 FAILED = -1.0  # of the limit state: a history without result counts as one that exceeds the limits

@@ -41,7 +41,7 @@ from beamsim.fields import (
 )
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario import Scenario
-from beamsim.scenario.parameters import Value
+from beamsim.scenario.studies import Value
 from beamsim.scenario.units import Dimension, UnitError, read_quantity
 from beamsim.typing import Bools, Floats, Ints
 

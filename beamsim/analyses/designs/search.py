@@ -18,8 +18,7 @@ from beamsim.analyses.designs.responses import means
 from beamsim.analyses.designs.result import objectives
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome
-from beamsim.scenario.parameters import Value
-from beamsim.scenario.studies import Optimise
+from beamsim.scenario.studies import Optimise, Value
 from beamsim.typing import Floats, not_none
 
 BY_EVOLUTION = 0.75  # of the cases that are allowed; the rest is for the local search, of a front for a sample at first

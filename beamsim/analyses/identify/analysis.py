@@ -37,8 +37,8 @@ from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import Stop, never, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
+from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.parameters import choices_at, value_at, with_values
-from beamsim.scenario.studies import IdentifyStiffness
 from beamsim.structures.assembly import assemble, joined_to
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place

@@ -19,8 +19,8 @@ from beamsim.analyses.identify.result import ParameterEstimate, ProfileLikelihoo
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
-from beamsim.scenario.parameters import bounds_of, choices_at, find_parameters, value_at, with_values
-from beamsim.scenario.studies import SoughtParameter
+from beamsim.scenario.identification import SoughtParameter, bounds_of
+from beamsim.scenario.parameters import choices_at, find_parameters, value_at, with_values
 from beamsim.typing import Bools, Floats
 
 MOST_EVALUATIONS = 100  # of the residuals beside derivatives, in one fit

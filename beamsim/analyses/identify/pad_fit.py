@@ -17,7 +17,7 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import Unfit, path_text
-from beamsim.scenario.studies import Pad, PadData, check_data
+from beamsim.scenario.identification import Pad, PadData, check_data
 from beamsim.typing import Complexes, Floats
 
 _DIMENSIONS = {

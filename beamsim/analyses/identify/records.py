@@ -52,11 +52,11 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.identification import NonlinearFit, SweepTest, TransientTest
 from beamsim.scenario.loading import describe
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.records import RecordPreparation
 from beamsim.scenario.run import Run
-from beamsim.scenario.studies import NonlinearFit, SweepTest, TransientTest
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem

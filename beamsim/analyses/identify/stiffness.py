@@ -29,8 +29,8 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
+from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.parameters import find_parameters, value_at, with_values
-from beamsim.scenario.studies import IdentifyStiffness
 from beamsim.structures.assembly import assemble, snubber_site
 from beamsim.structures.modes import DENSE_LIMIT, closed_modes
 from beamsim.structures.point_sensitivity import stiffness_sensitivities

@@ -57,9 +57,9 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import counted, path_text
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.identification import IdentifyStiffness, NonlinearFit, SteadyTest, SweepTest, TransientTest
 from beamsim.scenario.parameters import replaced
 from beamsim.scenario.run import Reduction
-from beamsim.scenario.studies import IdentifyStiffness, NonlinearFit, SteadyTest, SweepTest, TransientTest
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
 from beamsim.system.parts import SharedBuilds

@@ -34,7 +34,8 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log
 from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
 from beamsim.scenario import Scenario
-from beamsim.scenario.parameters import VariedParameter, resolve_parameter, with_values
+from beamsim.scenario.parameters import with_values
+from beamsim.scenario.studies import VariedParameter, resolve_parameter
 from beamsim.system.build import build_system
 from beamsim.system.equations import ChannelSet, Rows
 from beamsim.system.parts import Parts, SharedBuilds

@@ -1,0 +1,591 @@
+"""Identification of a snubber: what was measured, and which numbers are sought."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from beamsim.scenario import quantities as q
+from beamsim.scenario import units
+from beamsim.scenario.base import (
+    PAIR,
+    Path,
+    Problems,
+    Schema,
+    ShortFor,
+    Unfit,
+    Variants,
+    Whole,
+    counted,
+    demand_rising,
+    kind_of,
+    problem,
+    unknown,
+)
+from beamsim.scenario.body import Ratios
+from beamsim.scenario.excitation import Excitation, FrequencyRange, Harmonic, level_problems, not_harmonic
+from beamsim.scenario.files import DecimalMark
+from beamsim.scenario.parameters import choices_at, each_once, find_parameters, in_metres, read_as, side_at, value_at
+from beamsim.scenario.quantities import Rate
+from beamsim.scenario.records import RecordPreparation
+from beamsim.scenario.run import Start
+from beamsim.scenario.sweep import no_stop_of_hinge, stops_of_hinges
+
+Probability = Annotated[float, q.Quantity(replace(units.RATIO, example="95 %"), above=0.0, below=1.0)]
+
+
+Bound = Annotated[float | str, q.NumberOrText("60 GPa")]
+
+
+DynamicPoint = tuple[q.Frequency, q.Stiffness, q.Ratio]
+"""Frequency, storage stiffness and loss factor."""
+RelaxationPoint = tuple[q.Time, q.Stiffness]
+"""Time since the deflection began, and force over the deflection that is held."""
+
+
+class PadData(Schema):
+    """What was measured on the pad; one of dynamic, relaxation and file."""
+
+    dynamic: tuple[DynamicPoint, ...] | None = None
+    """Frequency, storage stiffness and loss factor of each measurement: [[10 Hz, 120 kN/m, 0.08], ...]."""
+    relaxation: tuple[RelaxationPoint, ...] | None = None
+    """Time since the deflection began, and force over the deflection that is held: [[1 ms, 190 kN/m], ...]."""
+    ramp: q.Duration | None = None
+    """Time over which the deflection of a relaxation test rises evenly; by default it is sudden."""
+    file: q.FileName | None = None
+    """CSV file of either, relative to the scenario's folder; headings state units: frequency (Hz), storage (kN/m), loss
+    factor, or time (s), stiffness (kN/m). A modulus in place of a stiffness takes height and area of the pad."""
+    columns: tuple[q.Text, ...] = ()
+    """Headings of the columns of the file that are meant, where several have the same dimension."""
+    decimal: DecimalMark | None = None
+    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
+    branches: Annotated[int, q.Whole(1, 8)] | None = None
+    """Number of Maxwell branches; by default as few as fit nearly as well as any number."""
+
+    def check(self) -> None:
+        """Demand one kind of measurement, and points that determine the branches."""
+        given = [key for key in ("dynamic", "relaxation", "file") if getattr(self, key) is not None]
+        if len(given) != 1:
+            message = f"has {' and '.join(given)}" if given else "needs one of dynamic, relaxation and file"
+            raise Unfit(message, "give for example dynamic: [[10 Hz, 120 kN/m, 0.08], [100 Hz, 150 kN/m, 0.11]]")
+        if self.ramp is not None and self.dynamic is not None:
+            raise Unfit("goes with a relaxation test", "leave ramp out", ("ramp",))
+        if given != ["file"]:
+            check_data(getattr(self, given[0]), given[0], self.branches)
+
+
+def check_data(points: Any, kind: str, branches: int | None) -> None:
+    """Reject measurements of a pad that are out of order or too few.
+
+    Parameters
+    ----------
+    points : rows of frequency, Hz, or time, s, with what was measured there.
+    kind : dynamic or relaxation, the key under which they are.
+    branches : number of Maxwell branches to be fitted; None to find it.
+
+    Raises
+    ------
+    Unfit
+        where they are too few for so many branches, are not in order, or have no loss at all.
+    """
+    least = 2 if branches is None else branches + 1
+    if len(points) < least:
+        what = counted(len(points), "measurement")
+        raise Unfit(f"has {what}", f"measure at {least} or more", (kind,))
+    unit = "Hz" if kind == "dynamic" else "s"
+    demand_rising((point[0] for point in points), unit, lambda k: (kind, k, 0), "list the measurements in their order")
+    if kind == "dynamic" and all(point[2] == 0.0 for point in points):
+        raise Unfit("has no loss at all", "a pad without loss needs a stiffness alone", (kind,))
+
+
+class Pad(Schema):
+    """Rubber pad of the snubber: its size, for Young's modulus E = k height / area, and what was measured on it."""
+
+    height: q.Length | None = None
+    """Height (in the direction of the force)."""
+    area: q.Area | None = None
+    """Loaded area."""
+    data: PadData | None = None
+    """Storage stiffness and loss factor over frequency, or relaxation: gives Maxwell branches."""
+
+    def check(self) -> None:
+        """Demand the size, measurements, or both."""
+        if (self.height is None) != (self.area is None):
+            key = "height" if self.height is None else "area"
+            raise Unfit("is missing", "give both height and area", (key,))
+        if self.height is None and self.data is None:
+            raise Unfit("is missing", "give height and area of the pad, or measurements on it in data", ("height",))
+
+
+class MonteCarlo(Schema):
+    """Monte Carlo samples around the measured frequencies, to check the first-order uncertainty."""
+
+    samples: q.SteppedCount = 10_000
+    """Number of samples."""
+    seed: q.RandomSeed = 0
+    """Seed of the random generator."""
+
+
+class ParameterUncertainty(Schema):
+    """Uncertainty of a parameter of the structure; its contribution to the uncertainty of the stiffness is reported."""
+
+    parameter: q.Text
+    """Path of the number, for example beam.thickness or beam.point_masses[*].mass."""
+    uncertainty: q.Ratio
+    """Standard deviation, relative to the value."""
+
+
+class SoughtParameter(Schema):
+    """A parameter of the scenario to be identified; its path alone is enough."""
+
+    parameter: q.Text
+    """Path of the number, for example beam.youngs_modulus; [*] varies a list by one common factor."""
+    bounds: Annotated[tuple[Bound, ...], PAIR] = ()
+    """Lowest and highest value, with or without unit."""
+    prior: q.Ratio | None = None
+    """Standard deviation of the prior, relative to the value in the scenario; no prior by default."""
+
+
+Sought = Annotated[SoughtParameter, ShortFor("parameter")]
+
+
+class MeasuredShapes(Schema):
+    """Mode shapes measured without the snubber; compared with the model's by the modal assurance criterion."""
+
+    positions: Annotated[tuple[q.PositionOrShare, ...], Field(min_length=2)]
+    """Where the deflection was measured on the body that the snubber acts on, in m or as shares of its length: 60 %
+    (mass numbers for a chain)."""
+    shapes: Annotated[tuple[tuple[q.Coefficient, ...], ...], Field(min_length=1)]
+    """Deflections of each mode at these positions, from the first mode on, to any scale."""
+
+    def check(self) -> None:
+        """Reject shapes of another length, or zero."""
+        for index, shape in enumerate(self.shapes):
+            if len(shape) != len(self.positions):
+                raise Unfit(
+                    f"has {len(shape)} values for {len(self.positions)} positions",
+                    "give one deflection per position",
+                    ("shapes", index),
+                )
+            if not any(shape):
+                raise Unfit("is zero everywhere", "leave out modes that were not measured", ("shapes", index))
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A snubber between two bodies, and positions that are not on the one body that it acts on."""
+        sought = scenario.identify_stiffness.snubber
+        bodies = next((each.bodies for each in scenario.located_snubbers if each.item.name == sought), ())
+        if len(bodies) > 1:
+            message = f"holds the shapes of one body, and {sought} acts between {' and '.join(bodies)}"
+            yield problem(at, message, "leave it out")
+        elif bodies and bodies[0] in scenario.all_bodies:
+            body, where = scenario.all_bodies[bodies[0]], scenario.body_path(bodies[0])
+            for index, position in enumerate(self.positions):
+                yield from body.shape_problems(where, (*at, "positions", index), position)
+
+
+class _AnyTest(Schema):
+    """What tests share."""
+
+    name: q.Name | None = None
+    """What it is called in tables and in leave_out; by default its file."""
+    probe: q.Name | None = None
+    """Probe it belongs to; the first one by default."""
+    gain: q.PositiveNumber = 1.0
+    """Recorded over true value, of a channel whose calibration is not exact; estimate may name it."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A probe that there is not."""
+        yield from _problems_of_probe(scenario, at, self.probe)
+
+
+def _problems_of_probe(scenario: Whole, at: Path, name: str | None) -> Problems:
+    """A probe that is named and is not there; ``at`` is the path of what names it."""
+    if name is not None:
+        yield from unknown((*at, "probe"), name, "probe", (probe.name for probe in scenario.effective_probes))
+
+
+class _RecordedTest(_AnyTest, RecordPreparation):
+    """What tests share whose measurement is a file."""
+
+    file: q.FileName
+    """Measured signal or spectrum: CSV, HDF5 (also a beamsim result), netCDF-4, MATLAB or UFF dataset 58; its path is
+    relative to the case."""
+    channel: q.Text | None = None
+    """Column, dataset or UFF label to read; by default the one named after the probe, or the only one."""
+    decimal: DecimalMark | None = None
+    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
+    quantity: Literal["absolute_acceleration", "displacement", "absolute_displacement", "velocity"] = (
+        "absolute_acceleration"
+    )
+    """What was measured; displacement and velocity are relative to the base."""
+    unit: q.Text | None = None
+    """Unit of the values in the file, for example g or mm; by default the one that the file states."""
+    axis_unit: q.Text | None = None
+    """Unit of the times or frequencies in the file, for example ms; by default the one that the file states."""
+    phase: Literal["free", "of_excitation"] = "free"
+    """Free: the time origin of the record is unknown, and a delay is fitted; of_excitation: it is that of the
+    excitation."""
+    noise: q.Ratio | None = None
+    """Standard deviation of a harmonic, or of a sample of a transient, relative to the largest one; by default from the
+    scatter of the signal."""
+
+    @property
+    def label(self) -> str:
+        """What it is called."""
+        return self.name or self.file
+
+
+class SteadyTest(_RecordedTest):
+    """A measured steady vibration; anything not given is as in the excitation of the scenario."""
+
+    kind: Literal["steady"] = "steady"
+    """A steady vibration, of which harmonics are compared; the kind of a test that names none."""
+    frequency: q.Frequency | None = None
+    """Excitation frequency of this test."""
+    level: q.Level | None = None
+    """Excitation level of this test, in the quantity of the scenario's excitation; a frequency response is multiplied
+    by it."""
+    harmonics: Annotated[int, q.Whole(1, 500)] = 6
+    """Number of harmonics of the excitation frequency that the fit uses; a frequency response has one."""
+    last: q.Duration | None = None
+    """Use only the last part of a time signal (the steady vibration); everything by default."""
+
+
+class TransientTest(_RecordedTest):
+    """A measured transient, which is compared with a run sample by sample, but for the record's mean."""
+
+    kind: Literal["transient"]
+    """A released start, a shock, a decay, or any measured force or motion of the base."""
+    quantity: Literal["absolute_acceleration", "displacement", "velocity"] = "absolute_acceleration"
+    """What was measured; displacement and velocity are relative to the base."""
+    excitation: Excitation | None = None
+    """What moves the structure in this test; by default the excitation of the scenario. A recorded motion of the base
+    is {kind: sampled, file: drop.csv, column: base}."""
+    start: Start | None = None
+    """Initial state of this test, as run.start; by default that of the run, or static equilibrium."""
+    begin: q.Time = 0.0
+    """Time since the first sample at which excitation and motion begin; with phase: free, a tenth of the compared
+    duration sooner or later."""
+    duration: q.Duration | None = None
+    """Compare only so long from there on; by default all that follows."""
+
+
+class MeasuredPeak(Schema):
+    """The largest magnitude of a probe in a sweep."""
+
+    probe: q.Name | None = None
+    """Where it was measured; by default the probe of the test."""
+    frequency: q.Frequency | None = None
+    """Where in the sweep it was; not given where it is at the jump."""
+    absolute_acceleration: q.PositiveAcceleration | None = None
+    """How large it is: of an accelerometer."""
+    displacement: q.Length | None = None
+    """Or, of the displacement relative to the base."""
+    scatter: q.Ratio = 0.02
+    """Standard deviation, relative."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A probe that there is not."""
+        yield from _problems_of_probe(scenario, at, self.probe)
+
+    def check(self) -> None:
+        """Demand one value."""
+        if (self.absolute_acceleration is None) == (self.displacement is None):
+            raise Unfit("has no value, or two", "give absolute_acceleration or displacement")
+
+    @property
+    def quantity(self) -> Literal["absolute_acceleration", "displacement"]:
+        """What was measured."""
+        return "displacement" if self.absolute_acceleration is None else "absolute_acceleration"
+
+    @property
+    def value(self) -> float:
+        """How large it is, SI."""
+        value = self.displacement if self.absolute_acceleration is None else self.absolute_acceleration
+        assert value is not None
+        return value
+
+
+class SweepTest(_AnyTest, FrequencyRange):
+    """A row of a table of slow sine sweeps: where it jumps, and its peaks; or a file with the table."""
+
+    kind: Literal["sweep"]
+    """Peaks and jump of a sweep, compared with those of the periodic motions that a slow sweep follows."""
+    name: q.Name
+    """What it is called in tables and in leave_out; rows of a file are numbered behind it, or have names there."""
+    file: q.FileName | None = None
+    """Table with headings and units (CSV), a row a sweep, of the keys below: level, direction, jump, and of peaks
+    tip frequency, tip absolute_acceleration, tip scatter; keys without a column or cell are those given here."""
+    decimal: DecimalMark | None = None
+    """Decimal mark of the numbers of a text file, "." or ","; by default what the numbers themselves show."""
+    level: q.Level | None = None
+    """Excitation level of this test, in the quantity of the scenario's excitation."""
+    direction: Literal["up", "down"] = "up"
+    """Whether the frequency rises or falls."""
+    where_it_falls: ClassVar[str] = "give the lowest frequency first, and direction: down"
+
+    rate: q.SweepRate | None = None
+    """How fast it was; a warning says where that was too fast for peaks of a steady vibration."""
+    jump: q.Frequency | None = None
+    """Frequency at which the amplitude jumps."""
+    scatter: q.Frequency
+    """Standard deviation of frequencies."""
+    peaks: tuple[MeasuredPeak, ...] = ()
+    """The largest magnitudes."""
+
+    def check(self) -> None:
+        """Demand a measured number, or a file with them."""
+        super().check()
+        if self.file is None and self.jump is None and not self.peaks:
+            raise Unfit("has neither jump nor peaks", "give one of them, or a file", ("peaks",))
+        if self.file is not None and (self.jump is not None or self.peaks):
+            raise Unfit("has a file, and jump or peaks beside it", "write all rows into the file", ("file",))
+
+    @property
+    def label(self) -> str:
+        """What it is called."""
+        return self.name
+
+
+AnyTest = Annotated[
+    SteadyTest | TransientTest | SweepTest,
+    Variants(
+        "is no test", "give kind: steady (or none), transient or sweep",
+        lambda test: f"<{str(kind_of(test) or 'steady').title()}Test>",
+    ),
+]  # fmt: skip
+
+
+class NonlinearFit(Schema):
+    """Parameters from measured nonlinear vibrations."""
+
+    estimate: Annotated[tuple[Sought, ...], Field(min_length=1)]
+    """Parameters to be identified, for example snubbers.tip.gap or beam.damping.ratio."""
+    tests: Annotated[tuple[AnyTest, ...], Field(min_length=1)]
+    """The measured vibrations, transients and rows of tables of sweeps."""
+    leave_out: tuple[q.Text, ...] = ()
+    """Names, or files, of tests that are not used."""
+    starts: q.Few = 5
+    """Number of starting points: the values in the scenario and random points around them."""
+    spread: q.Ratio = 0.3
+    """Relative spread of the random starting points about the values in the scenario."""
+    seed: q.RandomSeed = 0
+    """Seed of the random starting points."""
+    profiles: bool = True
+    """Compute the profile likelihood of every parameter, for the plot."""
+
+    @property
+    def used(self) -> dict[int, SteadyTest | TransientTest | SweepTest]:
+        """The tests that are not left out, by their number in the list."""
+        return {k: test for k, test in enumerate(self.tests) if test.label not in self.leave_out}
+
+    @property
+    def recorded(self) -> dict[int, SteadyTest | TransientTest]:
+        """Those of them whose measurement is a file."""
+        return {k: test for k, test in self.used.items() if not isinstance(test, SweepTest)}
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Numbers that cannot be sought, an excitation that is no sine, tests left out that there are not."""
+        yield from each_once(self.estimate, (*at, "estimate"), lambda each: _sought(scenario, each, words=False))
+        steady = any(test.kind != "transient" for test in self.used.values())
+        if steady and not isinstance(scenario.excitation, Harmonic):
+            yield not_harmonic(at, "a harmonic excitation", scenario.excitation)
+        if not any(isinstance(test, SweepTest) and test.file for test in self.tests):  # whose rows have names too
+            labels = [test.label for test in self.tests]
+            for index, name in enumerate(self.leave_out):
+                yield from unknown((*at, "leave_out", index), name, "test", labels)
+
+    def check(self) -> None:
+        """Demand a test that is used."""
+        if not self.used:
+            raise Unfit("leaves no test", "keep one", ("leave_out",))
+
+
+class IdentifyStiffness(Schema):
+    """Measurements and settings of the identification."""
+
+    snubber: q.Name
+    """Name of the snubber whose stiffness is identified."""
+    measured_without: tuple[q.Frequency, ...] = ()
+    """Natural frequencies measured without the snubber, from the first on; they check the model of the structure.
+
+    Of several bodies: the frequencies of those that the snubber acts on.
+    """
+    measured_with: tuple[q.Frequency, ...] = ()
+    """Natural frequencies measured with permanent contact, from the first on."""
+    fit_to: Annotated[tuple[q.Count, ...], Field(min_length=1)] = (1,)
+    """Numbers of the modes the fit uses."""
+    method: Literal["secular", "thesis"] = "secular"
+    """Secular: closed form, to machine precision; thesis: k grows by 1 % until the frequency fits (Hazim 2010)."""
+    tolerance: q.Ratio = 1e-3
+    """Method thesis: relative difference in frequency at which the iteration ends."""
+    most_solutions: q.Count = 20_000
+    """Method thesis: largest number of eigenvalue solutions."""
+    uncertainty: Ratios = 0.0
+    """Relative standard deviation of a measured frequency, or a list with one value per mode."""
+    coverage: Probability = 0.95
+    """Coverage probability of the confidence intervals."""
+    monte_carlo: MonteCarlo = MonteCarlo.model_construct()
+    """Check of the uncertainty by random sampling."""
+    parameter_uncertainty: tuple[ParameterUncertainty, ...] = ()
+    """Uncertainties of parameters of the structure."""
+    update: tuple[Sought, ...] = ()
+    """Parameters of the structure to be updated from measured_without before the snubber is identified."""
+    shapes_without: MeasuredShapes | None = None
+    """Mode shapes measured without the snubber."""
+    nonlinear: NonlinearFit | None = None
+    """Damping and contact parameters from measured nonlinear vibrations."""
+    pad: Pad | None = None
+    """Pad of the snubber; gives its Young's modulus, and Maxwell branches from measurements of the pad."""
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """A snubber and numbers that there are not, bounds that make no sense, levels in a unit of something else."""
+        snubbers = (snubber.name for snubber in scenario.all_snubbers)
+        where = (*at, "snubber")
+        yield from unknown(where, self.snubber, "snubber", snubbers, "give the snubber in snubbers")
+        if self.snubber in stops_of_hinges(scenario):
+            yield from no_stop_of_hinge(where, self.snubber)
+        if self.parameter_uncertainty:
+            uncertain = (*at, "parameter_uncertainty")
+            yield from each_once(self.parameter_uncertainty, uncertain, lambda each: _numbers(scenario, each.parameter))
+        if self.update:
+            yield from each_once(self.update, (*at, "update"), lambda each: _sought(scenario, each, words=True))
+        if self.nonlinear is not None:
+            yield from level_problems(scenario, at, self)
+
+    def check(self) -> None:
+        """Reject frequencies out of order, modes that were not measured, and more unknowns than measurements."""
+        remedy = "list the frequencies from the first mode on; are the two swapped?"
+        demand_rising(self.measured_without, "Hz", lambda k: ("measured_without", k), remedy)
+        demand_rising(self.measured_with, "Hz", lambda k: ("measured_with", k), remedy)
+        of_pad = self.pad is not None and self.pad.data is not None
+        of_structure = self.update and self.measured_without
+        if not self.measured_with and self.nonlinear is None and not of_structure and not of_pad:
+            raise Unfit(
+                "is missing, and there are no nonlinear tests",
+                "give the frequencies with permanent contact, measured_with: [196.5 Hz], or nonlinear tests",
+                ("measured_with",),
+            )
+        self._modes()
+        self._uncertainties()
+        free = [item for item in self.update if item.prior is None]
+        if len(free) < len(self.update) and self.uncertainty == 0.0:
+            raise Unfit(
+                "is missing, and a prior of update is to be weighed against the measured frequencies",
+                "write for example uncertainty: 0.3 %",
+                ("uncertainty",),
+            )
+        if self.update and len(free) > len(self.measured_without):
+            given = counted(len(self.measured_without), "measured frequency", "measured frequencies")
+            raise Unfit(
+                f"asks for {len(free)} unknowns without prior from {given}",
+                "measure more modes in measured_without, seek fewer parameters, or give them a prior: 5 %",
+                ("update",),
+            )
+
+    def uncertainty_of(self, mode: int) -> float:
+        """Relative standard deviation of the measured frequency of a mode (from 1)."""
+        if isinstance(self.uncertainty, tuple):
+            return self.uncertainty[min(mode, len(self.uncertainty)) - 1]
+        return self.uncertainty
+
+    def _modes(self) -> None:
+        if not self.measured_with:
+            return
+        count = len(self.measured_with)
+        for index, mode in enumerate(self.fit_to):
+            if mode > count:
+                raise Unfit(
+                    f"= {mode}, but measured_with has {counted(count, 'frequency', 'frequencies')}",
+                    "list only modes that were measured",
+                    ("fit_to", index),
+                )
+            if mode in self.fit_to[:index]:
+                raise Unfit(f"= {mode} is listed twice", "list every mode once", ("fit_to", index))
+        if self.method == "thesis" and len(self.fit_to) > 1:
+            raise Unfit(
+                "= thesis fits one mode, but fit_to has several",
+                "keep one mode in fit_to, or use method: secular",
+                ("method",),
+            )
+
+    def _uncertainties(self) -> None:
+        given = self.uncertainty if isinstance(self.uncertainty, tuple) else (self.uncertainty,)
+        if min(given) == 0.0 < max(given):
+            raise Unfit(
+                "= 0 for one mode and not for another would give that mode all the weight",
+                "give every mode its uncertainty, or none",
+                ("uncertainty", given.index(0.0)),
+            )
+        for index, value in enumerate(given):
+            if value > 0.2:
+                raise Unfit(
+                    f"= {value:g} means {100 * value:g} % of a frequency",
+                    f"write {value:g} % if that was meant",
+                    ("uncertainty", index) if isinstance(self.uncertainty, tuple) else ("uncertainty",),
+                )
+
+
+def _numbers(scenario: Whole, path: str) -> list[Path]:
+    """The places of a path, at which there must be numbers."""
+    places = find_parameters(scenario, path, ("parameter",))
+    if any(choices_at(scenario, place) or isinstance(value_at(scenario, place), str | Rate) for place in places):
+        raise Unfit(f"= {path} is not a number", "name a number", ("parameter",))
+    return places
+
+
+def _sought(scenario: Whole, item: SoughtParameter, *, words: bool) -> list[Path]:
+    """The places that are sought, at which there must be numbers that the bounds hold.
+
+    Parameters
+    ----------
+    scenario : that has them.
+    item : what is sought.
+    words : whether a choice may be sought too, and numbers by a factor.
+    """
+    path, at = item.parameter, ("parameter",)
+    places = find_parameters(scenario, path, at)
+    choices = choices_at(scenario, places[0])
+    if choices and words and "supports" in places[0]:
+        if item.bounds or item.prior is not None:
+            among = f"= {path} is a choice between {', '.join(choices)}: it has no bounds and no prior"
+            raise Unfit(among, "leave them out; every choice is tried", at)
+        return places
+    values = [value_at(scenario, place) for place in _numbers(scenario, path)]
+    if words and not all(value > 0 for value in values):
+        zero = f"= {path} is zero in this scenario, and is varied by a factor"
+        raise Unfit(zero, "give it a rough value to start from, or leave it out", at)
+    if not item.bounds:
+        return places
+    low, high = bounds_of(scenario, item)
+    if not low < high:
+        raise Unfit(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
+    if not low <= values[0] <= high:
+        raise Unfit(
+            f"= [{low:g}, {high:g}] does not hold the scenario's value {values[0]:g}, where the search starts",
+            "widen the bounds, change the value, or write the unit", ("bounds",),
+        )  # fmt: skip
+    return places
+
+
+def bounds_of(scenario: Whole, sought: SoughtParameter) -> tuple[float, float]:
+    """Lowest and highest value of a number that is sought, in SI units; infinite where none are given.
+
+    Raises
+    ------
+    Unfit
+        Where the field would refuse one of them, or it lies beyond the body that the number is a position on.
+    """
+    if not sought.bounds:
+        return -math.inf, math.inf
+    place = find_parameters(scenario, sought.parameter)[0]
+    low, high = (in_metres(scenario, place, read_as(scenario, place, bound, ("bounds",))) for bound in sought.bounds)
+    if (side := side_at(scenario, place)) is not None:
+        for bound in (low, high):
+            beyond = scenario.all_bodies[side.body].beyond(scenario.body_path(side.body), ("bounds",), bound, side.axis)
+            for found in beyond:
+                raise Unfit(found.message, found.remedy, ("bounds",))
+    return low, high
