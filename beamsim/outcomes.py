@@ -16,6 +16,8 @@ returns what it has. What a kind of outcome comes to, a limit, and the exit code
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import asdict, dataclass, field, replace
 from enum import IntEnum, StrEnum
 from typing import Any, NamedTuple, Self, TypeVar
@@ -30,6 +32,42 @@ Point = TypeVar("Point")
 def never() -> bool:
     """No request to end."""
     return False
+
+
+class Interrupted(KeyboardInterrupt):
+    """Raised by `check_stop`. Whoever catches it keeps what was computed before."""
+
+
+_REQUESTS: ContextVar[tuple[Stop, ...]] = ContextVar("requests", default=())
+
+
+@contextmanager
+def stopped_by(stop: Stop) -> Iterator[None]:
+    """Let `check_stop` end the block, wherever it is called, as soon as ``stop`` or that of a block around is true."""
+    outer = _REQUESTS.set((*_REQUESTS.get(), stop))
+    try:
+        yield
+    finally:
+        _REQUESTS.reset(outer)
+
+
+def check_stop() -> None:
+    """End the computation if it is asked to end; every loop that may take longer than a second calls this.
+
+    Raises
+    ------
+    Interrupted
+        If a request of `stopped_by` is true.
+
+    >>> with stopped_by(never):
+    ...     check_stop()
+    >>> with stopped_by(lambda: True):
+    ...     check_stop()
+    Traceback (most recent call last):
+    beamsim.outcomes.Interrupted
+    """
+    if any(stop() for stop in _REQUESTS.get()):
+        raise Interrupted
 
 
 def part_of(progress: Progress, begin: float, end: float) -> Progress:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -16,7 +15,7 @@ from beamsim.flow.extrema import Extrema
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_integrals, interpolated
-from beamsim.outcomes import never
+from beamsim.outcomes import check_stop
 from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -109,16 +108,16 @@ class Observed:
         """(nt, C) at increasing times, s; at an event the state after it counts."""
         return self.channels.values(lambda squared: motion.sample(times, self.squared if squared else self.linear))
 
-    def extrema(self, motion: Trajectory, stop: Callable[[], bool] = never) -> Extrema:
+    def extrema(self, motion: Trajectory) -> Extrema:
         """(C,) extreme values of the continuous motion and their times, s; see `Trajectory.extrema`."""
-        found, squares = motion.extrema(self.linear, rivals=self._rivals, stop=stop), self.channels.squares
+        found, squares = motion.extrema(self.linear, rivals=self._rivals), self.channels.squares
         if squares.size:
-            found = found.beside(motion.extrema(self.squared, squares=squares, stop=stop))
+            found = found.beside(motion.extrema(self.squared, squares=squares))
         return found.some(self.channels.order)
 
-    def extremes(self, motion: Trajectory, stop: Callable[[], bool] = never) -> dict[Key, Floats]:
+    def extremes(self, motion: Trajectory) -> dict[Key, Floats]:
         """By section and quantity (4, k): lowest values of the continuous motion, their times, highest ones, theirs."""
-        return self.channels.split(np.array(self.extrema(motion, stop).extremes))
+        return self.channels.split(np.array(self.extrema(motion).extremes))
 
 
 @dataclass(frozen=True)
@@ -176,6 +175,7 @@ class MotionPart:
 
     def integrals(self, omega: Floats, column: int) -> Complexes:
         """Fourier integrals (W,) of one of the outputs since the begin; omega (W,) in rad/s, up to the highest."""
+        check_stop()
         position = omega * (self.duration / np.pi)
         whole = np.rint(position)
         if np.all(np.abs(position - whole) < 1e-9):  # of a step: no interpolation changes these
@@ -252,6 +252,7 @@ def fourier_integrals(motion: Trajectory, table: Complexes, omega: Floats) -> Co
         functions = motion.outputs(state, segments, alone if state.exponential else coefficients)
         both = functions.with_conjugates()
         for first in range(0, omega.size, columns):
+            check_stop()
             part = slice(first, first + columns)
             turned = np.exp(np.multiply.outer(elapsed, -1j * omega[part]))
             sums = both.fourier_sums(motion.equal_lengths[segments], omega[part], turned)

@@ -30,7 +30,7 @@ from numpy.polynomial import chebyshev
 from beamsim.flow.contact_state import GROWTH
 from beamsim.flow.extrema_kernels import TOLERANCE, Known, Sums, search, variation
 from beamsim.flow.kernels import EPS
-from beamsim.outcomes import never
+from beamsim.outcomes import check_stop
 from beamsim.typing import Complexes, Floats, Ints
 
 PARTS_AT_ONCE = 256  # which bounds the memory
@@ -87,6 +87,7 @@ class Waves:
     def batches(self) -> Iterator[tuple[Ints, Sums]]:
         """The parts, some after the other: their numbers (m,), and the outputs on them."""
         for first in range(0, self.time.size, PARTS_AT_ONCE):
+            check_stop()
             rows = np.arange(first, min(first + PARTS_AT_ONCE, self.time.size))
             yield rows, self.sums(rows)
 
@@ -155,25 +156,12 @@ class Search:
         best = np.full((windows, rank.size), least)
         return cls(Known(np.full(shape, least), np.full(shape, np.nan), first, squares is not None, rank, best))
 
-    def add(self, waves: Sequence[Waves], stop: Callable[[], bool] = never) -> None:
-        """Look at parts of a motion together.
-
-        Parameters
-        ----------
-        waves : the outputs on the parts.
-        stop : asked between batches whether to give up.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            If ``stop`` says so.
-        """
+    def add(self, waves: Sequence[Waves]) -> None:
+        """Look at parts of a motion together: the outputs on the parts."""
         if not self.known.rank.size:
             return
         for wave in waves:
             for _, sums in wave.batches():
-                if stop():
-                    raise KeyboardInterrupt
                 self.evaluations += search(sums, self.known, -1.0)[1]
 
     def extrema(self) -> Extrema:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamsim.flow.kernels import fill_moments
+from beamsim.outcomes import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 VALUES_AT_ONCE = 100_000  # of terms or outputs at a block of times, which bounds the memory
@@ -274,4 +275,5 @@ def blocks(count: int, width: int) -> Iterator[slice]:
     """Ranges of rows of a table of a width, which bound the memory."""
     rows = max(1, VALUES_AT_ONCE // max(width, 1))
     for first in range(0, count, rows):
+        check_stop()
         yield slice(first, first + rows)

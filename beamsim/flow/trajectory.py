@@ -21,7 +21,7 @@ from beamsim.flow.moments import (
     weighted_moments,
 )
 from beamsim.flow.state_tables import visited_states
-from beamsim.outcomes import Outcome, OutcomeKind, Where, never
+from beamsim.outcomes import Outcome, OutcomeKind, Where, check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
@@ -142,6 +142,7 @@ class Trajectory:
             factors = np.stack([table.real, -table.imag], axis=1).reshape(2 * table.shape[0], outputs)
             rows = max(1, VALUES_AT_ONCE // max(factors.shape))
             for first in range(0, entries.size, rows):
+                check_stop()
                 part = entries[first : first + rows]
                 visits, at = np.unique(segment[part], return_inverse=True)
                 given = self.flow.sources.amplitudes_at(self.time[visits], self.piece[visits])
@@ -297,9 +298,8 @@ class Trajectory:
         return self.only(np.flatnonzero(lasts))
 
     def extrema(
-        self, output_of: OutputOf, edges: Floats | None = None, squares: Ints | None = None, rivals: Ints | None = None,
-        stop: Callable[[], bool] = never,
-    ) -> Extrema:  # fmt: skip
+        self, output_of: OutputOf, edges: Floats | None = None, squares: Ints | None = None, rivals: Ints | None = None
+    ) -> Extrema:
         """Smallest and largest values of K outputs over the continuous motion, with their times.
 
         They are reached, limits from within at both ends of a segment included, and certified to 1e-10 of their size.
@@ -312,23 +312,17 @@ class Trajectory:
         squares : (j,) first of each group of consecutive outputs, where half the sums of their squares are asked for:
             j of them in place of K.
         rivals : outputs of which only the largest magnitude of all is asked for; of the others what is met on the way.
-        stop : asked several times a second whether to give up.
 
         Returns
         -------
         Values in the units of the outputs (K,) or (W, K), and times, s.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            If ``stop`` says so.
         """
         outputs = output_of(self.flow.system.contacts.start).row.shape[0]
         largest = max(float(np.abs(self.y).max(initial=0.0)), float(np.abs(self.final_y).max(initial=0.0)))
         scale = 2.0 ** max(0.0, np.ceil(np.log2(largest / LARGEST))) if largest > LARGEST else 1.0
         search = Search.of(outputs, 1 if edges is None else edges.size - 1, squares, rivals)
         for part in self.lasting.parts():
-            search.add(part._waves(output_of, edges, scale), stop)
+            search.add(part._waves(output_of, edges, scale))
         found = search.extrema()
         unit = scale if squares is None else scale**2
         found = replace(found, low=unit * found.low, high=unit * found.high)

@@ -26,6 +26,7 @@ from beamsim.flow.kernels import spread_to_grid
 from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
+from beamsim.outcomes import check_stop
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 SPREAD = 15  # points of the grid that a value is spread to
@@ -165,6 +166,7 @@ def _sample(
         at_once = max(1, VALUES_AT_ONCE // max(rule * functions, rule * table.shape[1], functions * table.shape[1]))
         for first in range(0, row.size, at_once):
             block, number = row[first : first + at_once], place[first : first + at_once]
+            check_stop()
             # panels of one number, in segments of one length, share the values of the functions
             kinds, kind = np.unique(number * lengths.size + which[block], return_inverse=True)
             number_of_kind, length_of_kind = np.divmod(kinds, lengths.size)
@@ -238,6 +240,7 @@ def _by_parts(
     omega, out = step * np.arange(count), np.zeros((count, coefficients.shape[1]), dtype=complex)
     amplitudes = motion.source_amplitudes(state, segments)
     for term in terms.tolist():
+        check_stop()
         amplitude, c = amplitudes[:, state.term_source[term]], coefficients[term]
         exponent, power = state.exponent[state.term_basis[term]], int(state.power[state.term_basis[term]])
         at_end = amplitude * _exponentials(length, np.array([exponent]))[:, 0]

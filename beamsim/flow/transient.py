@@ -18,7 +18,7 @@ from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.kernels import BEGINNING, BUDGET, DONE, NEED_STATE, STUCK, Position, march
 from beamsim.flow.trajectory import Trajectory, too_many_events
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, check_stop, interruption, never
 from beamsim.typing import Bools, Floats, Ints
 
 
@@ -166,6 +166,7 @@ class March:
         parts, code = [Log.sized(0, motion.y.size, 0)], None
         begin, before, events_before = motion.time, self.evaluations, self.events
         while self.outcome.complete and code != DONE:
+            check_stop()
             # 2048: between two reports of progress
             log = Log.sized(2048, motion.y.size, max(self.max_events + 1 - self.events, 0))
             # 50_000: of the compiled march, between which it may be stopped: less than half a second
@@ -399,6 +400,12 @@ class MotionInStretches(March):
             latest = self._latest = self._again(begin, end)
         whole = begin <= float(latest.time[0]) and end >= latest.end
         return latest if whole else latest.within(begin, end)
+
+    def end_with(self, part: Trajectory) -> None:
+        """Forget what was marched after the first part of the latest stretch, since the evaluation ended there."""
+        self.outcome, self._latest, self._motion.time = interruption(at=Where(part.end, "s")), part, part.end
+        self._events[-1] = _events_of(part)
+        self._shares[-1] = (part.end, float(part.length.sum()), part.contact_share())
 
     def again(self) -> Iterator[Trajectory]:
         """The motion that was reached, stretch by stretch; what is not kept is marched again."""

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -49,7 +50,7 @@ from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, 
 from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Progress, Stop, never
+from beamsim.outcomes import Interrupted, Progress, Stop, check_stop, never, stopped_by
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -91,7 +92,6 @@ class Model:
     """A model of a case with its motion."""
 
     motion: RunMotion
-    stop: Stop
 
     @property
     def settings(self) -> Run:
@@ -155,7 +155,7 @@ class Model:
         dynamics = replace(self.system.dynamics, stiffness=(1.0 + share) * self.system.dynamics.stiffness)
         system, settings = replace(self.system, dynamics=dynamics), self.settings.model_copy(update={"duration": end})
         most = 4 * self.motion.work.events + 1000
-        motion, _ = motion_in_stretches(system, settings, most_events=most, stop=self.stop)
+        motion, _ = motion_in_stretches(system, settings, most_events=most)
         for _ in motion.stretches():
             pass
         return ContactEvents.of(motion, len(system.snubbers))
@@ -201,8 +201,11 @@ def run(
     if not solution.motion.outcome.complete or result.outcome.interrupted:
         return result
     compare = convergence_of if solution.motion.compared_s is None else _of_first_part
-    checked = Convergence() if stop() else compare(solution, shared, stop)
-    if stop():
+    checked: Convergence | None = None
+    with suppress(Interrupted), stopped_by(stop):
+        check_stop()
+        checked = compare(solution, shared)
+    if checked is None:
         result = result.interrupted(COMPARISON)
     else:
         limited = [value.entry for value in LIMITED.values() if value.entry in result.summary]
@@ -211,14 +214,13 @@ def run(
     return replace(result, wall_time_s=clock.perf_counter() - begin)
 
 
-def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Convergence:
+def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
     """What a finer model changes in a run.
 
     Parameters
     ----------
     solution : the run.
     shared : what its system was built from; a finer model may have the same matrices.
-    stop : asked several times a second whether to give up.
 
     Returns
     -------
@@ -226,14 +228,14 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     """
     begin, scenario = processor_time(), solution.result.scenario
     settings = not_none(scenario.run)
-    first, derived = Model(solution.motion, stop), DerivedValues(solution.result)
+    first, derived = Model(solution.motion), DerivedValues(solution.result)
     modes = first.system.kept_modes
 
     def solve(case: Scenario) -> Model:
         system = build_system(case, shared)
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
-        return Model(motion_of(system, again, output_times(case), None, stop), stop)
+        return Model(motion_of(system, again, output_times(case), None, never))
 
     if keeps_all(scenario, modes):
         changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
@@ -241,7 +243,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
     elif isinstance(settings.start, OrbitStart):
         reason = "the run starts from a state of this model, which a finer one does not share"
         checked = _disturbed_alone(Convergence(reason=reason), first, derived)
-    elif isinstance(second := solved_again(solve, scenario, modes, stop), Convergence):
+    elif isinstance(second := solved_again(solve, scenario, modes, never), Convergence):
         checked = second
     else:
         checked = _compared_models(first, second, derived)
@@ -314,7 +316,7 @@ def _disturbed_alone(checked: Convergence, first: Model, derived: DerivedValues)
     return replace(checked, diverged_s=times.small_s, after=after, sensitivity=times)
 
 
-def _of_first_part(solution: Solution, shared: SharedBuilds, stop: Stop) -> Convergence:
+def _of_first_part(solution: Solution, shared: SharedBuilds) -> Convergence:
     """What a finer model changes in the first part of a motion that does not fit into the memory, and when a
     disturbance changes the contacts of the whole.
 
@@ -322,7 +324,7 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
 
     Parameters
     ----------
-    solution, shared, stop : as of `convergence_of`.
+    solution, shared : as of `convergence_of`.
     """
     scenario, compared_s = solution.result.scenario, not_none(solution.motion.compared_s)
     settings = not_none(scenario.run)
@@ -330,12 +332,12 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, stop: Stop) -> Conv
         update={"period": getattr(scenario.excitation, "period", None) or settings.duration}
     )
     shorter = settings.model_copy(update={"duration": compared_s})
-    part = solved(scenario.model_copy(update={"excitation": same, "run": shorter}), None, stop, shared)
+    part = solved(scenario.model_copy(update={"excitation": same, "run": shorter}), None, never, shared)
     if not part.motion.outcome.complete:
         return Convergence(reason=part.motion.outcome.text)
     part = part._replace(result=replace(part.result, random=None, srs=None))
-    checked = replace(convergence_of(part, shared, stop), compared_s=compared_s, lines={})
-    whole, times = Model(solution.motion, stop), checked.sensitivity
+    checked = replace(convergence_of(part, shared), compared_s=compared_s, lines={})
+    whole, times = Model(solution.motion), checked.sensitivity
     if not times.sensitive:
         times = sensitivity(whole.events, compared_s, whole.disturbed)
     if not times.sensitive:

@@ -65,7 +65,7 @@ def test_a_mode_keeps_the_points_it_has(mode, points):
     ("stage", "left_out"),
     [
         ("exact_motion_of", "interrupted before the spectra"),
-        ("spectra_of", "interrupted during the comparison with a finer model"),
+        ("spectra_of", "interrupted before the spectra"),
         ("convergence_of", "interrupted during the comparison with a finer model"),
     ],
 )
@@ -93,7 +93,7 @@ def test_a_run_stopped_at_any_stage_keeps_its_motion(stage, left_out, monkeypatc
         np.testing.assert_array_equal(kept.energy.stored, whole.energy.stored)
         for entry in ("peak_displacement_m", "peak_force_n", "energy_error", "contacts"):
             assert kept.summary[entry] == whole.summary[entry]
-        assert set(kept.spectra) == (set() if stage == "exact_motion_of" else set(whole.spectra))
+        assert set(kept.spectra) == (set(whole.spectra) if stage == "convergence_of" else set())
         kept.plot()
 
 
@@ -376,3 +376,58 @@ def test_a_termination_of_which_a_library_makes_an_error_of_its_own():
     with pytest.raises(SystemExit) as ended, interruptible():
         compile_badly()
     assert ended.value.code == 143
+
+
+# --- while a motion is evaluated --------------------------------------------------------------------------------------
+
+EVALUATED = """
+chain: {masses: [1 kg, 1 kg], springs: [1 kN/m, 1 kN/m], damping: {kind: modal, ratio: 0.01}}
+snubbers: [{name: stop, mass: 2, side: below, gap: 0.1 mm, stiffness: 1e5}]
+run: {duration: 1 s, sample_rate: 2 kHz, low_pass: 500 Hz, impacts: {}, srs: {from: 20 Hz, to: 200 Hz},
+  sensitivities: [snubbers.stop.gap]}
+"""
+INPUTS = {
+    "harmonic": "excitation: {kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2}\n",
+    "random": "excitation: {kind: random, applied_to: base, seed: 3, "
+    "psd: [{frequency: 5 Hz, density: 1}, {frequency: 50 Hz, density: 1}]}\n",
+}
+STAGES = [  # input, module and function in which the signal comes, what is said to be missing
+    ("harmonic", "analyses.run.exact_motion", "energies_of_segments", "before the spectra"),
+    ("harmonic", "analyses.run.exact_motion", "power_factors", "before the spectra"),
+    ("harmonic", "analyses.run.analysis", "spectra_of", "before the spectra"),
+    ("random", "analyses.run.summary", "gapping_of_run", "before the level that changes contact"),
+    ("random", "analyses.run.random_response", "random_response", "before densities and statistics"),
+    ("harmonic", "analyses.run.analysis", "impacts_of", "before statistics of impacts"),
+    ("harmonic", "analyses.run.analysis", "shock_response", "before shock response spectra"),
+    ("harmonic", "analyses.run.sensitivities", "sensitivities_of", "before sensitivities"),
+    ("harmonic", "trust.runs", "convergence_of", "during the comparison with a finer model"),
+]
+
+
+@pytest.mark.parametrize(("excited", "module", "function", "missing"), STAGES)
+def test_a_signal_in_the_evaluation_keeps_the_motion(excited, module, function, missing, invoked, monkeypatch):
+    """The signal comes where the function is called: it does not return, and a complete older result stays."""
+    home = __import__(f"beamsim.{module}", fromlist=["?"])
+    real, returned = getattr(home, function), []
+
+    def signalled(*given, **named):
+        os.kill(os.getpid(), signal.SIGTERM)
+        result = real(*given, **named)
+        returned.append(function)
+        return result
+
+    Path("case.yaml").write_text(EVALUATED + INPUTS[excited])
+    assert invoke("run", "case.yaml", "--no-plots", "--quiet", "--set", "run.convergence=off").exit_code == 0
+    complete = Path("case.h5").read_bytes()
+    monkeypatch.setattr(home, function, signalled)
+    done = invoke("run", "case.yaml")
+    assert done.exit_code == 143, done.output
+    assert sorted(os.listdir()) == ["case.h5", "case.yaml", "case_partial.h5"]
+    assert Path("case.h5").read_bytes() == complete
+    kept = beamsim.open_result("case_partial.h5")
+    assert kept.status.startswith(f"interrupted {missing}")
+    assert kept.time[-1] == pytest.approx(1.0)
+    whole = beamsim.open_result("case.h5")
+    assert kept.summary["peak_force_n"] == whole.summary["peak_force_n"]
+    if module != "analyses.run.exact_motion":  # which is finished if that takes less than a second
+        assert returned == []

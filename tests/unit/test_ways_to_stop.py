@@ -1,5 +1,6 @@
 """Computations that stop early say why by a code with its numbers, and keep what they have."""
 
+import traceback
 from pathlib import Path
 
 import numpy as np
@@ -37,13 +38,88 @@ def test_a_hopeless_motion_is_refused(monkeypatch):
     assert refused.value.problems[0].remedy.startswith("check stiffnesses")
 
 
-def test_a_search_for_extremes_can_be_interrupted(monkeypatch):
-    """The motion that was marched when the request came is kept, unless that takes too long."""
-    scenario = load_scenario(CHAIN)
-    assert beamsim.run(scenario, stop=lambda: True).outcome.interrupted
-    monkeypatch.setattr("beamsim.analyses.run.exact_motion.GRACE_S", -1.0)
-    with pytest.raises(KeyboardInterrupt):
-        beamsim.run(scenario, stop=lambda: True)
+class During:
+    """A request to end that comes when it is asked for in a function for the n-th time."""
+
+    def __init__(self, function, times=1):
+        self.function, self.left, self.later = function, times, 0
+
+    def __call__(self):
+        if self.left == 0:
+            self.later += 1
+        elif any(frame.f_code.co_name == self.function for frame, _ in traceback.walk_stack(None)):
+            self.left -= 1
+        return self.left == 0
+
+
+SAMPLED = ["run.sample_rate=20 kHz", "run.convergence=off", "run.spectrum=null"]
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    result = beamsim.run(load_scenario(CHAIN, SAMPLED))
+    assert result.complete
+    return result
+
+
+@pytest.fixture
+def no_grace(monkeypatch):
+    """No time to evaluate what was marched, as if the motion were a very long one."""
+    from beamsim.analyses.run import exact_motion
+
+    for name, value in {"GRACE_S": -1.0, "KEPT_S": -1.0, "FEWEST_SAMPLES": 10, "FEWEST_SEGMENTS": 8}.items():
+        monkeypatch.setattr(exact_motion, name, value)
+    monkeypatch.setattr(exact_motion, "VALUES_AT_ONCE", 20_000)
+
+
+@pytest.mark.parametrize(
+    ("function", "times", "left_out"),
+    [
+        ("with_stretch", 1, None),
+        ("with_stretch", 4, None),
+        ("histories_of", 200, "the histories after"),
+        ("spectra_of", 20, "the spectra"),
+        ("summary_of_run", 1, "the level that changes contact"),
+        ("aliased_in_histories", 5, "aliasing"),
+    ],
+)
+def test_a_long_motion_interrupted_anywhere_keeps_a_part_that_is_right(
+    function, times, left_out, undisturbed, no_grace
+):
+    """What is kept is that of a run which ends where the part does, and little is computed after the request."""
+    request = During(function, times)
+    part = beamsim.run(load_scenario(CHAIN, SAMPLED), stop=request)
+    assert part.outcome.interrupted
+    assert request.later < 20  # of some 500 times
+    count = part.time.size
+    assert count >= 10
+    np.testing.assert_array_equal(part.time, undisturbed.time[:count])
+    for name, probe in part.probes.items():
+        whole = undisturbed.probes[name].displacement
+        np.testing.assert_allclose(probe.displacement, whole[:count], rtol=0, atol=1e-9 * np.abs(whole).max())
+    compared = undisturbed
+    if left_out is None:  # the motion is cut
+        end = part.outcome.place.value
+        assert end < undisturbed.time[-1]
+        compared = beamsim.run(load_scenario(CHAIN, [*SAMPLED, f"run.duration={end!r} s"]))
+    else:
+        assert part.status.startswith(f"interrupted before {left_out}")
+        assert (count < undisturbed.time.size) == (function == "histories_of")
+    assert part.summary["contacts"] == compared.summary["contacts"]
+    for entry in ("peak_displacement_m", "peak_force_n", "contact_share"):
+        assert part.summary[entry] == pytest.approx(compared.summary[entry], rel=1e-9)
+    assert part.summary["energy_error"] < 1e-9
+
+
+def test_blocks_end_on_request():
+    from beamsim.outcomes import Interrupted, check_stop, never, stopped_by
+
+    check_stop()  # nobody asks
+    with stopped_by(lambda: True), pytest.raises(Interrupted):
+        check_stop()
+    with stopped_by(lambda: True), stopped_by(never), pytest.raises(Interrupted):  # of a block around
+        check_stop()
+    check_stop()
 
 
 def test_an_integrator_that_fails(monkeypatch):

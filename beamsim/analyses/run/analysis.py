@@ -27,21 +27,24 @@ from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum
 from beamsim.analyses.run.impacts import impacts_of
 from beamsim.analyses.run.motion import (
     RunMotion,
+    Steps,
     bodies_of_run,
     contact_instant,
     history_fields,
     no_histories,
     output_times,
     pull_warnings,
+    reached,
 )
 from beamsim.analyses.run.names import refuse_names_of_fields
 from beamsim.analyses.run.needed import EVERYTHING, Needed
-from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
 from beamsim.analyses.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.errors import InputFileError, Problem, ScenarioError
+from beamsim.flow.transient import MotionInStretches
 from beamsim.hdf5 import is_as_written, open_hdf5
 from beamsim.input_files import reading
 from beamsim.inputs.statements import InputStatement
@@ -130,17 +133,16 @@ def solved(
     """
     begin = clock.perf_counter()
     scenario, system = _built(scenario, shared)
-    settings, needed = not_none(scenario.run), Needed.of(scenario, entries)
-    motion = motion_of(system, settings, output_times(scenario), progress, stop, needed)
+    settings, needed, times = not_none(scenario.run), Needed.of(scenario, entries), output_times(scenario)
+    motion = motion_of(system, settings, times, progress, stop, needed)
     sampled = motion.sampled() if needed.everything or needed.statistics else None
-    histories, left_out = no_histories() if sampled is None else history_fields(motion, sampled), list[str]()
-
-    def goes_on(to: str) -> bool:  # from then on each step is left out
-        if stop():
-            left_out.append(to)
-        return not left_out
-
-    spectra = spectra_of(motion) if (needed.everything or needed.root_mean_squares) and goes_on("the spectra") else {}
+    steps = Steps(stop)
+    if sampled is not None and sampled.time.size < reached(motion.marched.end, times).size:
+        steps.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
+    histories = no_histories() if sampled is None else history_fields(motion, sampled, steps)
+    spectra: dict[tuple[str, str], Spectrum] = {}
+    if needed.everything or needed.root_mean_squares:
+        spectra = steps.computed("the spectra", lambda: spectra_of(motion), spectra)
     result = RunResult(
         scenario=scenario,
         method=motion.method,
@@ -151,21 +153,25 @@ def solved(
         events=motion.events,
         spectra=spectra,
         **histories,
-        **(bodies_of_run(motion) if needed.everything else {}),
+        **(bodies_of_run(motion, steps) if needed.everything else {}),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
     )
-    warnings = _warnings(motion) + ([] if left_out else coverage_notes(motion))
+    warnings = _warnings(motion) + ([] if steps.left_out else coverage_notes(motion))
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
-    summary = summary_of_run(motion, spectra, needed, stop)
+    summary = summary_of_run(motion, spectra, needed, steps)
     if needed.everything and sampled is not None:
-        summary["aliased_in_histories"] = aliased_in_histories(motion, sampled) or None
-    warnings += jump_warnings(motion, summary["peak_acceleration_g"])
-    fields, notes = _asked_for(result, motion, needed, goes_on)
+        unknown = dict[str, float]()
+        aliased = steps.computed("aliasing", lambda: aliased_in_histories(motion, sampled), unknown, minor=True)
+        summary["aliased_in_histories"] = aliased or None
+    warnings += steps.computed(
+        "warnings of jumps", lambda: jump_warnings(motion, summary["peak_acceleration_g"]), list[str](), minor=True
+    )
+    fields, notes = _asked_for(result, motion, needed, steps)
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
-    if left_out and result.outcome.usable:
-        fields["outcome"] = interruption(f"before {', '.join(left_out)}")
+    if steps.left_out and result.outcome.usable:
+        fields["outcome"] = interruption(f"before {', '.join(steps.left_out)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))
     result = result.with_summary(**summary, **figures_of_parts(result, summary))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
@@ -199,9 +205,7 @@ def _warnings(motion: RunMotion) -> list[str]:
     ]
 
 
-def _asked_for(
-    result: RunResult, motion: RunMotion, needed: Needed, goes_on: Callable[[str], bool]
-) -> tuple[dict[str, Any], list[str]]:
+def _asked_for(result: RunResult, motion: RunMotion, needed: Needed, steps: Steps) -> tuple[dict[str, Any], list[str]]:
     """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
 
     Parameters
@@ -209,40 +213,45 @@ def _asked_for(
     result : of the motion.
     motion : it came from.
     needed : of it; what a note may follow from is computed in any case.
-    goes_on : whether what is named is still computed, or left out.
+    steps : of the evaluation.
     """
-    scenario, system, closed_form = result.scenario, motion.system, motion.trajectory is not None
+    scenario, system, closed_form = result.scenario, motion.system, isinstance(motion.marched, MotionInStretches)
     settings = not_none(scenario.run)
     fields: dict[str, Any] = {}
     notes: list[str] = []
-    if scenario.excitation.stationary and needed.statistics and goes_on("densities and statistics"):
+    if scenario.excitation.stationary and needed.statistics:
         from beamsim.analyses.run.random_response import largest_known, random_response
 
-        fields["random"] = random = random_response(result, system)
-        fields["outcome"] = largest_known(result.outcome, random, settings)
-    reached = settings.from_ < motion.marched.end or not settings.from_
-    if (
-        needed.everything
-        and settings.impacts is not None
-        and closed_form
-        and reached
-        and goes_on("statistics of impacts")
-    ):
-        fields["impacts"] = impacts_of(system, motion.parts())
-    if settings.fatigue is not None and system.stress is not None and goes_on("the damage of stress"):
-        damage = fatigue_of(system, motion.parts, motion.marched.end, motion.extremes[STRESS])
+        random = steps.computed("densities and statistics", lambda: random_response(result, system), None)
+        if random is not None:
+            fields |= {"random": random, "outcome": largest_known(result.outcome, random, settings)}
+    counted = settings.from_ < motion.marched.end or not settings.from_
+    if needed.everything and settings.impacts is not None and closed_form and counted:
+        fields["impacts"] = steps.computed(
+            "statistics of impacts", lambda: impacts_of(system, motion.parts()), result.impacts
+        )
+    if settings.fatigue is not None and system.stress is not None:
+        end, extremes = motion.marched.end, motion.extremes[STRESS]
+        damage = steps.computed(
+            "the damage of stress", lambda: fatigue_of(system, motion.parts, end, extremes), result.fatigue
+        )
         fields["fatigue"] = damage
         notes += fatigue_warnings(damage, settings.fatigue)
-    if settings.srs is not None and needed.has("srs_over_limit") and goes_on("shock response spectra"):
-        fields["srs"] = shock_response(system, motion.trajectory or motion.sampled())
+    if settings.srs is not None and needed.has("srs_over_limit"):
+        fields["srs"] = steps.computed(
+            "shock response spectra", lambda: shock_response(system, motion.trajectory or motion.sampled()), None
+        )
     if settings.srs is not None and not closed_form:
         notes += _coarse_samples(motion.sampled().time, settings.srs)
     if settings.srs is not None:
         notes += _coarse_records(system.inputs, settings.srs)
-    if settings.sensitivities and goes_on("sensitivities"):
+    if settings.sensitivities:
         from beamsim.analyses.run.sensitivities import sensitivities_of
 
-        fields["sensitivities"], said = sensitivities_of(scenario, motion)
+        unknown = result.sensitivities, list[str]()
+        fields["sensitivities"], said = steps.computed(
+            "sensitivities", lambda: sensitivities_of(scenario, motion), unknown
+        )
         notes += said
     fields["matched"] = matched_spectrum(system)
     if (matched := fields["matched"]) is not None and (worst := float(np.abs(matched.misfit_db).max())) > MISFIT_DB:

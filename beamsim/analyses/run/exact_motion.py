@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-import time as clock
 from collections.abc import Callable
+from contextlib import suppress
+from copy import copy as copied
+from copy import deepcopy
 from functools import partial
 
 import numpy as np
@@ -12,7 +14,7 @@ import numpy as np
 from beamsim.analyses.run.energy import EnergyBalance, energies, energies_of_segments, power_factors
 from beamsim.analyses.run.filters import LowPassed, filtered
 from beamsim.analyses.run.impacts import friction_contacts
-from beamsim.analyses.run.motion import Histories, RunMotion, memory_of, reached, with_limit
+from beamsim.analyses.run.motion import COMPONENTS, Histories, RunMotion, memory_of, reached, with_limit
 from beamsim.analyses.run.needed import EVERYTHING, Needed
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.values import (
@@ -24,10 +26,12 @@ from beamsim.analyses.values import (
 )
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.channels import Observed
+from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import CHECKPOINT_PIECES, MotionInStretches
 from beamsim.inputs.signal import StreamedSignal, common_record
+from beamsim.outcomes import Interrupted, never, stopped_by
 from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
@@ -38,7 +42,6 @@ STRETCH_SHARE = 0.064  # of the memory, for the pieces of a stretch
 COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
 SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
 VALUES_AT_ONCE = 2**22  # outputs and states at the times that are computed together
-COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
 _STRESSES_AT_ONCE = 256  # samples
 SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
 MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
@@ -51,7 +54,7 @@ def motion_in_stretches(
     *,
     most_events: int | None = None,
     progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool],
+    stop: Callable[[], bool] = never,
 ) -> tuple[MotionInStretches, str]:
     """The motion of a run, to be marched, and the setting that limits its events.
 
@@ -134,18 +137,22 @@ def exact_motion_of(
     motion, limit = motion_in_stretches(system, settings, progress=progress, stop=stop)
     if not motion.one_stretch:
         _refuse_what_needs_all(system, settings)
-    figures = StretchFigures(system, settings, motion.flow, times, needed)
-    overdue = Overdue(stop)
+    figures, overdue = StretchFigures(system, settings, motion.flow, times, needed), Overdue(stop)
     with locating({"duration": "run.duration"}):
         for stretch in motion.stretches():
-            figures.add(stretch, overdue)
+            try:
+                with stopped_by(overdue):
+                    figures = figures.with_stretch(stretch)
+            except Interrupted:
+                figures, part = figures.with_beginning(stretch)
+                motion.end_with(part)
     at = extreme_times(figures.extremes)
     order = np.argsort(at)
     return RunMotion(
         system=system,
         method="exact",
         outcome=figures.balance.checked(with_limit(motion.outcome, limit)),
-        sampled=lambda: histories_of(motion, system.channels.without(STRESS), times),
+        sampled=lambda: histories_of(motion, system.channels.without(STRESS), times, stop),
         balance=figures.balance,
         marched=motion,
         extremes=figures.extremes,
@@ -208,7 +215,9 @@ def _von_mises(system: StructuralSystem, motion: MotionInStretches, times: Float
     return {name: np.sqrt(largest) for name, largest in squares.items()}
 
 
-def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats) -> Histories:
+def histories_of(
+    motion: MotionInStretches, channels: ChannelSet, times: Floats, stop: Callable[[], bool] = never
+) -> Histories:
     """A motion in closed form at output times, stretch by stretch.
 
     Parameters
@@ -216,10 +225,12 @@ def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats)
     motion : as far as it was marched.
     channels : that are sampled.
     times : (nt,) increasing, s; those after the end of the motion are left out.
+    stop : asked now and then whether to end.
 
     Returns
     -------
     Histories
+        At the times up to which they were evaluated within `GRACE_S` after an interruption, `FEWEST_SAMPLES` at least.
     """
     flow, observed = motion.flow, Observed(motion.flow, channels)
     times = reached(motion.end, times)
@@ -228,32 +239,43 @@ def histories_of(motion: MotionInStretches, channels: ChannelSet, times: Floats)
     touching = np.empty((contacts.count, times.size), dtype=bool).T
     energy, work = np.empty((3, times.size)), np.zeros(2)
     factors, at_once = power_factors(flow), max(VALUES_AT_ONCE // (columns + flow.size), 1)
-    first = 0
-    for stretch in motion.again():
-        begin, last = float(stretch.time[0]), reached(stretch.end, times).size
-        for number in range(first, max(last, first + 1), at_once):
-            part = slice(number, min(number + at_once, last))
-            at = np.minimum(times[part], stretch.end)
-            values[part] = observed.values(stretch, at)
-            touching[part] = contacts.touching(stretch.phases_at(at))
-            end = at[-1:] if part.stop < last else [stretch.end]
-            found = energies(stretch, np.append(at, end), factors, begin, work)
-            energy[:, part] = found.work_in[:-1], found.dissipated[:-1], found.stored[:-1]
-            begin, work = float(end[0]), np.array([found.dissipated[-1], found.work_in[-1]])
-        first = last
-    return Histories(times, channels, values, touching, EnergyHistory(*energy))
+    first = filled = 0
+    with suppress(Interrupted), stopped_by(Overdue(stop)):
+        for stretch in motion.again():
+            begin, last = float(stretch.time[0]), reached(stretch.end, times).size
+            for number in range(first, max(last, first + 1), at_once):
+                part = slice(number, min(number + at_once, last))
+                at = np.minimum(times[part], stretch.end)
+                values[part] = observed.values(stretch, at)
+                touching[part] = contacts.touching(stretch.phases_at(at))
+                end = at[-1:] if part.stop < last else [stretch.end]
+                found = energies(stretch, np.append(at, end), factors, begin, work)
+                energy[:, part] = found.work_in[:-1], found.dissipated[:-1], found.stored[:-1]
+                begin, work = float(end[0]), np.array([found.dissipated[-1], found.work_in[-1]])
+                filled = part.stop
+            first = last
+    if not filled < times.size:
+        return Histories(times, channels, values, touching, EnergyHistory(*energy))
+    if not filled:
+        return histories_of(motion, channels, times[:FEWEST_SAMPLES])
+    return Histories(times[:filled], channels, values[:filled], touching[:filled], EnergyHistory(*energy[:, :filled]))
 
 
-GRACE_S = 5.0
-"""Time after an interruption in which the extremes of what was marched may be found, so that it can be kept."""
+GRACE_S = 0.7
+"""Processor time after an interruption in which a motion that was marched is evaluated as a whole, so that it is kept
+as a whole; the same again for its histories."""
+KEPT_S = 0.25
+"""Processor time after that in which the first part of a longer motion is evaluated, which is kept."""
+FEWEST_SEGMENTS, FEWEST_SAMPLES = 64, 1000
+"""Of a motion, which are evaluated whatever time that takes."""
 
 
 class Overdue:
-    """Whether a motion that was interrupted is still not evaluated after `GRACE_S`.
+    """Whether more than `GRACE_S` of processor time was spent since an interruption was noticed.
 
     Parameters
     ----------
-    stop : says whether it is interrupted.
+    stop : says whether there was one.
     """
 
     def __init__(self, stop: Callable[[], bool]) -> None:
@@ -263,8 +285,8 @@ class Overdue:
         """Whether to give up."""
         if not self._stop():
             return False
-        self._since = min(self._since, clock.monotonic())
-        return clock.monotonic() - self._since > GRACE_S
+        self._since = min(self._since, processor_time())
+        return processor_time() - self._since > GRACE_S
 
 
 class StretchFigures:
@@ -296,10 +318,30 @@ class StretchFigures:
         largest_alone = STRESS if STRESS in channels.places and not needed.every_station else None
         self._observed = Observed(flow, channels, largest_alone)
 
-    def add(self, stretch: Trajectory, stop: Callable[[], bool]) -> None:
-        """Include the next stretch; raises `KeyboardInterrupt` if ``stop`` says so during the search for extremes."""
+    def with_stretch(self, stretch: Trajectory) -> StretchFigures:
+        """The same with the next stretch; these stay as they are if that is interrupted."""
+        copy = copied(self)
+        copy.balance, copy.low_passed = (
+            deepcopy(self.balance),
+            None if self.low_passed is None else self.low_passed.copy(),
+        )
+        copy._add(stretch)
+        return copy
+
+    def with_beginning(self, stretch: Trajectory) -> tuple[StretchFigures, Trajectory]:
+        """The same with as much of the next stretch as is evaluated in `KEPT_S`, and that part of the stretch."""
+        begin, segments = processor_time(), FEWEST_SEGMENTS
+        while True:
+            part = stretch.only(slice(0, segments))
+            kept = self.with_stretch(part)
+            if segments >= stretch.segments or processor_time() - begin > KEPT_S:
+                return kept, part
+            segments *= 2
+
+    def _add(self, stretch: Trajectory) -> None:
+        """Include the next stretch."""
         balance = energies_of_segments(stretch)
-        found = self._observed.extremes(stretch, stop)
+        found = self._observed.extremes(stretch)
         if (low := self.low_passed) is not None:
             hz, through = low.frequency_hz, low.filter
             low.add(stretch.end, lambda times: filtered(stretch, self._accelerations, hz, times, through))

@@ -20,6 +20,8 @@ certified as those of the motion are. Motions with powers of time are led throug
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy as copied
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -37,6 +39,7 @@ from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
+from beamsim.outcomes import check_stop
 from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
 from beamsim.structures.places import UPWARDS, Link
@@ -163,6 +166,7 @@ def _panels(times: Floats, signal: Signal, longest: float | Floats) -> Iterator[
     ends = np.append(np.repeat(times[:-1], steps) + number * np.repeat(lengths, steps), times[-1])
     of_panel = np.repeat(np.arange(steps.size), steps)
     for first in range(0, ends.size - 1, BLOCK):
+        check_stop()
         block, part = ends[first : first + BLOCK + 1], of_panel[first : first + BLOCK]
         length = lengths[part[0] : part[-1] + 1]
         which = part - part[0]
@@ -355,6 +359,12 @@ class LowPassed:
         self._times, self._begin, self._reached = times, 0.0, 0
         self.values = np.zeros((times.size, probes))  # zero where it did not come
         self.extremes: Floats | None = None  # (4, probes) lowest, its time, highest, its time
+
+    def copy(self) -> LowPassed:
+        """A copy that goes on by itself; both write the values that follow to the same array."""
+        copy = copied(self)
+        copy.filter = deepcopy(self.filter)
+        return copy
 
     def add(self, end: float, behind: Callable[[Floats], FilteredMotion]) -> None:
         """Go on to the end of the next part; ``behind`` gives it where it is to be known at output times (nt,)."""

@@ -19,7 +19,7 @@ standard deviation of the stationary linear motion is compared with :math:`\delt
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -42,6 +42,7 @@ from beamsim.contacts.laws import ContactLaw
 from beamsim.flow.channels import Observed
 from beamsim.flow.transient import simulate
 from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
+from beamsim.outcomes import check_stop
 from beamsim.scenario.excitation import RandomInput, Shock
 from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.scenario.run import Run
@@ -207,17 +208,17 @@ def _nodes(panels: Floats, count: int) -> Iterator[tuple[Floats, Floats]]:
     frequency = (panels[:-1, None] + half * (1.0 + node)).ravel()
     weights = (half * weight).ravel()
     for begin in range(0, frequency.size, BLOCK):
+        check_stop()
         yield frequency[begin : begin + BLOCK], weights[begin : begin + BLOCK]
 
 
-def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any], stop: Callable[[], bool]) -> OfSnubbers:
+def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> OfSnubbers:
     """Where contact changes first, from the linear motion, for the summary.
 
     Parameters
     ----------
     motion : of the run.
     summary : with the largest gaps.
-    stop : asked whether to end a linear motion that is marched.
 
     Returns
     -------
@@ -240,7 +241,7 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any], stop: Callable
         if moved or excitation.kind == "none" or motion.trajectory is None:
             return {}
         level = float(excitation.level) if isinstance(excitation, Shock) else None
-        of_snubber = _of_motion(settings, motion, level, stop)
+        of_snubber = _of_motion(settings, motion, level)
     names = [snubber.name for snubber in system.snubbers]
     for name, of in of_snubber.items():
         times = motion.events.time[motion.events.snubber == names.index(name)]
@@ -260,7 +261,7 @@ def gapping_of_sine(system: StructuralSystem) -> OfSnubbers:
     return gapping(levels, frequency, np.array([amplitude])) if levels else {}
 
 
-def _of_motion(settings: Run, motion: RunMotion, level: float | None, stop: Callable[[], bool]) -> OfSnubbers:
+def _of_motion(settings: Run, motion: RunMotion, level: float | None) -> OfSnubbers:
     """Factors of the input at which the linear motion changes contact, from its extremes."""
     system, count = motion.system, len(motion.system.snubbers)
     contacts = system.dynamics.contacts
@@ -269,9 +270,9 @@ def _of_motion(settings: Run, motion: RunMotion, level: float | None, stop: Call
     unchanged = motion.work.events == 0 and motion.extremes.keys() >= {
         key for key in _WATCHED if system.channels.of_keys(key).channels
     }
-    at_rest = motion.extremes if unchanged else _linear_motion(system, settings, resting, stop)
+    at_rest = motion.extremes if unchanged else _linear_motion(system, settings, resting)
     same = bool(np.array_equal(resting[:count], pressed[:count]))
-    shut = at_rest if same else _linear_motion(system, settings, pressed, stop)
+    shut = at_rest if same else _linear_motion(system, settings, pressed)
     if at_rest is None or shut is None:
         return {}
     factors = _factors(system, penetration, at_rest)
@@ -355,8 +356,8 @@ def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) ->
     return factors
 
 
-def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints, stop: Callable[[], bool]) -> Extremes | None:
-    """Of the motion from equilibrium in which no contact leaves its phase; None if it was interrupted."""
+def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints) -> Extremes | None:
+    """Of the motion from equilibrium in which no contact leaves its phase; None if it was not marched to its end."""
     contacts = system.dynamics.contacts
     laws = tuple(
         replace(law, phases=(replace(law.phases[phase], guards=()),), start=0)
@@ -364,7 +365,7 @@ def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints, stop: 
     )
     linear = replace(system, dynamics=replace(system.dynamics, contacts=replace(contacts, laws=laws)))
     flow = exact_flow(linear, settings.duration, settings.most_contact_states, memory=settings.memory)
-    trajectory = simulate(flow, system.initial_state, max_events=settings.max_events, stop=stop)
+    trajectory = simulate(flow, system.initial_state, max_events=settings.max_events)
     if not trajectory.outcome.complete:
         return None
     return Observed(flow, linear.channels.of_keys(*_WATCHED)).extremes(trajectory)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -42,7 +43,7 @@ from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInStretches
 from beamsim.inputs.measured import highest_excited_hz
-from beamsim.outcomes import Outcome
+from beamsim.outcomes import Interrupted, Outcome, Stop, check_stop, stopped_by
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.scenario.run import Run
@@ -50,6 +51,9 @@ from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
 from beamsim.typing import Bools, Floats, not_none
 
+Value = TypeVar("Value")
+
+COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
 ROUND_OFF = 1e-12  # relative, of the last output time
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 
@@ -69,6 +73,36 @@ class Histories:
         return np.asarray(self.values[:, self.channels.places[key]])
 
 
+@dataclass
+class Steps:
+    """What is derived from a motion, one step after the other; after an interruption the others are left out.
+
+    Parameters
+    ----------
+    stop : asked before and during every step whether to leave it out.
+    """
+
+    stop: Stop
+    left_out: list[str] = field(default_factory=list)  # what is missing
+
+    def computed(self, what: str, compute: Callable[[], Value], instead: Value, minor: bool = False) -> Value:
+        """The result of a step; ``instead`` if it is left out.
+
+        Parameters
+        ----------
+        what : is noted as missing.
+        compute, instead : the result.
+        minor : whether it is noted only where nothing before it is left out.
+        """
+        with suppress(Interrupted), stopped_by(self.stop):
+            if not self.left_out:
+                check_stop()
+                return compute()
+        if not (minor and self.left_out):
+            self.left_out.append(what)
+        return instead
+
+
 def no_histories() -> dict[str, Any]:
     """The fields of `history_fields` of a result without histories."""
     none = np.zeros(0)
@@ -78,13 +112,14 @@ def no_histories() -> dict[str, Any]:
     }  # fmt: skip
 
 
-def history_fields(motion: RunMotion, histories: Histories) -> dict[str, Any]:
+def history_fields(motion: RunMotion, histories: Histories, steps: Steps) -> dict[str, Any]:
     """Everything at the output times, as fields of the result.
 
     Parameters
     ----------
     motion : of the run.
     histories : of the motion.
+    steps : of the evaluation.
 
     Returns
     -------
@@ -96,7 +131,7 @@ def history_fields(motion: RunMotion, histories: Histories) -> dict[str, Any]:
         "probes": _probes(motion, histories),
         "snubbers": _snubbers(motion, histories),
         "springs": _springs(system, histories),
-        "friction": _friction(motion, histories),
+        "friction": _friction(motion, histories, steps),
         "outputs": _outputs(system, histories),
         "base_acceleration": _signal(system.base_acceleration, histories.time),
         "base_displacement": _signal(system.base_displacement, histories.time),
@@ -122,7 +157,7 @@ class RunMotion:
     low_passed: Floats | None = None  # (nt or more, probes) acceleration behind the filter, where there is one
     last: Callable[[], Trajectory | None] = lambda: None  # see `trajectory`
     parts: Callable[[], Iterable[Trajectory]] = tuple  # all of it, one after the other
-    von_mises: Callable[[], Mapping[str, Floats]] = dict  # (nx,) Pa, largest of the samples, by plate
+    von_mises: Callable[[], dict[str, Floats]] = dict  # (nx,) Pa, largest of the samples, by plate
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
     compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
     warnings: tuple[str, ...] = ()
@@ -277,7 +312,7 @@ def _springs(system: StructuralSystem, histories: Histories) -> dict[str, Spring
     return {s.name: SpringHistory(s.name, s.kind, s.masses, stretch[:, i], force[:, i]) for i, s in enumerate(springs)}
 
 
-def _friction(motion: RunMotion, histories: Histories) -> dict[str, FrictionHistory]:
+def _friction(motion: RunMotion, histories: Histories, steps: Steps) -> dict[str, FrictionHistory]:
     system, scenario = motion.system, motion.system.scenario
     contacts, number = [each.item for each in scenario.located_friction], friction_contacts(system)
     figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
@@ -285,7 +320,7 @@ def _friction(motion: RunMotion, histories: Histories) -> dict[str, FrictionHist
     if contacts and motion.trajectory is not None and begin <= motion.trajectory.end:
         random = scenario.excitation.stationary and motion.outcome.complete
         counted = motion.trajectory.between(begin, motion.trajectory.end) if begin else motion.trajectory
-        figures = sliding_figures(system, counted, contacts, random=random)
+        figures = steps.computed("sliding", lambda: sliding_figures(system, counted, contacts, random=random), figures)
     return {
         c.name: FrictionHistory(
             turns=isinstance(c, OfHinge) or None,
@@ -332,12 +367,13 @@ def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, Output
     return outputs
 
 
-def bodies_of_run(motion: RunMotion) -> dict[str, Any]:
+def bodies_of_run(motion: RunMotion, steps: Steps) -> dict[str, Any]:
     """Results along each body that has a continuous axis, as fields of the result.
 
     Parameters
     ----------
     motion : of the run.
+    steps : of the evaluation.
 
     Returns
     -------
@@ -349,7 +385,9 @@ def bodies_of_run(motion: RunMotion) -> dict[str, Any]:
     def peaks(of_body: slice, moments: int) -> Floats:
         return np.asarray(largest(motion.extremes[STRESS])[of_body].reshape(moments, -1).max(axis=0))
 
-    equilibrium, von_mises = system.static_equilibrium, motion.von_mises()
+    equilibrium, von_mises = system.static_equilibrium, dict[str, Floats]()
+    if any(body.moments == COMPONENTS for body in system.bodies):
+        von_mises = steps.computed("the von Mises stress of plates", motion.von_mises, von_mises)
     bodies = {
         body.body: BodyResult(
             position=body.position,

@@ -53,7 +53,7 @@ from beamsim.analyses.run.result import (
 )
 from beamsim.contacts.laws import ContactLaw
 from beamsim.inputs.measured import limit_curve
-from beamsim.outcomes import Outcome, OutcomeKind
+from beamsim.outcomes import Outcome, OutcomeKind, check_stop
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
 from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD, MOMENT_PSD
@@ -120,6 +120,7 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
     entered = statistics("input", quantity, amplitude_unit(quantity), given)
     signals, transmissibility, coherence = [entered], {}, {}
     for name, quantity, unit, values in _responses(result):
+        check_stop()
         x = values[first:]
         signals.append(statistics(name, quantity, unit, x))
         of_probe = name in result.probes and name not in transmissibility  # an output may be called as a probe is

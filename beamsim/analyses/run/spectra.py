@@ -22,6 +22,7 @@ from beamsim.analyses.run.result import ALLOWED_REMAINDER, SpectralLine, Spectru
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import MotionPart, Observed
 from beamsim.flow.trajectory import Trajectory
+from beamsim.outcomes import check_stop
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import MOST_FREQUENCIES, SpectrumSettings
 from beamsim.system.equations import ChannelSet
@@ -84,6 +85,7 @@ def spectra_of(motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
     spectra = {}
     records = records_of(system, trajectory, channels, (begin, trajectory.end))
     for of, record in zip(labels, records, strict=True):
+        check_stop()
         window = settings.window or _suited_window(system.scenario, record)
         spectra[of[:2]] = spectrum_of(
             record, window, excitation_hz, *of, residual_hz=residual, chosen_hz=settings.frequencies

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.gapping import gapping_ratios
-from beamsim.analyses.run.linear_prediction import gapping_of_run
-from beamsim.analyses.run.motion import RunMotion
+from beamsim.analyses.run.linear_prediction import OfSnubbers, gapping_of_run
+from beamsim.analyses.run.motion import RunMotion, Steps
 from beamsim.analyses.run.needed import Needed
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
 from beamsim.analyses.values import (
@@ -133,7 +133,7 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
 
 
 def summary_of_run(
-    motion: RunMotion, spectra: dict[tuple[str, str], Spectrum], needed: Needed, stop: Callable[[], bool]
+    motion: RunMotion, spectra: dict[tuple[str, str], Spectrum], needed: Needed, steps: Steps
 ) -> dict[str, Any]:
     """What does not repeat a field of the result.
 
@@ -142,7 +142,7 @@ def summary_of_run(
     motion : of the run.
     spectra : by name and quantity; where they were left out, root mean squares are nan.
     needed : entries; how gapping is predicted takes longer than most.
-    stop : asked whether to end the linear motions that gapping is told from.
+    steps : of the evaluation.
 
     Returns
     -------
@@ -177,8 +177,14 @@ def summary_of_run(
             summary["largest_bending_stress_across_m"] = float(system.stress.stations.across[where])
         if len(system.bodies) > 1:
             summary["largest_bending_stress_body"] = system.stress.bodies[where]
-    predicted = needed.has("gapping_ratio")
-    if of_snubbers := gapping_of_run(motion, summary, stop) if predicted else {}:
+    predicted = needed.has("gapping_ratio") and system.snubbers
+    nothing: OfSnubbers = {}
+    of_snubbers = (
+        steps.computed("the level that changes contact", lambda: gapping_of_run(motion, summary), nothing, minor=True)
+        if predicted
+        else nothing
+    )
+    if of_snubbers:
         summary["gapping"] = of_snubbers
     if predicted and system.sine is not None:
         summary["gapping_ratio"] = gapping_ratios(of_snubbers)
