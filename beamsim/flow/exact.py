@@ -47,6 +47,16 @@ def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
     return max(8, int(memory / (48.0 * N * N + 24.0 * N * watched)))
 
 
+def same_at_rest(a: PiecewiseLinearSystem, b: PiecewiseLinearSystem) -> bool:
+    """Whether two systems differ in nothing but the forces of their contacts while these act."""
+    parts = [
+        (s.stiffness, s.damping, s.constant_load, s.contacts.shape, s.contacts.gap, s.contacts.base_influence,
+         s.contacts.arrays.guard)
+        for s in (a, b)
+    ]  # fmt: skip
+    return all(map(np.array_equal, *parts))
+
+
 class StartOfMotion(NamedTuple):
     """Contacts at the start of a motion.
 
@@ -185,6 +195,21 @@ class ExactFlow:
         flow._clear(self._tables)
         for index in self._tables.used:  # its motions will visit these
             flow._append(self._tables.known[index])
+        flow._tables.lead_as(self._tables)
+        return flow
+
+    def with_system(self, system: PiecewiseLinearSystem) -> ExactFlow:
+        """The same flow of a structure with other contacts of as many phases, with the contact states that were used.
+
+        Those in which neither system's contacts act are shared.
+        """
+        flow = replace(self, system=system)
+        flow._clear(self._tables)
+        share = flow.longest_window == self.longest_window and same_at_rest(self.system, system)
+        for known in [self._tables.known[index] for index in self._tables.used]:
+            phases = known.modes.phases
+            inert = share and not (self.system.acts(phases) or system.acts(phases))
+            flow._append(known if inert else flow._known_state(phases))
         flow._tables.lead_as(self._tables)
         return flow
 

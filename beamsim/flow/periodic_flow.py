@@ -184,6 +184,12 @@ class ContactDirection:
     along: Contacts | None = None  # contacts whose laws' forces are added
     cubic: Floats | None = None  # (nc,) stiffness of cubic springs beside the contacts
 
+    @cached_property
+    def scales_forces(self) -> bool:
+        """Whether it only adds multiples of laws' forces: all linear outputs are then linear in the parameter."""
+        others = self.stiffness, self.dashpot, self.gap, self.shape, self.base_participation
+        return self.along is not None and not any(map(np.any, others))
+
     @classmethod
     def of(
         cls,

@@ -21,6 +21,7 @@ the contacts' numbers are central differences of them, in which these are linear
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -201,10 +202,47 @@ def _write(flow: ExactFlow, state: LinearOutput, internal: Ints, written: Linear
     state.row[place], state.direct[place], state.direct_slope[place] = written.row, written.direct, written.direct_slope
 
 
-class SourceRates:
+class ParameterChange(ABC):
+    """What a parameter changes: the derivatives of a flow's linear outputs, each made once, and of its inputs."""
+
+    amplitude: Complexes  # (pieces, F) of the inputs about the starts of their pieces
+    exponent: Complexes  # (F,) 1/s
+    begin: Floats  # (pieces,) of the starts, s
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[object, ...], Floats] = {}
+
+    @abstractmethod
+    def of(self, output: Callable[[FlowOutputs], NDArray[Number]]) -> NDArray[Number]:
+        """The derivative of an output."""
+
+    def _once(self, key: tuple[object, ...], output: Callable[[FlowOutputs], Floats]) -> Floats:
+        if key not in self._made:
+            self._made[key] = self.of(output)
+        return self._made[key]
+
+    def rates(self, phases: Ints) -> Floats:
+        """(N, V) of `FlowOutputs.rates`."""
+        return self._once(("rates", phases.tobytes()), lambda side: side.rates(phases))
+
+    def event(self, key: EventKey) -> Floats:
+        """(N + 1, V) of `FlowOutputs.event`."""
+        return self._once(() if key is None else (key[0].tobytes(), *key[1:]), lambda side: side.event(key))
+
+    def begun(self, phases: Ints) -> Floats:
+        """(N + 1, V) of `FlowOutputs.begun`."""
+        return self._once(("begun", phases.tobytes()), lambda side: side.begun(phases))
+
+    def kept(self, phases: Ints) -> Floats:
+        """(N + 1, V) of `FlowOutputs.kept`."""
+        return self._once(("kept", phases.tobytes()), lambda side: side.kept(phases))
+
+
+class SourceRates(ParameterChange):
     """What a parameter of the inputs changes: derivatives of their amplitudes (F,) about t = 0, and exponents (F,)."""
 
     def __init__(self, outputs: FlowOutputs, amplitude: Complexes, exponent: Complexes) -> None:
+        super().__init__()
         sources, self._outputs = outputs.flow.sources, outputs
         self.amplitude, self.begin = np.zeros_like(sources.amplitude), np.zeros_like(sources.start)
         self.exponent = np.append(0j, exponent)
@@ -215,7 +253,7 @@ class SourceRates:
         return np.zeros_like(output(self._outputs))
 
 
-class Differences:
+class Differences(ParameterChange):
     """What a parameter changes, by differences of flows for other values of it.
 
     Parameters
@@ -226,6 +264,7 @@ class Differences:
     """
 
     def __init__(self, flow: ExactFlow, sides: Sequence[FlowOutputs], weight: Sequence[float]) -> None:
+        super().__init__()
         self._sides, self._weight, start = sides, weight, flow.sources.start
         pieces = np.arange(start.size)
         self.amplitude = self.of(lambda side: side.flow.sources.amplitudes_at(start, pieces))  # (pieces, F)
@@ -275,7 +314,7 @@ def sensitivity(
     flow: ExactFlow,
     outputs: FlowOutputs,
     log: Log,
-    changes: Sequence[SourceRates | Differences],
+    changes: Sequence[ParameterChange],
     start: Floats,
     instants: Sequence[tuple[int, int]] = (),
 ) -> MotionDerivative:
@@ -305,13 +344,10 @@ def sensitivity(
     sorts = {None if key is None else (key[0].tobytes(), *key[1:]): key for key in keys}
     number = {name: 1 + k for k, name in enumerate(sorts)}
     phases = [flow.states[k].phases for k in visited]
-    make: list[Callable[[FlowOutputs], Floats]] = [
-        lambda side: np.array([side.rates(of) for of in phases]),
-        lambda side: np.array(
-            [side.begun(phases[state[0]]), *map(side.event, sorts.values()), side.kept(phases[state[-1]])]
-        ),
-    ]
-    rates, after = (np.array([output(outputs), *(each.of(output) for each in changes)]) for output in make)
+    first, last = phases[state[0]], phases[state[-1]]
+    both: list[FlowOutputs | ParameterChange] = [outputs, *changes]
+    rates = np.array([[each.rates(of) for of in phases] for each in both])
+    after = np.array([[each.begun(first), *map(each.event, sorts.values()), each.kept(last)] for each in both])
     between = [number[None if key is None else (key[0].tobytes(), *key[1:])] for key in keys]
     factors = Factors(
         rates, after, state, np.array([0, *between, 1 + len(sorts)]),
@@ -335,6 +371,7 @@ class VariationalFlow(PeriodicFlow):
     """The flow in closed form; flows that come from it share the contact states' modes."""
 
     exact: ExactFlow = field(init=False, repr=False)
+    _along: tuple[ContactDirection, Differences] | None = field(default=None, init=False, repr=False)  # the last one
 
     def _prepare(self) -> None:
         window = LONGEST_WINDOW_RADIANS / self.omega  # for structures without a stiffness: others have their own
@@ -353,8 +390,10 @@ class VariationalFlow(PeriodicFlow):
     def with_system(self, system: PiecewiseLinearSystem) -> VariationalFlow:
         """The flow of another structure, or of other contacts with as many phases, under the same loads."""
         flow = copy(self)
-        flow.system, flow.exact = system, replace(self.exact, system=system)
+        flow.system, flow.exact = system, self.exact.with_system(system)
         flow._outputs = FlowOutputs(flow.exact)
+        if self._along is not None and not self._along[0].scales_forces:
+            flow._along = None
         return flow
 
     def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
@@ -397,10 +436,12 @@ class VariationalFlow(PeriodicFlow):
             log.event_before, log.event_phase,
         )  # fmt: skip
 
-    def _change(self, parameter: Parameter) -> SourceRates | Differences:
+    def _change(self, parameter: Parameter) -> ParameterChange:
         """What a parameter changes."""
         if isinstance(parameter, ContactDirection):
-            return direction_rates(self.exact, parameter)
+            if self._along is None or self._along[0] is not parameter:
+                self._along = parameter, direction_rates(self.exact, parameter)
+            return self._along[1]
         if not isinstance(parameter, Frequency | Level):
             raise TypeError(f"no derivative by {type(parameter).__name__}")
         amplitude, exponent = self.loads.rates_of_signals(self.omega, self.level, parameter)

@@ -408,18 +408,27 @@ class Step(Generic[ProblemT_co]):
                 y = np.append(interpolated(a, b, share) / scale, 0.0)
                 # 1e-6: in scaled unknowns, of a difference
                 at, *beside = (np.linalg.inv(equations(y[:-1] + d)[1])[-1, -2:] for d in (0.0 * row, *(1e-6 * plane)))
+                bend = (np.array(beside).T - at[:, None]) / 1e-6
                 # 20: steps of Newton's method, with one derivative of the slopes
                 for count in range(20):
                     R, A, data = equations(y[:-1])
                     inverse = np.linalg.inv(A)
-                    moved = np.linalg.solve(np.array(beside).T - at[:, None], -1e-6 * inverse[-1, -2:])
+                    moved = np.linalg.solve(bend, -inverse[-1, -2:])
                     residual, t = float(np.abs(R).max()), inverse[:-1, -2]  # in the kernel, along the chord
                     # 1e-3, 0.1: the slopes vanish last
                     if max(1e-3 * residual, 0.1 * float(np.abs(moved).max())) <= self.settings.tolerance:
                         inside = 0.0 < float((y[:-1] - begin) @ row) < float(chord @ row)
                         point = BranchPoint(y[:-1] * scale, t / np.linalg.norm(t), scale, residual, 0.0, count, data)
                         return point if inside else None
-                    y = y + inverse @ np.append(-R - y[-1] * c[:, 0], moved)
+                    missing, beta = R + y[-1] * c[:, 0], abs(float(y[-1]))
+                    # where beta is stationary without being zero, branches pass each other
+                    # 0.01: of beta, by which the next move may still change it
+                    if max(float(np.abs(missing).max()), abs(float(moved @ bend @ moved))) < 0.01 * beta:
+                        return None
+                    y = y + inverse @ np.append(-missing, moved)
+                    # 2.0: lengths of the step, beyond which the search has left it
+                    if float(np.linalg.norm(y[:-1] - begin)) > 2.0 * float(np.linalg.norm(chord)):
+                        return None
         return None
 
 
