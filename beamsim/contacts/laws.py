@@ -163,7 +163,8 @@ class LawArrays(NamedTuple):
 
 
 def _filled_up(arrays: Sequence[Any]) -> Any:
-    out = np.zeros((len(arrays), *np.max([array.shape for array in arrays], axis=0)), arrays[0].dtype)
+    largest = map(max, zip(*(array.shape for array in arrays), strict=True))
+    out = np.zeros((len(arrays), *largest), arrays[0].dtype)
     for k, array in enumerate(arrays):
         place: tuple[int | slice, ...] = (k, *(slice(size) for size in array.shape))
         out[place] = array

@@ -372,8 +372,9 @@ class PeriodicFlow(ABC):
         NotFinite : the motion leaves the range of floating-point numbers.
         """
 
+    @abstractmethod
     def end(self, start: Floats, duration: float, t: float = 0.0) -> Floats:
-        """(N,) the state after ``duration``, as that of `carry`, of a flow that need not take derivatives without them.
+        """(N,) the state after ``duration``, as that of `carry`, without derivatives; one march over many periods.
 
         Parameters
         ----------
@@ -387,7 +388,6 @@ class PeriodicFlow(ABC):
         ------
         WorkExceeded, NotFinite : see `carry`.
         """
-        return self.carry(start, duration, t=t).end
 
     @abstractmethod
     def states_at(self, passage: Passage, times: Floats) -> Floats:

@@ -161,8 +161,12 @@ class SmoothFlow(PeriodicFlow):
             rows = [count] * 4 + [events] * 3
             parts.append(tuple(column[:used].copy() for column, used in zip(log, rows, strict=True)))
             steps += count
-            # 131072: of a passage
-            if code != FULL or steps >= 131072 or not np.all(np.isfinite(columns[:, 0])):
+            # 131072: in a period of the loads
+            if (
+                code != FULL
+                or steps >= 131072 * (1.0 + duration * self.omega / (2.0 * np.pi))
+                or not np.all(np.isfinite(columns[:, 0]))
+            ):
                 break
         time, length, touching, states, *event = (np.concatenate(column) for column in zip(*parts, strict=True))
         check_finite(columns[:, 0])

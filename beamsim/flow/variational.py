@@ -417,16 +417,7 @@ class VariationalFlow(PeriodicFlow):
         TypeError
             Where there is no derivative by a parameter of this kind.
         """
-        self._followed[0] += 1
-        exact = self.exact
-        phases = exact.begin(start, t).phases
-        begun = self._outputs.begun(phases)[: self.size] @ np.append(start, exact.inputs_at(np.array([t]))[0, 0])
-        motion = Motion(begun, exact.state_index(phases), time=t)
-        march = March(max_events=65_536, max_evaluations=20_000_000)
-        log = march.on(exact, motion, t + duration)
-        check_finite(motion.y)
-        if not march.outcome.complete:
-            raise WorkExceeded(march.outcome.message)
+        exact, (_, log) = self.exact, self._march(start, duration, t)
         changes, N = [self._change(p) for p in parameters], self.size
         found = sensitivity(exact, self._outputs, log, changes, np.eye(N, N + len(changes)))
         of_segment = np.array([exact.states[k].phases for k in log.state], dtype=np.int64)
@@ -435,6 +426,28 @@ class VariationalFlow(PeriodicFlow):
             log.length, of_segment.reshape(log.state.size, -1), log.y, log.event_time, log.event_contact,
             log.event_before, log.event_phase,
         )  # fmt: skip
+
+    def end(self, start: Floats, duration: float, t: float = 0.0) -> Floats:
+        """(N,) the state after ``duration``, of one march without derivatives; see `PeriodicFlow.end`."""
+        motion, _ = self._march(start, duration, t)
+        inputs = self.exact.inputs_at(np.array([t + duration]))[0, 0]
+        kept = self._outputs.kept(self.exact.states[motion.state].phases)
+        return np.asarray(kept[: self.size] @ np.append(motion.y, inputs))
+
+    def _march(self, start: Floats, duration: float, t: float) -> tuple[Motion, Log]:
+        """The motion from a state (N,) at time t, s, at its end, and its segments and events."""
+        self._followed[0] += 1
+        exact = self.exact
+        phases = exact.begin(start, t).phases
+        begun = self._outputs.begun(phases)[: self.size] @ np.append(start, exact.inputs_at(np.array([t]))[0, 0])
+        motion, turns = Motion(begun, exact.state_index(phases), time=t), 1.0 + duration * self.omega / (2.0 * np.pi)
+        # 65_536, 20_000_000: in a period of the loads
+        march = March(max_events=int(65_536 * turns), max_evaluations=int(20_000_000 * turns))
+        log = march.on(exact, motion, t + duration)
+        check_finite(motion.y)
+        if not march.outcome.complete:
+            raise WorkExceeded(march.outcome.message)
+        return motion, log
 
     def _change(self, parameter: Parameter) -> ParameterChange:
         """What a parameter changes."""

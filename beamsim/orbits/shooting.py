@@ -194,9 +194,8 @@ def find_orbit(problem: ForcedOrbits, guess: Floats | None = None, *, forward: f
     period = 2 * np.pi * problem.multiple / flow.omega
     done, chance = 0, None
     for target in (0, 3, 10, 30, 100, 300):
-        while done < target:
-            z = flow.end(z, period)
-            done += 1
+        if done < target:
+            z, done = flow.end(z, (target - done) * period), target
         point = solve_at(problem, np.append(z, value), settings, value, forward)
         if point is not None and (guess is not None or problem.orbit(point).stable):
             return point

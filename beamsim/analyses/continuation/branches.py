@@ -50,6 +50,7 @@ from beamsim.typing import Floats
 
 RAISED = (3.0, 10.0, 30.0)  # levels at which a motion with contact is looked for, over that of the curve
 BEYOND_GAP = (1.5, 4.0)  # deflections that transients begin with, over those that reach the contact
+TRANSIENT = 80  # periods that these are followed for
 SETTINGS = Settings(iterations=25)
 BACK_TO_PERIOD = "back_to_period"
 EXCURSION = 1.5  # how far beyond the first frequency or level, as a ratio, a branch may go
@@ -123,8 +124,7 @@ def _from_beyond_gaps(local: ForcedOrbits) -> Iterator[Floats]:
         for factor in BEYOND_GAP:
             for side in (1.0, -1.0):
                 z = linear * (side * factor * max(abs(float(gap)), reached) / reached)
-                for _ in range(80):  # periods
-                    z = flow.end(z, 2 * np.pi / local.omega)
+                z = flow.end(z, TRANSIENT * 2 * np.pi / local.omega)
                 orbit = solve_at(local, np.append(z, local.value), SETTINGS, local.value)
                 if orbit is not None and local.orbit(orbit).stable:
                     yield orbit.u[:-1]
