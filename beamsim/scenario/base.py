@@ -360,44 +360,63 @@ class Variants:
     choose: Callable[[Any], str | None] | None = None  # from raw value or part to tag, where the form does not tell
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        choices = {tag_of(member): handler.generate_schema(member) for member in get_args(source)}
+        members = {tag_of(member): member for member in get_args(source)}
         return core_schema.tagged_union_schema(
-            choices,
-            self.choose or (lambda value: self._by_form(get_args(source), value)),
+            {tag: handler.generate_schema(member) for tag, member in members.items()},
+            self.choose or _UnionMembers.of(members, strict=bool(self.message)).tag,
             custom_error_type="variants" if self.message else None,
             custom_error_message=self.message or None,
             custom_error_context={"remedy": self.remedy},
         )
 
-    def _by_form(self, members: tuple[Any, ...], value: Any) -> str | None:
-        schemas = [(tag_of(member), schema) for member in members if (schema := _schema_of(member)) is not None]
-        by_kind = len({kind for _, schema in schemas for kind in kinds_of(schema)}) > 1
-        default = next((tag for tag, schema in schemas if not schema.known_by), None)
+
+@dataclass(frozen=True)
+class _UnionMembers:
+    """The members of a union by their tags, and which of them a value is written as."""
+
+    sections: dict[str, type[Schema]]
+    kinds: dict[str, tuple[str, ...]]  # of the sections
+    others: dict[str, Any]  # words, lists, mappings by names, numbers and text
+    by_kind: bool  # whether ``kind`` tells sections apart
+    strict: bool  # whether there is a message for a value that is written as none of them
+
+    @classmethod
+    def of(cls, members: dict[str, Any], *, strict: bool) -> Self:
+        """From the members by their tags."""
+        sections = {tag: schema for tag, member in members.items() if (schema := _schema_of(member)) is not None}
+        kinds = {tag: kinds_of(schema) for tag, schema in sections.items()}
+        by_kind = len({kind for each in kinds.values() for kind in each}) > 1
+        others = {tag: member for tag, member in members.items() if tag not in sections}
+        return cls(sections, kinds, others, by_kind, strict or by_kind)
+
+    def tag(self, value: Any) -> str | None:
+        """Which member a raw value, or a part of a scenario, is; None where it is none."""
         if isinstance(value, Schema):
-            return next((tag for tag, schema in schemas if isinstance(value, schema)), None)
-        if isinstance(value, dict) and by_kind:
-            schemas = [(tag, schema) for tag, schema in schemas if value.get("kind") in kinds_of(schema)]
-            default = next(iter(schemas), (None, None))[0]
-        if isinstance(value, dict) and (schemas or by_kind):
-            return next((tag for tag, schema in schemas if schema.is_meant(value)), default)
-        others = {tag_of(member): member for member in members if _schema_of(member) is None}
-        if isinstance(value, dict) and "<mapping>" in others:
-            return "<mapping>"
-        words = get_args(others.get("<text>"))
-        if isinstance(value, (list, tuple)) and "<list>" in others:
-            return "<list>"
-        if (
-            isinstance(value, str)
-            and "<text>" in others
-            and (value in words or hasattr(others["<text>"], "__metadata__"))
-        ):
+            return next((tag for tag, schema in self.sections.items() if isinstance(value, schema)), None)
+        if isinstance(value, dict) and self.sections:
+            return self._of_mapping(value)
+        for form, types in (("<mapping>", dict), ("<list>", (list, tuple))):
+            if isinstance(value, types) and form in self.others:
+                return form
+        return self._of_scalar(value)
+
+    def _of_mapping(self, value: dict[str, Any]) -> str | None:
+        sections = self.sections
+        if self.by_kind:
+            sections = {tag: schema for tag, schema in sections.items() if value.get("kind") in self.kinds[tag]}
+        usual = (tag for tag, schema in sections.items() if self.by_kind or not schema.known_by)
+        return next((tag for tag, schema in sections.items() if schema.is_meant(value)), next(usual, None))
+
+    def _of_scalar(self, value: Any) -> str | None:
+        text = self.others.get("<text>")
+        if text is not None and isinstance(value, str) and (value in get_args(text) or hasattr(text, "__metadata__")):
             return "<text>"
-        if self.message or by_kind:
+        if self.strict:
             number = not isinstance(value, str) or any(character.isdigit() for character in value)
-            return "<number>" if "<number>" in others and number else None
-        return next(
-            (tag for tag in ("<number>", "<text>") if tag in others), default or (schemas[-1][0] if schemas else None)
-        )
+            return "<number>" if "<number>" in self.others and number else None
+        usual = (tag for tag, schema in self.sections.items() if not schema.known_by)
+        form = next((tag for tag in ("<number>", "<text>") if tag in self.others), None)
+        return form or next(usual, next(reversed(self.sections), None))
 
 
 BY_FORM = Variants()

@@ -236,26 +236,19 @@ class SolidBending(Bent):
     def check(self) -> None:
         """Reject a section that is missing or given twice."""
         super().check()
-        flat = [name for name in ("width", "thickness") if getattr(self, name) is not None]
         self.exclude("section", "width", "thickness", remedy="keep section, or width and thickness, not both")
-        if self.section is None and len(flat) < 2:
-            missing = "thickness" if flat == ["width"] else "width"
-            raise Unfit(
-                "is missing" if flat else "has no cross-section",
-                "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section",
-                (missing,) if flat else (),
-            )
+        if self.section is None and (self.width is None or self.thickness is None):
+            missing = [key for key in ("width", "thickness") if getattr(self, key) is None]
+            remedy = "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section"
+            one = len(missing) == 1
+            raise Unfit("is missing" if one else "has no cross-section", remedy, tuple(missing) if one else ())
         area, second_moment, _ = self._section_values
         for value, of in (
             (area, units.AREA), (second_moment, units.SECOND_MOMENT),
             (self.density * area, units.MASS_PER_LENGTH),
             (self.youngs_modulus * second_moment, units.BENDING_STIFFNESS),
         ):  # fmt: skip
-            if not of.smallest <= value <= of.largest:
-                raise Unfit(
-                    f"comes to {of.with_article} of {value:g} {of.unit}, outside {of.smallest:g} to {of.largest:g}",
-                    "check the section, youngs_modulus and density",
-                )
+            units.demand_in_range(value, of, "check the section, youngs_modulus and density")
 
     @property
     def _section_values(self) -> tuple[float, float, float]:

@@ -776,13 +776,9 @@ class Body(Schema):
         ------
         Problem
         """
-        if not self.sides:
-            yield self._misplaced(where, at, "a beam")
-            return
         along = position if isinstance(position, tuple) else (position,)
         if len(along) != len(self.sides):
-            given = "is a point [x, y]" if len(along) > 1 else f"= {position} is one number"
-            yield problem(at, f"{given}, but {path_text(where)} is {self.called}", self.how_to_place)
+            yield self._unlike(where, at, position)
             return
         for axis, x in enumerate(along):
             yield from self.beyond(where, (*at, axis) if len(along) > 1 else at, x, axis)
@@ -791,6 +787,13 @@ class Body(Schema):
             shown = f"[{point[0]:g}, {point[1]:g}]" if isinstance(point, tuple) else f"{point:g}"
             message = f"= {shown} m is {held}, which cannot deflect: {what} has no effect there"
             yield problem(at, message, f"move it, or change {path_text((*where, 'supports'))}")
+
+    def _unlike(self, where: Path, at: Path, position: WrittenPosition) -> Problem:
+        """That a position has as many numbers as on bodies of another kind."""
+        if not self.sides:
+            return self._misplaced(where, at, "a beam")
+        given = "is a point [x, y]" if isinstance(position, tuple) else f"= {position} is one number"
+        return problem(at, f"{given}, but {path_text(where)} is {self.called}", self.how_to_place)
 
     def beyond(self, where: Path, at: Path, position: float | q.Share, axis: int = 0) -> Iterator[Problem]:
         """A position beyond the end of a side.

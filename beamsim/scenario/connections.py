@@ -347,19 +347,23 @@ class SnubberBase(Named):
         """Demand a stiffness or a table; reject gap and preload together."""
         super().check()
         self._check_force()
-        self._check_hardening()
-        self._check_unloading()
+        if self.hardening is not None or self.unloading is not None:
+            self._check_yielding()
         if self.maxwell and self.law != "no_tension":
             remedy = "write law: no_tension, or leave law out: a pad that pulls has no face that recovers"
             raise Unfit(f"= {self.law} does not go with maxwell", remedy, ("law",))
-        if self.latch and self.law == "no_tension":
+        if self.latch:
+            self._check_latch()
+        gap = self.key_of("gap_")
+        self.exclude("preload", gap, remedy=f"keep one of the two; the {gap} follows from the preload")
+
+    def _check_latch(self) -> None:
+        if self.law == "no_tension":
             raise Unfit(
                 "does not go with law: no_tension", "leave one of the two out: a latch pulls as well", ("latch",)
             )
         remedy = "leave one of the two out: a latch is a spring that holds in both directions"
         self.exclude("latch", self.key_of("force_deflection"), "maxwell", "hardening", "unloading", remedy=remedy)
-        gap = self.key_of("gap_")
-        self.exclude("preload", gap, remedy=f"keep one of the two; the {gap} follows from the preload")
 
     def _check_force(self) -> None:
         table = self.key_of("force_deflection")
@@ -372,28 +376,30 @@ class SnubberBase(Named):
         if isinstance(self.force_deflection, tuple):
             check_points(self.force_deflection, (table,), self.units)
 
-    def _check_hardening(self) -> None:
-        if self.hardening is None:
-            return
+    def _check_yielding(self) -> None:
+        if self.hardening is not None:
+            self._check_hardening(self.hardening)
+        if self.yields and self.damping is not None and self.law == "no_tension":
+            remedy = "leave damping out, which makes no difference to never pulling, or write law: kelvin_voigt"
+            raise Unfit(f"does not go with law: no_tension and {self.memory}", remedy, ("damping",))
+        if self.unloading is not None:
+            self._check_unloading(self.unloading)
+
+    def _check_hardening(self, hardening: Hardening) -> None:
         remedy = "leave one of the two out: a stop that yields has one stiffness before and one after"
         self.exclude("hardening", self.key_of("force_deflection"), "maxwell", remedy=remedy)
-        unit, after = "/".join(reversed(self.units)), self.hardening.stiffness
+        unit, after = "/".join(reversed(self.units)), hardening.stiffness
         if self.stiffness is not None and after >= self.stiffness:
             raise Unfit(
                 f"= {after:g} {unit} is not below the snubber's stiffness, {self.stiffness:g} {unit}",
                 "give the smaller stiffness beyond the yield force, for example a tenth", ("hardening", "stiffness"),
             )  # fmt: skip
 
-    def _check_unloading(self) -> None:
-        if self.yields and self.damping is not None and self.law == "no_tension":
-            remedy = "leave damping out, which makes no difference to never pulling, or write law: kelvin_voigt"
-            raise Unfit(f"does not go with law: no_tension and {self.memory}", remedy, ("damping",))
-        if self.unloading is None:
-            return
+    def _check_unloading(self, unloading: Unloading) -> None:
         self.exclude("unloading", "maxwell", "hardening", remedy="keep one: each is another loss of the same stop")
-        if self.unloading.force_deflection is not None:
-            key = self.unloading.key_of("force_deflection")
-            check_points(self.unloading.force_deflection, ("unloading", key), self.units)
+        if unloading.force_deflection is not None:
+            key = unloading.key_of("force_deflection")
+            check_points(unloading.force_deflection, ("unloading", key), self.units)
 
     @property
     def memory(self) -> str:

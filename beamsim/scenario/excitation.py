@@ -972,6 +972,27 @@ class Forces(Input):
         forces = tuple(force.at(frequency_hz, factor * force.level) for force in self.harmonics)
         return self.model_copy(update={"forces": forces})
 
+    def problems_of_sines(self, section: str) -> Problems:
+        """What of them cannot be swept by a section of the scenario: the base, what is no sine, a second frequency."""
+        frequency = self.harmonics[0].frequency if self.harmonics else 0.0
+        for index, force in enumerate(self.forces):
+            at = ("excitation", "forces", index)
+            if force.on_base:
+                yield problem(
+                    (*at, "applied_to"), f"is the base, which {section} moves alone",
+                    "leave out the other forces, or move its supports instead",
+                )  # fmt: skip
+            elif not isinstance(force, Harmonic):
+                yield problem(
+                    (*at, "kind"), f"= {force.kind} has no frequency that {section} could change",
+                    "make it harmonic, or leave it out",
+                )  # fmt: skip
+            elif force.frequency != frequency:
+                yield problem(
+                    (*at, "frequency"), f"= {force.frequency:g} Hz, and another force has {frequency:g} Hz",
+                    f"give all forces one frequency, which {section} changes",
+                )  # fmt: skip
+
     @property
     def shock(self) -> bool:
         """Whether all of them begin at a time and leave a free motion."""
@@ -1003,28 +1024,9 @@ Sine = Harmonic | Forces
 
 def sine_problems(excitation: Any, section: str) -> Problems:
     """Why a sweep or continuation, a section of the scenario, cannot follow an excitation."""
-    if isinstance(excitation, Harmonic):
-        return
     if isinstance(excitation, Forces):
-        frequency = excitation.harmonics[0].frequency if excitation.harmonics else 0.0
-        for index, force in enumerate(excitation.forces):
-            at = ("excitation", "forces", index)
-            if force.on_base:
-                yield problem(
-                    (*at, "applied_to"), f"is the base, which {section} moves alone",
-                    "leave out the other forces, or move its supports instead",
-                )  # fmt: skip
-            elif not isinstance(force, Harmonic):
-                yield problem(
-                    (*at, "kind"), f"= {force.kind} has no frequency that {section} could change",
-                    "make it harmonic, or leave it out",
-                )  # fmt: skip
-            elif force.frequency != frequency:
-                yield problem(
-                    (*at, "frequency"), f"= {force.frequency:g} Hz, and another force has {frequency:g} Hz",
-                    f"give all forces one frequency, which {section} changes",
-                )  # fmt: skip
-    else:
+        yield from excitation.problems_of_sines(section)
+    elif not isinstance(excitation, Harmonic):
         yield not_harmonic((section,), "the frequency of a harmonic excitation", excitation)
 
 

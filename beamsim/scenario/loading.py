@@ -145,23 +145,24 @@ def _validated(root: WrittenMapping) -> Scenario:
     try:
         with units_written() as written:
             scenario = Scenario.model_validate(root)
-    except ScenarioError as error:
-        problems = list(error.problems)
-    except ValidationError as error:
-        details = error.errors(include_url=False)
-        wrong = [detail["loc"] for detail in details]
-        # a list is too short for pydantic as well where its items are wrong
-        problems = [
-            problem(*describe(Scenario, detail))
-            for detail in details
-            if detail["type"] != "too_short"
-            or not any(loc != detail["loc"] and loc[: len(detail["loc"])] == detail["loc"] for loc in wrong)
-        ]
-    else:
-        shown = (scenario.units or DisplayUnits()).filled(written)
-        return scenario if not shown.scales else scenario.model_copy(update={"units": shown})
-    unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
-    raise ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0)))
+    except (ScenarioError, ValidationError) as error:
+        problems = error.problems if isinstance(error, ScenarioError) else _problems_of(error)
+        unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
+        raise ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0))) from None
+    shown = (scenario.units or DisplayUnits()).filled(written)
+    return scenario if not shown.scales else scenario.model_copy(update={"units": shown})
+
+
+def _problems_of(error: ValidationError) -> list[Problem]:
+    """What pydantic found; that a list is too short is left out where its items are wrong, too."""
+    details = error.errors(include_url=False)
+    wrong = [detail["loc"] for detail in details]
+    return [
+        problem(*describe(Scenario, detail))
+        for detail in details
+        if detail["type"] != "too_short"
+        or not any(loc != detail["loc"] and loc[: len(detail["loc"])] == detail["loc"] for loc in wrong)
+    ]
 
 
 def template(kind: str = "beam") -> str:

@@ -344,9 +344,11 @@ class ScenarioParts(Schema):
 
     @property
     def effective_probes(self) -> tuple[Probe, ...]:
-        """The probes; without any, one at each snubber, on both places it acts between, else where bodies say."""
-        if self.probes:
-            return self.probes
+        """The probes; without any, those by default."""
+        return self.probes or self._default_probes()
+
+    def _default_probes(self) -> tuple[Probe, ...]:
+        """One at each snubber, on both places it acts between, else where bodies say."""
         several = len(self.all_bodies) > 1
         probes: dict[str, AtPlace] = {}
         for _, body, snubber, _ in sorted(self.written_snubbers, key=lambda each: len(each.item.probed_places)):

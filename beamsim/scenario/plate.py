@@ -308,12 +308,7 @@ class Plate(PlateBody):
                 "write for example 0.33; of a sandwich or laminate give bending_stiffness: {dx, dy, nu, dxy}",
                 ("poissons_ratio",),
             )
-        of, value = units.PLATE_STIFFNESS, self._rigidity
-        if not of.smallest <= value <= of.largest:
-            raise Unfit(
-                f"comes to {of.with_article} of {value:g} {of.unit}, outside {of.smallest:g} to {of.largest:g}",
-                "check youngs_modulus and thickness",
-            )
+        units.demand_in_range(self._rigidity, units.PLATE_STIFFNESS, "check youngs_modulus and thickness")
 
     @property
     def _rigidity(self) -> float:

@@ -94,16 +94,18 @@ class Bounded(FieldType):
         inside = (low is None or number > low or number == self.minimum) and (
             high is None or number < high or number == self.maximum
         )
-        if inside:
-            return number + 0.0  # -0.0 becomes 0.0
+        if not inside:
+            raise UnitError(f"must {self._bounds_text(low, high)}", f"write for example {self.example}")
+        return number + 0.0  # -0.0 becomes 0.0
+
+    def _bounds_text(self, low: float | None, high: float | None) -> str:
+        """What a number must do to lie between bounds, of which one may be missing."""
         if high is None:
             said = f"{low:g} or more" if self.above is None else f"above {low:g}"
-            said = {"0 or more": "not be negative", "above 0": "be positive"}.get(said, f"be {said}")
-        elif self.above is None:
-            said = f"be from {low:g} to {high:g}"
-        else:
-            said = f"be above {low:g} and {'at most' if self.below is None else 'below'} {high:g}"
-        raise UnitError(f"must {said}", f"write for example {self.example}")
+            return {"0 or more": "not be negative", "above 0": "be positive"}.get(said, f"be {said}")
+        if self.above is None:
+            return f"be from {low:g} to {high:g}"
+        return f"be above {low:g} and {'at most' if self.below is None else 'below'} {high:g}"
 
     @property
     def range(self) -> tuple[float, float]:
@@ -396,19 +398,22 @@ class Whole(FieldType):
         """Return the integer, or the word; ``1e6`` is accepted, ``true`` is not."""
         if self.word and value == self.word:
             return value
-        remedy = f"write a {self.what}, {self.minimum} or more{f', or {self.word}' * bool(self.word)}"
-        if self.maximum < LARGEST_COUNT:
-            remedy = f"write a whole number from {self.minimum} to {self.maximum}"
         try:
             number = value if type(value) is int else units.read_quantity(value, units.NUMBER)
         except UnitError:
-            raise UnitError("must be a whole number", remedy) from None
-        whole = int(number)
-        if whole != number:
-            raise UnitError("must be a whole number", remedy)
-        if not self.minimum <= whole <= self.maximum:
-            raise UnitError("is out of range", remedy)
-        return whole
+            number = math.nan
+        if number != number // 1:
+            raise UnitError("must be a whole number", self._remedy)
+        if not self.minimum <= number <= self.maximum:
+            raise UnitError("is out of range", self._remedy)
+        return int(number)
+
+    @property
+    def _remedy(self) -> str:
+        """What to write."""
+        if self.maximum < LARGEST_COUNT:
+            return f"write a whole number from {self.minimum} to {self.maximum}"
+        return f"write a {self.what}, {self.minimum} or more{f', or {self.word}' * bool(self.word)}"
 
     def json_schema(self) -> JsonSchemaValue:
         """Return a bounded integer."""
@@ -471,8 +476,11 @@ def printable(text: str, longest: int) -> str:
     """
     if len(text) > longest:
         raise UnitError(f"has {len(text)} characters", f"write at most {longest}")
-    if text.isprintable():
-        return text
+    return text if text.isprintable() else _in_one_line(text)
+
+
+def _in_one_line(text: str) -> str:
+    """The same without line breaks and tabs, see `printable`."""
     line = re.sub(r"[\t\n\r\x0b\x0c\x85\u2028\u2029]+", " ", text).strip()
     for character in line:
         if unicodedata.category(character) in ("Cc", "Cs") or ord(character) & 0xFFFE == 0xFFFE:

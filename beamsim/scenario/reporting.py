@@ -544,23 +544,18 @@ class DisplayUnits(Schema):
         ----------
         written : how often a quantity of that dimension is written in that unit.
         """
-        # metres are written for the size of a panel, whose displacements need a prefix
-        lengths = {unit: n for (of, unit), n in written.items() if of.unit == units.LENGTH.unit != unit}
-        times = {
-            unit: n
-            for (of, unit), n in written.items()
-            if of.unit == units.TIME.unit and units.size_of(unit, units.TIME) >= 60.0  # shorter ones get a prefix
-        }
-        accelerations = {unit: n for (of, unit), n in written.items() if of.unit == units.ACCELERATION.unit}
-        angles = {unit: n for (of, unit), n in written.items() if of.unit == units.ANGLE.unit}
+        counts: dict[str, dict[str, int]] = {name: {} for name in ("acceleration", "length", "angle", "time")}
+        for (of, unit), count in written.items():
+            name = next((name for name in counts if DIMENSIONS[name].unit == of.unit), "")
+            # metres are written for the size of a panel, whose displacements need a prefix, as short times do
+            if name and unit != units.LENGTH.unit and (name != "time" or units.size_of(unit, units.TIME) >= 60.0):
+                counts[name][unit] = counts[name].get(unit, 0) + count
         densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
-        if not accelerations and densities and not any(map(units.is_in_gravities, densities)):
-            accelerations = {units.ACCELERATION.unit: 1}
-        most = {
-            name: max(
-                of, key=lambda unit: (of[unit], -units.size_of(unit, DIMENSIONS[name]))
-            )  # of equally many the smallest
-            for name, of in (("acceleration", accelerations), ("length", lengths), ("angle", angles), ("time", times))
+        if densities and not counts["acceleration"] and not any(map(units.is_in_gravities, densities)):
+            counts["acceleration"] = {units.ACCELERATION.unit: 1}
+        most = {  # of equally many the smallest
+            name: max(of, key=lambda unit: (of[unit], -units.size_of(unit, DIMENSIONS[name])))
+            for name, of in counts.items()
             if of and getattr(self, name) is None
         }
         return self.model_copy(update=most)

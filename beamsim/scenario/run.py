@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import Path, Problems, Schema, ShortFor, Unfit, Variants, Whole, path_text, problem, unknown
@@ -218,7 +219,7 @@ class SpectrumSettings(Schema):
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """A part that is longer than the run, and frequencies that its spectra do not have."""
-        run, duration = scenario.run, scenario.run.duration
+        duration = scenario.run.duration
         if self.last is not None and self.last > duration * (1.0 + 1e-12):
             yield problem(
                 (*at, "last"), f"= {self.last:g} s is longer than run.duration = {duration:g} s",
@@ -227,11 +228,8 @@ class SpectrumSettings(Schema):
         if self.periods is not None:
             yield from self._problems_of_periods(scenario, (*at, "periods"), self.periods)
         if self.frequencies or self.to is not None:
-            stepped = run.method == "reference" or scenario.has_cubic_springs
+            stepped = scenario.run.method == "reference" or scenario.has_cubic_springs
             yield from self._problems_of_frequencies(scenario, at, stepped=stepped)
-        if run.method == "reference" and self.to is not None:
-            message = f"= {self.to:g} Hz does nothing: spectra of time stepping go up to half of the sample rate"
-            yield problem((*at, "to"), message, "leave it out, or give that run.sample_rate")
 
     def _problems_of_periods(self, scenario: Whole, at: Path, periods: int) -> Problems:
         """Periods of no frequency, or more than the run has."""
@@ -259,6 +257,9 @@ class SpectrumSettings(Schema):
         ------
         Problem
         """
+        if scenario.run.method == "reference" and self.to is not None:
+            message = f"= {self.to:g} Hz does nothing: spectra of time stepping go up to half of the sample rate"
+            yield problem((*at, "to"), message, "leave it out, or give that run.sample_rate")
         chosen, tones = self.frequencies, scenario.excitation.frequencies_hz
         duration = min(self.last or scenario.run.duration, scenario.run.duration)
         if self.periods is not None and len(tones) == 1:
@@ -395,24 +396,25 @@ class Run(Schema):
         """A rate that gives one sample, or more than there is memory for, or does not resolve the excitation."""
         rate, highest = scenario.sample_rate, scenario.excitation.highest_tone_hz
         place = (*at, "duration" if self.sample_rate is None else "sample_rate")
-        if rate * self.duration < 1.0:
-            yield problem(
-                place, f"= {rate:g} Hz gives only one sample in run.duration = {self.duration:g} s",
-                "use a higher sample rate, or a longer run",
-            )  # fmt: skip
-        elif rate * self.duration > MOST_SAMPLES:
-            given = f"= {rate:g} Hz over run.duration = {self.duration:g} s"
-            if self.sample_rate is None:
-                given = f"= {self.duration:g} s at the {rate:g} Hz that the excitation asks for"
-            yield problem(
-                place, f"{given} gives {rate * self.duration:.3g} samples, over the limit of {MOST_SAMPLES:.0e}",
-                "contacts are found exactly at any sample rate; use a lower one, or a shorter run",
-            )  # fmt: skip
+        if not 1.0 <= rate * self.duration <= MOST_SAMPLES:
+            yield self._problem_of_samples(place, rate)
         if rate < 2.0 * highest:
-            yield problem(
-                place, f"= {rate:g} Hz is under twice the excitation frequency of {highest:g} Hz",
-                f"use at least {2 * highest:g} Hz; {20 * highest:g} Hz shows the first harmonics",
-            )  # fmt: skip
+            message = f"= {rate:g} Hz is under twice the excitation frequency of {highest:g} Hz"
+            remedy = f"use at least {2 * highest:g} Hz; {20 * highest:g} Hz shows the first harmonics"
+            yield problem(place, message, remedy)
+
+    def _problem_of_samples(self, place: Path, rate: float) -> Problem:
+        """That a rate, Hz, written at a place, gives too few or too many samples."""
+        if rate * self.duration < 1.0:
+            message = f"= {rate:g} Hz gives only one sample in run.duration = {self.duration:g} s"
+            return problem(place, message, "use a higher sample rate, or a longer run")
+        given = f"= {rate:g} Hz over run.duration = {self.duration:g} s"
+        if self.sample_rate is None:
+            given = f"= {self.duration:g} s at the {rate:g} Hz that the excitation asks for"
+        return problem(
+            place, f"{given} gives {rate * self.duration:.3g} samples, over the limit of {MOST_SAMPLES:.0e}",
+            "contacts are found exactly at any sample rate; use a lower one, or a shorter run",
+        )  # fmt: skip
 
     def _problems_of_stepping(self, scenario: Whole, at: Path) -> Problems:
         """Settings of time stepping that do nothing in this run."""
@@ -468,19 +470,18 @@ class Run(Schema):
 
     def check(self) -> None:
         """Refuse filters so fast against the run that they would take hours, or more than the memory."""
-        super().check()
-        asked: list[tuple[Path, float, int]] = []
         if self.srs is not None:
-            asked.append((("srs", "to"), self.srs.to, MOST_PERIODS))
+            self._check_periods(self.srs.to, MOST_PERIODS, ("srs", "to"))
         if self.low_pass is not None:
-            asked.append((("low_pass",), self.low_pass, MOST_FILTERED))
-        for at, highest_hz, most in asked:
-            if highest_hz * self.duration > most:
-                raise Unfit(
-                    f"= {highest_hz:g} Hz has {highest_hz * self.duration:.3g} periods in run.duration = "
-                    f"{self.duration:g} s (at most {most:.0e})",
-                    "give a lower frequency, 2 kHz for example, or a shorter run", at,
-                )  # fmt: skip
+            self._check_periods(self.low_pass, MOST_FILTERED, ("low_pass",))
+
+    def _check_periods(self, highest_hz: float, most: int, at: Path) -> None:
+        if highest_hz * self.duration > most:
+            raise Unfit(
+                f"= {highest_hz:g} Hz has {highest_hz * self.duration:.3g} periods in run.duration = "
+                f"{self.duration:g} s (at most {most:.0e})",
+                "give a lower frequency, 2 kHz for example, or a shorter run", at,
+            )  # fmt: skip
 
 
 def _names_of_input(scenario: Whole) -> Problems:

@@ -56,6 +56,17 @@ def _digest(path: FilePath, state: tuple[int, ...]) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def _record(folder: FilePath, name: str, *, as_read: bool) -> Record:
+    """What a file holds, see `Scenario.file_records`."""
+    path = folder / name
+    try:
+        content: dict[str, Any] = {"bytes": path.stat().st_size}
+        content |= {"sha256": _sha256(path)} if not as_read or is_as_opened(path) else {}
+    except (OSError, InputFileError):
+        content = {}
+    return {"file": name, "folder": str(folder.absolute()), **content}
+
+
 @dataclass(frozen=True)
 class SolvedFiles:
     """The files of a scenario that was read from a result file."""
@@ -225,17 +236,8 @@ class Scenario(ScenarioParts):
         """
         if self._solved is not None:
             return self._solved.records
-        records: dict[str, Record] = {}
-        for path, name in named_files(self):
-            folder = self.folder_of(*path)
-            try:
-                content: dict[str, Any] = {"bytes": (folder / name).stat().st_size}
-                known = not as_read or is_as_opened(folder / name)
-                content |= {"sha256": _sha256(folder / name)} if known else {}
-            except (OSError, InputFileError):
-                content = {}
-            records[path_text(path)] = {"file": name, "folder": str(folder.absolute()), **content}
-        return records
+        files = {path_text(path): (self.folder_of(*path), name) for path, name in named_files(self)}
+        return {key: _record(folder, name, as_read=as_read) for key, (folder, name) in files.items()}
 
     def located(self, error: ScenarioError) -> ScenarioError:
         """Return the error with the file and line of every path, for problems that only the model could find."""

@@ -136,31 +136,31 @@ def parse(text: str, file: str | None = None) -> Any:
         If it is not YAML, holds several documents or custom tags, or a mapping has two equal keys
         or one that is not text; all of these at once.
     """
-    try:
-        document = yaml.compose(text, Loader=_Loader)
-    except _TooLong as error:
-        message = f"has more than {MOST_VALUES} keys and values"
-        raise ScenarioError(Problem("", message, _KEEP_APART, file, error.args[0])) from None
-    except yaml.MarkedYAMLError as error:
-        raise ScenarioError(_syntax_problem(error, text, file)) from None
-    except yaml.reader.ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
-        character = f"U+{error.character:04X}" if isinstance(error.character, int) else str(error.character)
-        message = f"contains a character that YAML does not allow ({character})"
-        raise ScenarioError(Problem("", message, "remove it", file, line)) from None
-    except (RecursionError, ValueError) as error:
-        message = "is nested too deeply" if isinstance(error, RecursionError) else f"is not YAML: {error}"
-        raise ScenarioError(Problem("", message, "check the brackets", file)) from None
-    if document is None:
-        return None
     reader = _Reader(file)
     try:
-        data = reader.data(document, ())
-    except RecursionError:
-        raise ScenarioError(Problem("", "is nested too deeply", "check the brackets", file)) from None
+        document = yaml.compose(text, Loader=_Loader)
+        data = None if document is None else reader.data(document, ())
+    except (_TooLong, yaml.YAMLError, RecursionError, ValueError) as error:
+        raise ScenarioError(_unreadable(error, text, file)) from None
     if reader.problems:
         raise ScenarioError(reader.problems)
     return data
+
+
+def _unreadable(error: Exception, text: str, file: str | None) -> Problem:
+    """Why a text is no document that is read."""
+    if isinstance(error, _TooLong):
+        message = f"has more than {MOST_VALUES} keys and values"
+        return Problem("", message, _KEEP_APART, file, error.args[0])
+    if isinstance(error, yaml.MarkedYAMLError):
+        return _syntax_problem(error, text, file)
+    if isinstance(error, yaml.reader.ReaderError):
+        line = text.count("\n", 0, error.position) + 1
+        character = f"U+{error.character:04X}" if isinstance(error.character, int) else str(error.character)
+        message = f"contains a character that YAML does not allow ({character})"
+        return Problem("", message, "remove it", file, line)
+    message = "is nested too deeply" if isinstance(error, RecursionError) else f"is not YAML: {error}"
+    return Problem("", message, "check the brackets", file)
 
 
 def _open_bracket(error: yaml.MarkedYAMLError, text: str) -> str:
@@ -410,17 +410,26 @@ def resolve_extends(root: Any, file: str | None, folder: FilePath, chain: tuple[
     ScenarioError
         If a document holds no keys, a file cannot be read, or files extend each other in a circle.
     """
+    if not isinstance(root, WrittenMapping):
+        raise ScenarioError(_without_keys(root, file))
+    named, where = root.pop("extends", None), root.marks.pop("extends", NOWHERE)
+    return root if named is None else _extended(root, named, where, folder, chain)
+
+
+def _without_keys(root: Any, file: str | None) -> Problem:
+    """That a document is empty, a list or a single value."""
     if root is None:
         message = "is empty" if file else "the scenario is empty"
-        raise ScenarioError(Problem("", message, "beamsim new writes a template", file))
-    if not isinstance(root, WrittenMapping):
-        what = "a list" if isinstance(root, list) else f"only {single_line(root)}"
-        message = f"holds {what} instead of the keys of a scenario"
-        line = root.marks[0][1] if isinstance(root, WrittenList) and root else 1
-        raise ScenarioError(Problem("", message, "write beam: or chain: first", file, line))
-    named, where = root.pop("extends", None), root.marks.pop("extends", NOWHERE)
-    if named is None:
-        return root
+        return Problem("", message, "beamsim new writes a template", file)
+    what = "a list" if isinstance(root, list) else f"only {single_line(root)}"
+    line = root.marks[0][1] if isinstance(root, WrittenList) and root else 1
+    return Problem("", f"holds {what} instead of the keys of a scenario", "write beam: or chain: first", file, line)
+
+
+def _extended(
+    root: WrittenMapping, named: object, where: Mark, folder: FilePath, chain: tuple[FilePath, ...]
+) -> WrittenMapping:
+    """A document merged into the one that ``extends`` names, at a place of a file; the others see `resolve_extends`."""
     if not isinstance(named, str) or not named.strip():
         message = f"= {single_line(named)} must be the path of one file"
         raise ScenarioError(Problem("extends", message, "write extends: base.yaml", *where))

@@ -407,6 +407,13 @@ def _finite(value: str | float, remedy: str) -> float:
     return number
 
 
+def demand_in_range(value: float, of: Dimension, remedy: str) -> None:
+    """Refuse what follows from numbers and is outside the range of its dimension; raises `Unfit`."""
+    if not of.smallest <= value <= of.largest:
+        comes_to = f"comes to {of.with_article} of {value:g} {of.unit}, outside {of.smallest:g} to {of.largest:g}"
+        raise Unfit(comes_to, remedy)
+
+
 def range_of(dimensions: Iterable[Dimension]) -> tuple[float, float]:
     """Smallest size, other than zero, and largest size of a number that may be in any of the dimensions, SI."""
     dimensions = list(dimensions)

@@ -37,7 +37,8 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
     """
     couplings = couplings_of(scenario)
     sections = scenario.all_bodies
-    origins = placed(scenario.joints, sections, scenario.default_body).of_first_group
+    joints = scenario.joints
+    origins = placed(joints, sections, scenario.default_body).of_first_group if joints else {}
     parts: list[Structure] = []
     for group in _groups(list(sections), couplings):
         if names is not None and not set(names) & set(group):
