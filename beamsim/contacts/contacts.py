@@ -7,26 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from beamsim.contacts.laws import INTERNAL, OWN, PRESSING, ContactLaw, LawArrays, OneSidedSpring, kelvin_voigt
+from beamsim.contacts.laws import INTERNAL, PRESSING, ContactLaw, LawArrays, OneSidedSpring, kelvin_voigt
 from beamsim.errors import MethodError
 from beamsim.typing import Bools, Complexes, Floats, Ints
-
-
-@dataclass(frozen=True)
-class Watched:
-    """Functions monitored in one contact state: g guards, then the internal states after events that reset them."""
-
-    contact: Ints  # (w,) contact that each function belongs to
-    row: Floats  # (w, 3) factors of the penetration, its rate, and 1
-    internal: Floats  # (w, r) factors of all internal states
-    joint: Floats  # (w, 3) factors of the force that presses the contact, of its rate, and of its own where it holds
-    guards: int  # g
-    following: Ints  # (g,) phase of the guard's contact after its event
-    reset: Ints  # (g,) first of the rows that give the internal states after the event, -1 without a reset
-
-    def guard_of(self, contact: int, following: int) -> int:
-        """The guard whose event takes a contact to a phase."""
-        return int(np.flatnonzero((self.contact[: self.guards] == contact) & (self.following == following))[0])
 
 
 @dataclass(frozen=True)
@@ -103,19 +86,19 @@ class Contacts:
         return np.asarray(np.cumsum(self.states) - self.states)
 
     @cached_property
-    def _owner(self) -> Ints:
+    def owner(self) -> Ints:
         """(r,) contact of each internal state."""
         return np.repeat(np.arange(self.count), self.states)
 
     @cached_property
-    def _column(self) -> Ints:
+    def column(self) -> Ints:
         """(r,) column of each internal state in the rows of its contact's law."""
-        return np.asarray(INTERNAL + np.arange(self.internal_states) - self.first[self._owner])
+        return np.asarray(INTERNAL + np.arange(self.internal_states) - self.first[self.owner])
 
     @cached_property
     def sliders(self) -> Ints:
         """Numbers of the internal states that rest but where a contact slides or yields."""
-        return np.flatnonzero(np.array([law.rubs for law in self.laws], dtype=bool)[self._owner])
+        return np.flatnonzero(np.array([law.rubs for law in self.laws], dtype=bool)[self.owner])
 
     @cached_property
     def stiffness(self) -> Floats:
@@ -259,10 +242,6 @@ class Contacts:
         """Of each of `pressed` the contact that presses it."""
         return self._presser[self.pressed]
 
-    def pressing_factors(self, phases: Ints) -> Floats:
-        """Of each of `pressed` the factor of the pressing force in its own, in phases (..., m)."""
-        return np.asarray(self.arrays.lost[self.pressed, phases[..., self.pressed], PRESSING])
-
     def pressing_stretches(self, phases: Ints) -> Floats:
         """Of each of `pressed` the stretch of its spring for a unit of the pressing force, m/N, in phases (..., m)."""
         place = self.pressed, phases[..., self.pressed]
@@ -271,15 +250,7 @@ class Contacts:
 
     def presses(self, phases: Ints) -> bool:
         """Whether a force of one contact depends on that of another in these phases."""
-        return self.pressed.size > 0 and bool(self.pressing_factors(phases).any())
-
-    def pushes(self, phases: Ints) -> Floats:
-        """(m, n) generalised force for a unit of each contact's own force, friction that it presses included."""
-        push = self.sign[:, None] * self.shape
-        if self.presses(phases):
-            rubbing = self.pressing_factors(phases)[:, None] * push[self.pressed]
-            np.add.at(push, self.pressing, rubbing)
-        return np.asarray(push)
+        return bool(self.arrays.lost[self.pressed, phases[self.pressed], PRESSING].any())
 
     def touching(self, phases: Ints) -> Bools:
         """Whether each contact touches; ``phases`` is (..., m)."""
@@ -356,24 +327,10 @@ class Contacts:
             return 0.0, bool(a.touching[contact, after])
         return float(-row[2] / row[0]) + 0.0, bool(row[0] < 0.0)
 
-    def openings(self, phases: Ints) -> tuple[Floats, Floats]:
-        """Distances of the contacts to their faces in given phases (m,), 0 of those that touch; as `force_rows`."""
-        rows = self.arrays.opening[np.arange(self.count), phases]
-        return rows[:, :OWN], self.of_all_states(rows, np.arange(self.count))
-
-    def force_rows(self, phases: Ints) -> tuple[Floats, Floats]:
-        """Forces in given phases (m,): (m, 3) factors of penetration, rate and 1; (m, r) of all internal states."""
-        rows = self.arrays.force[np.arange(self.count), phases]
-        return rows[:, :OWN], self.of_all_states(rows, np.arange(self.count))
-
-    def of_all_states(self, rows: Floats, contact: Ints) -> Floats:
-        """(k, r) factors of all internal states from rows (k, C) of laws of contacts (k,)."""
-        return np.where(contact[:, None] == self._owner, rows[:, self._column], 0.0)
-
     def own_internal(self, internal: Floats) -> Floats:
         """(nt, m, R) internal states of each contact from all of them (nt, r)."""
         out = np.zeros((internal.shape[0], self.count, self.arrays.losses.shape[2]))
-        out[:, self._owner, self._column - INTERNAL] = internal
+        out[:, self.owner, self.column - INTERNAL] = internal
         return out
 
     def forces(self, phases: Ints, penetration: Floats, rate: Floats, internal: Floats) -> Floats:
@@ -419,16 +376,6 @@ class Contacts:
                     z[now] @ self.arrays.energy[j, k][np.ix_(columns, columns)] * z[now], axis=1
                 )
         return energy
-
-    def losses(self, phases: Ints) -> tuple[Floats, Floats]:
-        """Dissipated power in given phases: (m,) per squared penetration rate, (r,) per squared rate of a state."""
-        of_states = self.arrays.losses[self._owner, phases[self._owner], self._column - INTERNAL]
-        return self.arrays.lost[np.arange(self.count), phases, 1], of_states
-
-    def friction(self, phases: Ints) -> tuple[Floats, Floats]:
-        """(..., m) constant part of each force whose work is lost, N, and its slope, N/m, in phases (..., m)."""
-        lost = self.arrays.lost[np.arange(self.count), phases]
-        return lost[..., 2], lost[..., 0]
 
     def holds(self, phases: Ints) -> Bools:
         """(m,) whether the force of each contact is what keeps its penetration."""
@@ -517,17 +464,6 @@ class Contacts:
         """(n,) generalised force of the contacts after a long rest that does not depend on where they rest."""
         return np.asarray((self.sign * [law.resting_force for law in self.laws]) @ self.shape)
 
-    def internal_rates(self, phases: Ints) -> tuple[Floats, Floats]:
-        """Rates of all internal states in given phases.
-
-        Returns (r, r) factors of the states themselves, and (r, m, 3) factors of each contact's penetration, its rate,
-        and 1.
-        """
-        rates = self.arrays.rates[self._owner, phases[self._owner], self._column - INTERNAL]
-        drive = np.zeros((self.internal_states, self.count, OWN))
-        drive[np.arange(self.internal_states), self._owner] = rates[:, :OWN]
-        return self.of_all_states(rates, self._owner), drive
-
     def coupled(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
         return self.internal_states > 0 and bool(self.arrays.coupled[np.arange(self.count), phases].any())
@@ -545,21 +481,6 @@ class Contacts:
     def jointly_acting(self) -> bool:
         """Whether reactions, or forces that other contacts press, act between contacts and structure."""
         return self.ever_hold or self.pressed.size > 0
-
-    def watched(self, phases: Ints) -> Watched:
-        """What ends a contact state: the guards of its phases, contact by contact."""
-        a = self.arrays
-        number = a.guards[np.arange(self.count), phases]
-        contact = np.repeat(np.arange(self.count), number)
-        place = contact, phases[contact], np.arange(contact.size) - np.repeat(np.cumsum(number) - number, number)
-        table, first = a.guard[place], np.full(contact.size, -1)
-        for g in np.flatnonzero(a.resets[place]):
-            j = contact[g]
-            first[g] = contact.size
-            table = np.vstack([table, a.reset[j, phases[j], place[2][g], : self.states[j]]])
-            contact = np.append(contact, np.full(self.states[j], j))
-        internal = self.of_all_states(table, contact)
-        return Watched(contact, table[:, :OWN], internal, table[:, OWN:INTERNAL], place[2].size, a.next[place], first)
 
     @cached_property
     def arrays(self) -> LawArrays:

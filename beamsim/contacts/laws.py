@@ -43,7 +43,7 @@ import numpy as np
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 SLIGHT = 1e-9  # m, penetration at which a contact has just been made
-OWN, PRESSING, INTERNAL = 3, 3, 6  # columns of its own motion, the force that presses it, first internal state
+PENETRATION, RATE, CONSTANT, PRESSING, PRESSING_RATE, REACTION, INTERNAL = range(7)  # columns of `LawRow.array`
 
 
 class LawRow(NamedTuple):
@@ -60,7 +60,7 @@ class LawRow(NamedTuple):
     def array(self, internal_states: int) -> Floats:
         """(6 + r,) factors: penetration, rate, 1; pressing force, its rate, reaction; internal states."""
         row = np.zeros(INTERNAL + internal_states)
-        row[:INTERNAL] = *self[:OWN], self.pressing, self.pressing_rate, self.reaction
+        row[:INTERNAL] = *self[:PRESSING], self.pressing, self.pressing_rate, self.reaction
         row[INTERNAL : INTERNAL + len(self.internal)] = self.internal
         return row
 

@@ -28,7 +28,7 @@ import numpy as np
 
 from beamsim.contacts.laws import (
     DEPTH,
-    OWN,
+    PRESSING,
     ContactLaw,
     Guard,
     LawRow,
@@ -38,6 +38,8 @@ from beamsim.contacts.laws import (
     piecewise_linear,
 )
 from beamsim.typing import Floats
+
+OWN = PRESSING  # number of columns of what a law sees of its own contact's motion: penetration, rate, 1
 
 
 @dataclass(frozen=True)

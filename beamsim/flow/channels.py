@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.state_tables import visited_states
@@ -17,75 +15,46 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_integrals, interpolated
 from beamsim.outcomes import check_stop
 from beamsim.system.equations import ChannelSet, Key, Rows
+from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Complexes, Floats, Ints
 
 MARGIN = 18  # half steps of frequency beyond the highest, that windows need
 
 
-class Acting(NamedTuple):
-    """What acts on a structure, as outputs of a flow."""
-
-    load: LinearOutput  # L signals of the forcing
-    base_acceleration: LinearOutput  # 1; zero where the flow has no observer, which is the base's acceleration
-    base_displacement: LinearOutput  # 1; zero where no contact feels it
-
-    @classmethod
-    def on(cls, flow: ExactFlow) -> Acting:
-        """What acts on the structure of a flow."""
-        signals = len(flow.forcing.signal)
-
-        def of(numbers: Ints) -> LinearOutput:
-            output = flow.empty_output(numbers.size)
-            output.direct[:] = numbers[:, None] == flow.sources.channel
-            return output
-
-        nothing = flow.empty_output(1)
-        base = of(np.array([flow.first_observer])) if flow.observers else nothing
-        displaced = of(np.array([flow.base_channel])) if flow.base_channel >= 0 else nothing
-        return cls(of(np.arange(signals)), base, displaced)
-
-
-def outputs_of(flow: ExactFlow, rows: Rows, acting: Acting | None = None) -> OutputOf:
-    """Rows of channels as outputs of a flow, cubic springs apart.
+def outputs_of(flow: ExactFlow, rows: Rows) -> RowsOf:
+    """Rows of channels on the equations of a flow, cubic springs apart.
 
     Parameters
     ----------
     flow : of the system that the channels belong to.
     rows : (k,) of them.
-    acting : what the signals of the loads and the base's motion are, by default those of the flow.
 
     Returns
     -------
-    The outputs (k,) by the phases of the contacts.
+    The rows (k, V) by the phases of the contacts.
     """
-    n, acting = flow.system.size, acting or Acting.on(flow)
-    fixed = acting.load.combined(rows.load)
-    fixed += acting.base_acceleration.combined(rows.base_acceleration[:, None])
-    fixed += acting.base_displacement.combined(rows.base_displacement[:, None])
-    fixed.row[:, :n] += rows.displacement
-    fixed.row[:, n : 2 * n] += rows.velocity
-    fixed.direct[:, 0] += rows.constant
+    equations = flow.equations
+    fixed = equations.rows(rows.count, coordinates=rows.displacement, velocities=rows.velocity)
+    fixed += equations.constant(rows.constant) + rows.load @ equations.signals(np.arange(len(flow.forcing.signal)))
+    if flow.observers:  # of which the first is the base's acceleration
+        fixed += rows.base_acceleration[:, None] * equations.signals(np.array([flow.first_observer]))
+    if flow.base_channel >= 0:
+        fixed += rows.base_displacement[:, None] * equations.signals(np.array([flow.base_channel]))
     varying = np.flatnonzero(np.hstack([rows.acceleration, rows.contact, rows.opening]).any(axis=1))
     of_phases = rows.some(varying)
-    shape = of_phases.acceleration
 
-    def output_of(phases: Ints) -> LinearOutput:
+    def rows_of(phases: Ints) -> Floats:
         if not varying.size:
             return fixed
-        output = LinearOutput(fixed.row.copy(), fixed.direct.copy(), fixed.direct_slope.copy())
-        added = flow.contact_forces(phases).combined(of_phases.contact)
+        at, every = flow.at(phases), fixed.copy()
+        every[varying] += of_phases.contact @ at.force
         if of_phases.opening.any():
-            added += flow.openings(phases).combined(of_phases.opening)
-        if shape.any():
-            stiffness, damping, internal, load, load_slope = flow.equation_of_motion(phases)
-            rates = np.hstack([-stiffness, -damping, internal])
-            added += LinearOutput(shape @ rates, shape @ load.T, shape @ load_slope.T)
-        output.row[varying] += added.row
-        output.direct[varying] += added.direct
-        output.direct_slope[varying] += added.direct_slope
-        return output
+            every[varying] += of_phases.opening @ at.openings
+        if of_phases.acceleration.any():
+            every[varying] += of_phases.acceleration @ at.rates[equations.velocities]
+        return every
 
-    return output_of
+    return rows_of
 
 
 class Observed:
@@ -127,23 +96,23 @@ class MotionPart:
     Parameters
     ----------
     motion : cut to the part; its contact states are all kept.
-    output_of : the outputs.
+    rows_of : the outputs.
     highest : rad/s, up to which Fourier integrals are asked for; the side lobes of windows may lie beyond.
     before : of a second half: the whole, and its first half.
     """
 
     motion: Trajectory
-    output_of: OutputOf
+    rows_of: RowsOf
     highest: float
     before: tuple[MotionPart, MotionPart] | None = None
 
     @classmethod
-    def of(cls, trajectory: Trajectory, output_of: OutputOf, span: tuple[float, float], highest: float) -> MotionPart:
+    def of(cls, trajectory: Trajectory, rows_of: RowsOf, span: tuple[float, float], highest: float) -> MotionPart:
         """The outputs between two times.
 
         Parameters
         ----------
-        trajectory, output_of : the motion and K outputs.
+        trajectory, rows_of : the motion and K outputs.
         span : s, begin and end, within the motion.
         highest : rad/s, of the Fourier integrals.
 
@@ -151,7 +120,7 @@ class MotionPart:
         -------
         MotionPart
         """
-        return cls(trajectory.between(*span).held(), output_of, highest)
+        return cls(trajectory.between(*span).held(), rows_of, highest)
 
     @property
     def begin(self) -> float:
@@ -169,7 +138,7 @@ class MotionPart:
         if self.before is not None:  # what the first half leaves of the whole, at every other of its frequencies
             whole, first = self.before[0].known[:, ::2], self.before[1].known
             return np.asarray((whole - first[:, : whole.shape[1]]) * (-1.0) ** np.arange(whole.shape[1]))
-        step, table = np.pi / self.duration, self.motion.flow.output_table(self.output_of)
+        step, table = np.pi / self.duration, self.motion.flow.output_table(self.rows_of)
         count = int(self.highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other serves half of the time
         return evenly_spaced_integrals(self.motion, table, step, count)
 
@@ -192,23 +161,22 @@ class MotionPart:
     @cached_property
     def mean_squares(self) -> Floats:
         """(K,) means of the squares."""
-        return np.asarray(self.motion.square_integrals(self.output_of) / self.duration)
+        return np.asarray(self.motion.square_integrals(self.rows_of) / self.duration)
 
     def deviations(self, levels: Floats) -> Floats:
         """(K,) root mean squares about levels (K,), without the digits that a large mean costs."""
 
-        def about(phases: Ints) -> LinearOutput:
-            output = self.output_of(phases)
-            direct = output.direct.copy()
-            direct[:, 0] -= levels  # of the constant source
-            return replace(output, direct=direct)
+        constant = self.motion.flow.equations.constant(levels)
+
+        def about(phases: Ints) -> Floats:
+            return self.rows_of(phases) - constant
 
         return np.sqrt(np.maximum(self.motion.square_integrals(about) / self.duration, 0.0))
 
     @cached_property
     def extrema(self) -> Extrema:
         """(K,) extreme values."""
-        return self.motion.extrema(self.output_of)
+        return self.motion.extrema(self.rows_of)
 
     @cached_property
     def quarter_deviations(self) -> tuple[Floats, Floats]:

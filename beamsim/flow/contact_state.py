@@ -8,23 +8,18 @@ amplitude of an input) multiplies which basis function and which state vector:
 
 The state vector y holds the coordinates, their rates and the contact laws' internal states, N = 2n + r.
 Sources are numbered: inputs 0 … F-1, free amplitudes from F.
-
-Contacts that hold: in such a phase the force is whatever keeps the penetration at its value.
-
-With the rows W of the held contacts (penetrations for a unit of each coordinate) and the generalised force f of all
-else, the reactions are those :math:`\\lambda` for which :math:`W (f - W^T\\lambda) = 0`. Where several do, since
-contacts hold one motion together, they are those of the smallest sum of squares.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.contacts.laws import PENETRATION, RATE
 from beamsim.flow.invariant_blocks import (
     Block,
     BlockForm,
@@ -36,110 +31,13 @@ from beamsim.flow.invariant_blocks import (
 )
 from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.sources import Sources
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem
-from beamsim.typing import Bools, Complexes, Floats, Ints
-
-SMALLEST = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
-
-
-@dataclass(frozen=True)
-class Held:
-    """The h contacts that hold."""
-
-    contact: Ints  # (h,)
-    across: Floats  # (n, r) orthonormal basis of the coordinates that do not move
-    share: Floats  # (h, n) reactions for a unit of each generalised force
-
-    def free(self, forces: Floats) -> Floats:
-        """Generalised forces (..., n) without what the reactions balance; what is left of those that they balance
-        whole is round-off, and would move what rests."""
-        left = np.asarray(forces - (forces @ self.across) @ self.across.T)
-        size = np.linalg.norm(forces, axis=-1, keepdims=True)
-        # 1e-14: of a force
-        return np.where(np.linalg.norm(left, axis=-1, keepdims=True) <= 1e-14 * size, 0.0, left)
-
-    def resting(self, rows: Floats) -> Bools:
-        """(m,) which motions, of rows (m, n), the contacts hold as well: others at the same place, for example."""
-        left = np.linalg.norm(self.free(rows), axis=1)
-        return np.asarray(left <= SMALLEST * np.linalg.norm(rows, axis=1))
-
-
-def held_contacts(system: PiecewiseLinearSystem, phases: Ints) -> Held | None:
-    """What holds with the contacts in given phases; None where nothing does."""
-    contacts = system.contacts
-    if not contacts.ever_hold:
-        return None
-    contact = np.flatnonzero(contacts.holds(phases))
-    if not contact.size:
-        return None
-    rows = -contacts.sign[contact, None] * contacts.shape[contact]
-    left, size, right = np.linalg.svd(rows, full_matrices=False)
-    rank = int(np.sum(size > SMALLEST * size.max()))
-    return Held(contact, right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank])
-
+from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.system.state_equations import StateEquations
+from beamsim.typing import Complexes, Floats, Ints
 
 GROWN = 3.0  # logarithm of the largest growth within a segment
 GROWTH = 600.0  # logarithm of a function's growth; where it is larger, the amplitude is zero
 SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
-
-
-@dataclass(frozen=True)
-class LinearOutput:
-    """Outputs that are linear in the state and the inputs: ``row @ y + Re sum_f direct_f(source f)``.
-
-    ``direct[:, f]`` multiplies source f's own basis function, ``direct_slope[:, f]`` its time derivative.
-    """
-
-    row: Floats  # (k, N)
-    direct: Floats  # (k, F)
-    direct_slope: Floats  # (k, F)
-
-    def __add__(self, other: LinearOutput) -> LinearOutput:
-        return LinearOutput(self.row + other.row, self.direct + other.direct, self.direct_slope + other.direct_slope)
-
-    def scaled(self, factor: float | Floats) -> LinearOutput:
-        """Each output times a factor: one for all, or (k, 1)."""
-        return LinearOutput(factor * self.row, factor * self.direct, factor * self.direct_slope)
-
-    def combined(self, matrix: Floats) -> LinearOutput:
-        """Sums of the outputs, weighted by the rows of a matrix (j, k)."""
-        return LinearOutput(matrix @ self.row, matrix @ self.direct, matrix @ self.direct_slope)
-
-    def some(self, rows: Ints | Bools | slice) -> LinearOutput:
-        """Some of the outputs."""
-        return LinearOutput(self.row[rows], self.direct[rows], self.direct_slope[rows])
-
-    @property
-    def acts(self) -> Bools:
-        """(k,) whether each output is not always zero, as the force of an open contact is."""
-        parts = self.row, self.direct, self.direct_slope
-        return np.asarray(np.logical_or.reduce([part.any(axis=1) for part in parts]))
-
-    def values(self, y: Floats, inputs: Floats, slopes: Floats) -> Floats:
-        """Outputs of motions.
-
-        Parameters
-        ----------
-        y : (n, N) states.
-        inputs, slopes : (n, F) the sources and their time derivatives.
-
-        Returns
-        -------
-        values : (n, k).
-        """
-        return np.asarray(y @ self.row.T + inputs @ self.direct.T + slopes @ self.direct_slope.T)
-
-    @classmethod
-    def stacked(cls, *outputs: LinearOutput) -> LinearOutput:
-        """The outputs of several, one after the other."""
-        parts = zip(*((each.row, each.direct, each.direct_slope) for each in outputs), strict=True)
-        return cls(*(np.concatenate(part) for part in parts))
-
-    def __neg__(self) -> LinearOutput:
-        return LinearOutput(-self.row, -self.direct, -self.direct_slope)
-
-
-OutputOf = Callable[[Ints], LinearOutput]  # of the phases of the contacts
 
 
 @dataclass(frozen=True)
@@ -165,19 +63,19 @@ class ContactState:
     @property
     def phases(self) -> Ints:
         """(m,) of the contacts."""
-        return self.modes.phases
+        return self.modes.equations.phases
 
     @property
     def horizon(self) -> float:
         """Longest segment for which the tables hold, s."""
         return self.modes.horizon
 
-    def coefficients(self, output: LinearOutput, sources: Sources, table: Complexes | None = None) -> Complexes:
+    def coefficients(self, rows: Floats, sources: Sources, table: Complexes | None = None) -> Complexes:
         """Factors of ``zeta * basis`` of every term in every output.
 
         Parameters
         ----------
-        output : k outputs in this contact state.
+        rows : (k, V) the outputs in this contact state.
         sources : of the loads.
         table : (T, k) to write to; a new array by default.
 
@@ -186,13 +84,14 @@ class ContactState:
         table : (T, k).
         """
         if table is None:
-            table = np.empty((self.term_vector.shape[0], output.row.shape[0]), dtype=complex)
-        table.real, table.imag = self.term_vector.real @ output.row.T, self.term_vector.imag @ output.row.T
+            table = np.empty((self.term_vector.shape[0], rows.shape[0]), dtype=complex)
+        states, inputs, slopes = np.split(rows, np.cumsum([self.term_vector.shape[1], sources.count]), axis=1)
+        table.real, table.imag = self.term_vector.real @ states.T, self.term_vector.imag @ states.T
         driven, lowered = self.terms_of_sources
-        table[driven] += (output.direct + sources.exponent * output.direct_slope).T
+        table[driven] += (inputs + sources.exponent * slopes).T
         if sources.power.any():
             rising = sources.power > 0
-            table[lowered[rising]] += (sources.power * output.direct_slope)[:, rising].T
+            table[lowered[rising]] += (sources.power * slopes)[:, rising].T
         return table
 
     @property
@@ -235,16 +134,15 @@ class ContactState:
         of_free = np.finfo(float).eps * parts @ np.abs(self.projector.T)
         return np.concatenate([np.zeros(given.shape), of_free], axis=1)
 
-    def roughness(self, output: LinearOutput, coefficients: Complexes) -> Floats:
-        """(T, k) bound on the parts of each term's coefficient before they cancel.
+    def roughness(self, rows: Floats, coefficients: Complexes) -> Floats:
+        """(T, k) bound on the parts of each term's coefficient before they cancel, of outputs with rows (k, V).
 
         At a node of every mode that moves the coefficients are round-off themselves; the products of norms are not.
         """
-        n = (self.term_vector.shape[1] - self.modes.internal_states) // 2
-        size = np.abs(coefficients)
-        parts = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
-        for part in parts if self.modes.internal_states else parts[:2]:
-            vector, row = self.term_vector[:, part], output.row[:, part]
+        size, equations = np.abs(coefficients), self.modes.equations.equations
+        parts = (equations.coordinates, equations.velocities, equations.internal)
+        for part in parts if equations.contacts.internal_states else parts[:2]:
+            vector, row = self.term_vector[:, part], rows[:, part]
             length = np.sqrt((vector.real**2 + vector.imag**2).sum(axis=1))
             size = np.maximum(size, length[:, None] * np.sqrt((row**2).sum(axis=1)))
         return np.ascontiguousarray(size)
@@ -286,15 +184,10 @@ class _Terms:
 class ContactModes:
     """A contact state under all loads that differ in their signals alone."""
 
-    phases: Ints  # (m,) of the contacts
-    internal_states: int  # r
+    equations: StateEquations
     simple: SimpleModes  # one of each conjugate pair
     blocks: list[Block]  # the others
     horizon: float  # s, longest segment for which series hold
-    load: Floats  # (F, n + r) per unit of each source, without what reactions balance
-    slope: Floats  # (F, n + r) ... of its time derivative
-    loads: SourceLoads
-    rates: Callable[[Complexes, Complexes, Complexes], Complexes] | None  # where contacts act
 
     @cached_property
     def whole(self) -> SimpleModes:
@@ -310,14 +203,11 @@ class ContactModes:
 
     def respond(self, terms: _Terms, sources: Sources) -> None:
         """Add the responses to all sources."""
-        acts = _driving(self.load, self.slope, sources)
-        polynomial = np.zeros((*acts.shape[:2], terms.size), dtype=complex)
-        polynomial[:, :, -self.load.shape[1] :] = acts
-        self._force(terms, polynomial, sources)
-        if self.rates is not None:  # what a stiff contact's load leaves in slow motions is a small part of it
-            own = _driving(self.loads.load, self.loads.slope, sources)
-            force = _driving(self.loads.force, self.loads.force_slope, sources)
-            self._force(terms, _residual(terms, self.rates, own, force, sources), sources)
+        rates, of = self.equations.rates, self.equations.equations
+        self._force(terms, _driving(rates[:, of.inputs].T, rates[:, of.slopes].T, sources), sources)
+        if self.equations.factors[:, : RATE + 1].any():
+            # what a stiff contact's load leaves in slow motions is a small part of it
+            self._force(terms, _residual(terms, self.equations, sources), sources)
 
     def _force(self, terms: _Terms, polynomial: Complexes, sources: Sources) -> None:
         """Add the responses to ``sum_p polynomial[f, p] tau^p e^{nu_f tau}``, (F, degree + 1, N).
@@ -336,15 +226,7 @@ class ContactModes:
                 _force_block(terms, block, polynomial[f, :degree], complex(sources.exponent[f]), f, longest, least)
 
 
-def contact_modes(
-    system: PiecewiseLinearSystem,
-    forcing: Forcing,
-    sources: Sources,
-    influence: Floats,
-    phases: Ints,
-    longest_window: float,
-    known: ContactModes | None = None,
-) -> ContactModes:
+def contact_modes(equations: StateEquations, longest_window: float, known: ContactModes | None = None) -> ContactModes:
     """Diagonalise the system with its contacts in given phases.
 
     Cost: one symmetric eigenvalue problem of order n and, where damping or internal states couple modes, one
@@ -353,10 +235,7 @@ def contact_modes(
 
     Parameters
     ----------
-    system, forcing : the structure and what its loads act on.
-    sources : of the loads' signals; of them the number and the channels count.
-    influence : (channels, m) displacement of each contact's place from its stand by a unit of each channel, m.
-    phases : (m,) of the contacts.
+    equations : of the contact state.
     longest_window : upper limit on the length of a segment, s.
     known : a contact state of the same system.
 
@@ -365,18 +244,11 @@ def contact_modes(
     ContactModes
         Modes, and the terms of the response to every source.
     """
-    acting = _acting(system, phases)
-    simple, blocks = _diagonalise(system, phases, acting, longest_window, known)
+    simple, blocks = _diagonalise(equations, longest_window, known)
     # series hold within a radius; what grows is bounded by its end, so that a segment ends before that is far above it
     growing = [*simple.eigenvalue.real.tolist(), *(complex(b.centre).real for b in blocks)]
     fastest = max([0.0, *(b.radius for b in blocks), *(rate / GROWN for rate in growing)])
-    loads = _loads_of_sources(system, forcing, sources, influence, phases)
-    load, slope = _free(system, phases, *loads.total())
-    return ContactModes(
-        phases.copy(), system.contacts.internal_states, simple, blocks,
-        float(min(longest_window, 1.0 / fastest if fastest > 0 else np.inf)), load, slope, loads,
-        _rates_of(system, phases, loads) if acting.stiffness.size else None,
-    )  # fmt: skip
+    return ContactModes(equations, simple, blocks, float(min(longest_window, 1.0 / fastest if fastest > 0 else np.inf)))
 
 
 def tabulated(modes: ContactModes, sources: Sources) -> ContactState:
@@ -419,12 +291,6 @@ def tabulated(modes: ContactModes, sources: Sources) -> ContactState:
     )
 
 
-def state_matrices(system: PiecewiseLinearSystem, phases: Ints) -> tuple[Floats, Floats]:
-    """Stiffness and damping (n, n) with the contacts in given phases; internal states and reactions apart."""
-    phi, k, c, along, _ = _acting(system, phases)
-    return np.diag(system.stiffness) + (along.T * k) @ phi, system.damping + (along.T * c) @ phi
-
-
 def _driving(value: Floats, slope: Floats, sources: Sources) -> Complexes:
     """(F, degree + 1, k) polynomials times ``e^{nu tau}`` of sources that drive, per unit of each and of its slope,
     (F, k)."""
@@ -435,38 +301,6 @@ def _driving(value: Floats, slope: Floats, sources: Sources) -> Complexes:
         rising = power > 0
         out[F[rising], power[rising] - 1] = power[rising, None] * slope[rising]
     return out
-
-
-def _rates_of(
-    system: PiecewiseLinearSystem, phases: Ints, loads: SourceLoads
-) -> Callable[[Complexes, Complexes, Complexes], Complexes]:
-    """``A y + b`` of states (k, N) with the contacts in given phases, from loads (k, n + r) and contact forces (k, m).
-
-    It is for motions along which the contacts that hold rest.
-    Each force acts along the shape of its own contact, with its parts added before: where both sides of a stiff one
-    move together, or follow the base, the round-off of a product with the matrix would be a load of slow motions.
-    """
-    contacts, n, row, h = system.contacts, system.size, loads.row, loads.internal
-    penetration = -contacts.sign[:, None] * contacts.shape
-    if contacts.internal_states:
-        internal, drive = contacts.internal_rates(phases)
-    held = held_contacts(system, phases)
-
-    def rates(y: Complexes, own: Complexes, force: Complexes) -> Complexes:
-        q, v, p = y[:, :n], y[:, n : 2 * n], y[:, 2 * n :]
-        out = np.empty_like(y)
-        out[:, :n], out[:, n:] = v, own
-        delta, rate = q @ penetration.T, v @ penetration.T
-        force = force + delta * row[:, 0] + rate * row[:, 1]
-        if contacts.internal_states:
-            force = force + p @ h.T
-            out[:, 2 * n :] += p @ internal.T + delta @ drive[:, :, 0].T + rate @ drive[:, :, 1].T
-        out[:, n : 2 * n] += -system.stiffness * q - v @ system.damping.T + force @ loads.push
-        if held is not None:
-            out[:, n : 2 * n] -= (out[:, n : 2 * n] @ held.across) @ held.across.T
-        return out
-
-    return rates
 
 
 class _Acting(NamedTuple):
@@ -484,42 +318,39 @@ class _Acting(NamedTuple):
         return self.along is not self.shape
 
 
-def _acting(system: PiecewiseLinearSystem, phases: Ints) -> _Acting:
-    row, _ = system.contacts.force_rows(phases)
-    contacts = system.contacts
-    acting = ((row[:, 0] != 0.0) | (row[:, 1] != 0.0)).nonzero()[0]
+def _acting(equations: StateEquations) -> _Acting:
+    contacts, (stiffness, dashpot) = equations.equations.contacts, equations.factors[:, [PENETRATION, RATE]].T
+    acting = ((stiffness != 0.0) | (dashpot != 0.0)).nonzero()[0]
     shape = along = contacts.shape[acting]
-    if contacts.presses(phases):
-        along = contacts.sign[acting, None] * contacts.pushes(phases)[acting]
-    return _Acting(shape, row[acting, 0], row[acting, 1], along, acting)
+    if contacts.presses(equations.phases):
+        along = contacts.sign[acting, None] * equations.push[acting]
+    return _Acting(shape, stiffness[acting], dashpot[acting], along, acting)
 
 
-def _diagonalise(
-    system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float, known: ContactModes | None
-) -> BlockForm:
+def _diagonalise(equations: StateEquations, window: float, known: ContactModes | None) -> BlockForm:
     """Simple modes, one of each conjugate pair, and blocks of the others: from a neighbour's, or anew."""
-    n, contacts = system.size, system.contacts
-    N = 2 * n + contacts.internal_states
+    of, phases = equations.equations, equations.phases
     neighbour = None
-    if known is not None and can_update(system, known.phases, phases):
-        neighbour = neighbouring_modes(system, known.simple, known.phases, phases)
+    if known is not None and can_update(of.system, known.equations.phases, phases):
+        neighbour = neighbouring_modes(of.system, known.simple, known.equations.phases, phases)
+    n, N, internal = of.system.size, of.states, of.internal
     if neighbour is None:
-        modes = _solved_modes(system, phases, acting, window)
+        modes = _solved_modes(equations, window)
     else:
         modes = BlockForm(neighbour, [])
         modes = modes if 2 * n == N else modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
-    if 2 * n < N and not contacts.coupled(phases):
-        internal = block_diagonalise(contacts.internal_rates(phases)[0], window)
-        modes = modes.joined(internal.placed(np.eye(N)[:, 2 * n :], np.eye(N)[2 * n :]))
+    if 2 * n < N and not of.contacts.coupled(phases):
+        alone = block_diagonalise(equations.internal_rates[:, internal], window)
+        modes = modes.joined(alone.placed(np.eye(N)[:, internal], np.eye(N)[internal]))
     return BlockForm(modes.simple.upper(), modes.blocks)
 
 
-def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, window: float) -> BlockForm:
+def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     """Undamped modes first; those that damping or internal states couple go through the general form, the others stay
     exact. Internal states are included where they are coupled with the structure."""
-    n, N = system.size, 2 * system.size + system.contacts.internal_states
-    held = held_contacts(system, phases)
-    across = None if held is None else held.across
+    system, acting, phases = equations.equations.system, _acting(equations), equations.phases
+    n, N = system.size, equations.equations.states
+    across = equations.held if equations.held.shape[1] else None
     omega2, psi, stretch = undamped = _undamped_modes(system, acting.shape, acting.stiffness, across)
     d = psi.T @ system.damping @ psi + (stretch.T * acting.dashpot) @ stretch
     off = np.abs(d - np.diag(np.diag(d)))
@@ -533,7 +364,7 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, 
         modes = modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
     if together.size or general:
         resting = across if general else None
-        modes = modes.joined(_coupled_modes(system, phases, acting, undamped, d, together, window, resting))
+        modes = modes.joined(_coupled_modes(equations, acting, undamped, d, together, window, resting))
     if across is not None and not general:  # at rest, whatever their values
         # a unit of them leaves the others in equilibrium
         pushed = system.stiffness[:, None] * across + (acting.shape.T * acting.stiffness) @ (acting.shape @ across)
@@ -548,21 +379,21 @@ def _solved_modes(system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, 
 
 
 def _coupled_modes(
-    system: PiecewiseLinearSystem, phases: Ints, acting: _Acting, undamped: tuple[Floats, Floats, Floats], d: Floats,
-    g: Ints, window: float, across: Floats | None,
+    equations: StateEquations, acting: _Acting, undamped: tuple[Floats, Floats, Floats], d: Floats, g: Ints,
+    window: float, across: Floats | None,
 ) -> BlockForm:  # fmt: skip
     """Those of the general form.
 
     Parameters
     ----------
-    system, phases, acting : the structure and its contacts.
+    equations, acting : of the contact state, and its contacts.
     undamped, d : see `_undamped_modes`, and the damping (e, e) between these modes.
     g : the modes that are coupled.
     window : s, longest time for which the blocks will be used.
     across : (n, c) motions that are held, whose values load modes and drive internal states; None where they do not.
     """
-    n, contacts = system.size, system.contacts
-    together = contacts.coupled(phases)
+    system, contacts = equations.equations.system, equations.equations.contacts
+    n, together = system.size, contacts.coupled(equations.phases)
     N, inside = 2 * n + contacts.internal_states, contacts.internal_states if together else 0
     omega2, psi, stretch = (part[..., g] for part in undamped)
     d, r = d[np.ix_(g, g)], g.size
@@ -588,21 +419,21 @@ def _coupled_modes(
         out[:n, first:], back[first:, :n] = across / usual, across.T * usual
     if together:
         unit = usual / max(float(np.abs(contacts.shape).max()), 1e-300)
-        _, h = contacts.force_rows(phases)
-        internal, drive = contacts.internal_rates(phases)
+        drive = equations.internal_drive
         moved = contacts.shape @ psi
         moved[acting.contact] = (
             stretch  # of stiff ones in slow motions, and exactly none in motions that they do not feel
         )
         penetration = -contacts.sign[:, None] * moved
-        pushed = contacts.pushes(phases) @ psi if acting.crossed else -penetration
+        pushed = equations.push @ psi if acting.crossed else -penetration
         states = slice(2 * r, first)
-        A[r : 2 * r, states] = pushed.T @ h / unit
-        A[states, :r] = unit * (drive[:, :, 0] @ penetration) / scale
-        A[states, r : 2 * r] = unit * (drive[:, :, 1] @ penetration)
-        A[states, states] = internal
+        A[r : 2 * r, states] = pushed[contacts.owner].T * equations.internal_factors / unit
+        A[states, :r] = unit * (drive[:, PENETRATION, None] * penetration[contacts.owner]) / scale
+        A[states, r : 2 * r] = unit * (drive[:, RATE, None] * penetration[contacts.owner])
+        A[states, states] = equations.internal_rates[:, equations.equations.internal]
         if across is not None:
-            A[states, first:] = -unit / usual * (drive[:, :, 0] @ (contacts.sign[:, None] * contacts.shape @ across))
+            resting = (contacts.sign[:, None] * contacts.shape @ across)[contacts.owner]
+            A[states, first:] = -unit / usual * (drive[:, PENETRATION, None] * resting)
         out[2 * n :, states] = np.eye(inside) / unit
         back[states, 2 * n :] = np.eye(inside) * unit
 
@@ -658,95 +489,25 @@ def _undamped_modes(
     return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), modes, stretch
 
 
-class SourceLoads(NamedTuple):
-    """Loads for a unit of each source and of its time derivative, the forces of contacts apart.
-
-    Their directions stand beside them: in sums the round-off of a stiff one would be a load of slow motions.
-    """
-
-    load: Floats  # (F, n + r) generalised forces and rates of the internal states
-    slope: Floats  # (F, n + r)
-    force: Floats  # (F, m) of the contacts
-    force_slope: Floats  # (F, m)
-    push: Floats  # (m, n) generalised force for a unit of each contact's force
-    row: Floats  # (m, 3) factors of penetration, penetration rate and 1 in the contacts' forces
-    internal: Floats  # (m, r) those of the internal states
-
-    def total(self) -> tuple[Floats, Floats]:
-        """(F, n + r) the sums, per unit of each source and of its derivative."""
-        n, load, slope = self.push.shape[1], self.load.copy(), self.slope.copy()
-        load[:, :n] += self.force @ self.push
-        slope[:, :n] += self.force_slope @ self.push
-        return load, slope
-
-
-def _free(system: PiecewiseLinearSystem, phases: Ints, load: Floats, slope: Floats) -> tuple[Floats, Floats]:
-    """Loads without what the reactions of contacts that hold balance."""
-    n, held = system.size, held_contacts(system, phases)
-    if held is not None:
-        load[:, :n], slope[:, :n] = held.free(load[:, :n]), held.free(slope[:, :n])
-    return load, slope
-
-
-def acting_loads(
-    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, influence: Floats, phases: Ints
-) -> tuple[Floats, Floats]:
-    """Generalised forces and rates of the internal states, with what the reactions of contacts that hold balance.
-
-    Parameters
-    ----------
-    system, forcing : the structure and what its loads act on.
-    sources : of the loads' signals.
-    influence : (channels, m) displacement of each contact's place from its stand by a unit of each channel, m.
-    phases : (m,) of the contacts.
-
-    Returns
-    -------
-    load, slope : (F, n + r) per unit of each source, and of its time derivative.
-    """
-    return _loads_of_sources(system, forcing, sources, influence, phases).total()
-
-
-def _loads_of_sources(
-    system: PiecewiseLinearSystem, forcing: Forcing, sources: Sources, influence: Floats, phases: Ints
-) -> SourceLoads:
-    contacts, n = system.contacts, system.size
-    row, internal = contacts.force_rows(phases)
-    load, force = np.zeros((sources.count, n + contacts.internal_states)), np.zeros((sources.count, contacts.count))
-    slope, force_slope = np.zeros_like(load), np.zeros_like(force)
-    load[0, :n], force[0] = system.constant_load, row[:, 2] - row[:, 0] * contacts.gap
-    driven = contacts.internal_states > 0
-    drive = contacts.internal_rates(phases)[1] if driven else np.zeros((0, contacts.count, 3))
-    if driven:
-        load[0, n:] = drive[:, :, 2].sum(axis=1) - drive[:, :, 0] @ contacts.gap
-    for f in range(1, sources.count):
-        channel = sources.channel[f]
-        if channel < len(forcing.signal):
-            load[f, :n] = forcing.load[channel]
-        if influence[channel].any():
-            moved = -contacts.sign * influence[channel]  # penetration per unit
-            force[f], force_slope[f] = row[:, 0] * moved, row[:, 1] * moved
-            load[f, n:], slope[f, n:] = drive[:, :, 0] @ moved, drive[:, :, 1] @ moved
-    return SourceLoads(load, slope, force, force_slope, contacts.pushes(phases), row, internal)
-
-
-def _residual(
-    terms: _Terms, rates: Callable[[Complexes, Complexes, Complexes], Complexes], own: Complexes, force: Complexes,
-    sources: Sources,
-) -> Complexes:  # fmt: skip
+def _residual(terms: _Terms, equations: StateEquations, sources: Sources) -> Complexes:
     """(F, degree + 1, N) part of what drives the sources' responses that these so far do not balance.
 
-    That is a polynomial times ``e^{nu tau}``, ``own`` (F, degree + 1, n + r) and ``force`` (F, degree + 1, m).
+    That is a polynomial times ``e^{nu tau}``.
     """
-    F, degrees = own.shape[:2]
-    response = np.zeros((F, degrees + 1, terms.size), dtype=complex)
+    of, F, degrees, power = equations.equations, np.arange(sources.count), sources.power.max() + 1, sources.power
+    response = np.zeros((F.size, degrees + 1, terms.size), dtype=complex)
     for f, nu in enumerate(sources.exponent.tolist()):
-        for p in range(int(sources.power[f]) + 2):
+        for p in range(int(power[f]) + 2):
             response[f, p] = terms.response(nu, p, f)
     y = response[:, :-1]
-    out = rates(*(each.reshape(F * degrees, -1) for each in (y, own, force))).reshape(y.shape)
-    out -= sources.exponent[:, None, None] * y + np.arange(1, degrees + 1)[:, None] * response[:, 1:]
-    out[np.arange(degrees) > sources.power[:, None]] = 0.0
+    z = np.zeros((F.size, degrees, of.width), dtype=complex)
+    z[:, :, : of.states], z[F, power, of.inputs.start + F] = y, 1.0
+    z[F, power, of.slopes.start + F] = sources.exponent
+    rising = np.flatnonzero(power)
+    z[rising, power[rising] - 1, of.slopes.start + rising] = power[rising]
+    out = StateEquations(of, equations.phases, z.reshape(-1, of.width).T).rates.T.reshape(y.shape)
+    out = out - sources.exponent[:, None, None] * y - np.arange(1, degrees + 1)[:, None] * response[:, 1:]
+    out[np.arange(degrees) > power[:, None]] = 0.0
     return np.asarray(out)
 
 

@@ -438,7 +438,7 @@ def neighbouring_modes(
     upper = np.flatnonzero(known.eigenvalue.imag > 0.0)
     if upper.size < n:
         return None
-    old, new = contacts.force_rows(before)[0], contacts.force_rows(phases)[0]
+    old, new = (contacts.arrays.force[np.arange(contacts.count), each] for each in (before, phases))
     change = (new - old)[:, :2]
     upper = upper[np.argsort(known.eigenvalue[upper].imag)]
     pole, rows = known.eigenvalue[upper], known.left[upper, n : 2 * n]  # vectors, one a row

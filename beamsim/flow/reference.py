@@ -31,10 +31,10 @@ from numpy.polynomial import chebyshev
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.compiled import processor_time
-from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import too_many_events
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, interruption, never, tell
+from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ SAME_INSTANT = 16.0 * float(np.finfo(float).eps)  # of a time: shorter pieces ha
 _POINTS = chebyshev.chebpts2(DEGREE + 1)  # from -1 to 1
 _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_POINTS, DEGREE))
 
-Powers = tuple[OutputOf, OutputOf, Floats]  # two factors (k,) and weights (k, 2): dissipated power and power in
+Powers = tuple[RowsOf, RowsOf, Floats]  # two factors (k,) and weights (k, 2): dissipated power and power in
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ class _Record:
 
     def meet(self, equations: _Equations, guard: int) -> None:
         """The event of a guard takes its contact to another phase."""
-        contact, following = (int(of[guard]) for of in (equations.watched.contact, equations.watched.following))
+        contact, following = int(equations.events.contact[guard]), int(equations.events.next[guard])
         equations.reset(guard, self.t, self.y)
         before, self.phases = self.phases, self.contacts.after(self.phases, contact, following)
         equations.stop(self.contacts.holds(before) | self.contacts.holds(self.phases), self.t, self.y)
@@ -292,25 +292,24 @@ class _Equations:
         flow, sources = self.flow, self.flow.sources
         piece = max(int(np.searchsorted(sources.start, t, side="right")) - 1, 0)
         self.since, self.amplitude = sources.start[piece], sources.amplitude[piece]
-        self.watched = flow.system.contacts.watched(phases)
-        self.functions = _matrix(flow.watched(self.watched, phases))
-        factors = [] if self.powers is None else [of(phases) for of in self.powers[:2]]
-        self.rates = np.vstack([_matrix(of) for of in (flow.rates(phases), *factors)])
+        self.at = flow.at(phases)
+        self.events, factors = self.at.events, [] if self.powers is None else [of(phases) for of in self.powers[:2]]
+        self.rates = np.vstack([self.at.rates, *factors])
         self.weight = np.zeros((0, 2)) if self.powers is None else self.powers[2]
-        following = zip(self.watched.contact.tolist(), self.watched.following.tolist(), strict=False)
+        following = zip(self.events.contact.tolist(), self.events.next.tolist(), strict=True)
         self.waiting = np.array([each in left for each in following], dtype=bool)
-        self.floor = np.zeros(self.watched.guards)  # of guards that wait until they have risen above zero
+        self.floor = np.zeros(self.events.count)  # of guards that wait until they have risen above zero
         self.longest_step = self._longest_step(t)
 
     def _longest_step(self, t: float) -> float:
         """s, in which the inputs that move a guard, themselves or through the state, turn by `RADIANS`."""
         exponent, inputs = self.flow.sources.exponent, slice(self.flow.size, self.flow.size + self.flow.sources.count)
         slopes = slice(inputs.stop, None)
-        rows = np.vstack([self.functions[: self.watched.guards], self.rates[: self.flow.size]])
+        rows = np.vstack([self.events.guards, self.rates[: self.flow.size]])
         moves = rows[:, inputs].any(axis=0) | rows[:, slopes].any(axis=0)
         # 1e-16: of its amplitude; what has decayed to that moves nothing
         moves &= (self.amplitude != 0.0) & (exponent.real * (t - self.since) > np.log(1e-16))
-        fastest = float(np.abs(exponent[moves]).max(initial=0.0)) if self.watched.guards else 0.0
+        fastest = float(np.abs(exponent[moves]).max(initial=0.0)) if self.events.count else 0.0
         return RADIANS / fastest if fastest else np.inf
 
     def _known(self, times: Floats, y: Floats) -> Floats:
@@ -345,7 +344,7 @@ class _Equations:
 
     def guards(self, times: Floats, y: Floats) -> tuple[Floats, Floats]:
         """(nt, g) guards in states (nt, N), which fall through zero at events, and (g,) the size of their parts."""
-        rows, known = self.functions[: self.watched.guards], self._known(times, y)
+        rows, known = self.events.guards, self._known(times, y)
         return known @ rows.T, (np.abs(known) @ np.abs(rows).T).max(axis=0)
 
     def guard_below_zero(self, t: float, y: Floats) -> int | None:
@@ -364,7 +363,7 @@ class _Equations:
         if not below.any():
             return None
         inputs = self.flow.inputs_at(np.array([t]), 2, np.array([self.since]))[0, 1]
-        rises = self.functions[: value.size] @ np.append(self(t, y)[: self.flow.size], inputs) > 0.0
+        rises = self.events.guards @ np.append(self(t, y)[: self.flow.size], inputs) > 0.0
         self.waiting |= below & rises & (value >= -AT_EVENT * parts)
         self.floor = np.where(self.waiting, np.minimum(value, 0.0), 0.0)
         acting = np.where(below & ~self.waiting, value, 0.0)
@@ -372,7 +371,7 @@ class _Equations:
 
     def first_event(self, step: DenseOutput) -> tuple[float, int | None]:
         """Time of the first event in a step of the integrator, s, with its guard; the end of the step if none."""
-        if not self.watched.guards:
+        if not self.events.count:
             return float(step.t), None
         half = 0.5 * (step.t - step.t_old)
         times = step.t_old + half * (1.0 + _POINTS)
@@ -395,7 +394,7 @@ class _Equations:
         below = np.where(values[0] < self.floor - ROUND_OFF * parts, values[0], 0.0)
         if not below.any():
             return COMPLETE
-        contact = int(self.watched.contact[below.argmin()])
+        contact = int(self.events.contact[below.argmin()])
         return Outcome.of(
             OutcomeKind.STOPPED, "guard_below_zero",
             f"contact {contact + 1} is past a border of its phase by {-below.min():.2g}, and no event was found",
@@ -406,30 +405,23 @@ class _Equations:
         """Remove what the integrator has left of the velocities of contacts (m,) that stick rigidly, in y."""
         held, n = np.flatnonzero(which), self.flow.system.size
         if held.size:
-            rows = _matrix(self.flow.penetrations[1])[held]
+            rows = self.flow.equations.penetration_rate[held]
             left = rows @ self._known(np.array([t]), y[None])[0]
             y[n : 2 * n] -= np.linalg.pinv(rows[:, n : 2 * n], rcond=1e-10) @ left
 
     def reset(self, guard: int, t: float, y: Floats) -> None:
         """Start the internal states of a guard's contact anew, in y, where its event does so."""
-        column, contacts, contact = self.watched.reset[guard], self.flow.system.contacts, self.watched.contact[guard]
-        if column >= 0:
-            first, count = 2 * self.flow.system.size + contacts.first[contact], contacts.states[contact]
-            y[first : first + count] = self.functions[column : column + count] @ self._known(np.array([t]), y[None])[0]
+        if self.events.reset[guard] >= 0:
+            y[: self.flow.size] = self.at.state_after(guard) @ self._known(np.array([t]), y[None])[0]
 
     def lost(self, before: Ints, after: Ints, t: float, y: Floats) -> float:
         """Energy that the contacts lose at once where their phases change, J."""
         contacts = self.flow.system.contacts
         lost = contacts.event_losses(before[None], after[None]).sum()
         if contacts.pressed.size:
-            normal = _matrix(self.flow.pressing_forces(after)) @ self._known(np.array([t]), y[None])[0]
+            normal = self.flow.at(after).pressing @ self._known(np.array([t]), y[None])[0]
             lost += (contacts.pressing_losses(before[None], after[None]) * normal**2).sum()
         return float(lost)
-
-
-def _matrix(output: LinearOutput) -> Floats:
-    """(k, N + 2 F) an output's factors of the states, the inputs and their slopes."""
-    return np.concatenate([output.row, output.direct, output.direct_slope], axis=1)
 
 
 def falls_through_zero(coefficient: Floats, *, waits: bool = False) -> float:

@@ -12,8 +12,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.contacts.contacts import Contacts, Watched
-from beamsim.flow.contact_state import ContactModes, ContactState, LinearOutput
+from beamsim.contacts.contacts import Contacts
+from beamsim.flow.contact_state import ContactModes, ContactState
 from beamsim.flow.kernels import Tables
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -31,50 +31,37 @@ class InputsAtStart(NamedTuple):
     fit: Floats  # round-off of fitted ones
 
 
-class FunctionsAtStart(NamedTuple):
-    """Functions whose first derivatives are sought, and below them the time derivative of the state."""
+def first_signs(rows: Floats, rates: Floats, inputs: InputsAtStart, state: Floats) -> tuple[Floats, Ints]:
+    """Signs and orders of the first derivatives of functions that are beyond their round-off, see `decisive`.
 
-    functions: int  # how many
-    row: Floats  # (functions + N, N)
-    load: Floats  # (functions + N, 2 F) for a unit of each input, then of each slope
-    row_size: Floats  # absolute values
-    load_size: Floats
+    Parameters
+    ----------
+    rows : (k, V) the functions.
+    rates : (N, V) the time derivative of the state; (0, V): of the functions themselves the signs alone.
+    inputs : with as many derivatives as are looked at.
+    state : (N,).
 
-    @classmethod
-    def of(cls, output: LinearOutput, count: int) -> FunctionsAtStart:
-        """From an output of which the first ``count`` are the functions."""
-        load = np.hstack([output.direct, output.direct_slope])
-        return cls(count, output.row, load, np.abs(output.row), np.abs(load))
-
-    def signs(self, inputs: InputsAtStart, state: Floats, highest: int) -> tuple[Floats, Ints]:
-        """Signs and orders of the first derivatives that are beyond their round-off, see `decisive`.
-
-        Parameters
-        ----------
-        inputs : with as many derivatives at least.
-        state : (N,).
-        highest : order up to which derivatives are looked at.
-
-        Returns
-        -------
-        signs, orders : (functions,).
-        """
-        count, load_size, orders = self.functions, self.load_size.T, highest + 1
-        rates, rates_size, size = self.row[count:], self.row_size[count:], self.row_size.T
-        driven = inputs.value[:orders] @ self.load.T
-        y = np.empty((orders, state.size))  # the state and its derivatives
-        y[0] = state
-        for order in range(1, orders):
-            y[order] = rates @ y[order - 1] + driven[order - 1, count:]
-        terms = np.abs(y) @ size + inputs.size[:orders] @ load_size
-        hidden = inputs.fit[:orders] @ load_size
-        added = EPS * terms + hidden
-        doubt = np.empty_like(y)
-        doubt[0] = EPS * np.abs(state)
-        for order in range(1, orders):
-            doubt[order] = rates_size @ doubt[order - 1] + added[order - 1, count:]
-        value = y @ self.row[:count].T + driven[:, :count]
-        return decisive(value, (ROUND_OFF * terms + hidden)[:, :count] + doubt @ size[:, :count])
+    Returns
+    -------
+    signs, orders : (k,).
+    """
+    N, count, orders = state.size, rows.shape[0], inputs.value.shape[0] if rates.size else 1
+    every = np.vstack([rows, rates])
+    sizes, load_size = np.abs(every[:, :N]), np.abs(every[:, N:]).T
+    driven = inputs.value[:orders] @ every[:, N:].T
+    y = np.empty((orders, N))  # the state and its derivatives
+    y[0] = state
+    for order in range(1, orders):
+        y[order] = rates[:, :N] @ y[order - 1] + driven[order - 1, count:]
+    terms = np.abs(y) @ sizes.T + inputs.size[:orders] @ load_size
+    hidden = inputs.fit[:orders] @ load_size
+    added = EPS * terms + hidden
+    doubt = np.empty_like(y)
+    doubt[0] = EPS * np.abs(state)
+    for order in range(1, orders):
+        doubt[order] = sizes[count:] @ doubt[order - 1] + added[order - 1, count:]
+    value = y @ rows[:, :N].T + driven[:, :count]
+    return decisive(value, (ROUND_OFF * terms + hidden)[:, :count] + doubt @ sizes[:count].T)
 
 
 def decisive(value: Floats, doubt: Floats) -> tuple[Floats, Ints]:
@@ -95,9 +82,6 @@ class KnownState(NamedTuple):
     """What a contact state is under all loads that differ in their signals alone."""
 
     modes: ContactModes
-    watched: Watched
-    functions: LinearOutput  # that are watched
-    guards: FunctionsAtStart  # those of them that are guards
 
 
 class StateTables:
@@ -128,6 +112,11 @@ class StateTables:
             self._used.add(index)
         return index
 
+    def peek(self, phases: Ints) -> KnownState | None:
+        """A state, None where it is not built; that it was asked for does not count."""
+        index = self._index.get(phases.tobytes())
+        return None if index is None else self.known[index]
+
     def nearest(self, phases: Ints) -> KnownState | None:
         """A state that differs in fewest contacts, None where there is none yet."""
         if not self.states:
@@ -137,10 +126,8 @@ class StateTables:
 
     def following(self, state: int, guard: int) -> Ints:
         """Phases after the event of a guard."""
-        watched = self.known[state].watched
-        return self.contacts.after(
-            self.states[state].phases, int(watched.contact[guard]), int(watched.following[guard])
-        )
+        events = self.known[state].modes.equations.events
+        return self.contacts.after(self.states[state].phases, int(events.contact[guard]), int(events.next[guard]))
 
     def use(self, states: Ints) -> None:
         """Note that these were used, the last one last."""
@@ -159,7 +146,7 @@ class StateTables:
 
         Parameters
         ----------
-        state, known : the state, with its modes and the functions that are watched in it.
+        state, known : the state, with its modes and the functions that end it.
         watch : (T, w) coefficients of these.
         roughness : (T, g) round-off scale of the guards.
 
@@ -167,7 +154,7 @@ class StateTables:
         -------
         index : of the state.
         """
-        watched, guards, key = known.watched, known.watched.guards, state.phases.tobytes()
+        events, key = known.modes.equations.events, state.phases.tobytes()
         full = self.most is not None and len(self.states) >= self.most
         index = self._drop() if full else len(self.states)
         visit = self._visits.setdefault(key, len(self.visited))
@@ -191,10 +178,10 @@ class StateTables:
             "roughness": roughness,
             "horizon": np.array(state.horizon),
             "phase": state.phases,
-            "n_guards": np.array(guards),
-            "guard_contact": watched.contact[:guards],
-            "reset": watched.reset,
-            "follower": np.full(guards, -1, dtype=np.int64),
+            "n_guards": np.array(events.count),
+            "guard_contact": events.contact,
+            "reset": events.reset,
+            "follower": np.full(events.count, -1, dtype=np.int64),
         }
         for name, row in rows.items():
             old = self._arrays.get(name, np.zeros((0, *row.shape), dtype=row.dtype))

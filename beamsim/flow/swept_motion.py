@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.flow.compiled import processor_time
-from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log, March, Motion, motion_of, start
@@ -31,6 +30,7 @@ from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, windows_of_cycles
 from beamsim.outcomes import Outcome, never, tell
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Floats, Ints
 
 STEP = 1.05  # ratio of neighbouring carriers: beside its carrier a cycle turns by no more than 0.16 rad
@@ -185,7 +185,7 @@ class LevelControl:
 
     system: PiecewiseLinearSystem
     loads: SweptLoads
-    outputs: Callable[[ExactFlow], OutputOf]
+    outputs: Callable[[ExactFlow], RowsOf]
     limits: Floats
     leg: Leg
     specification: Profile

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.flow.contact_state import ContactState, OutputOf
+from beamsim.flow.contact_state import ContactState
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
 from beamsim.flow.moments import (
@@ -22,6 +22,7 @@ from beamsim.flow.moments import (
 )
 from beamsim.flow.state_tables import visited_states
 from beamsim.outcomes import Outcome, OutcomeKind, Where, check_stop
+from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
@@ -101,10 +102,10 @@ class Trajectory:
             event_before=self.event_before[which], event_phase=self.event_phase[which],
         )  # fmt: skip
 
-    def sample(self, times: Floats, output_of: OutputOf) -> Floats:
+    def sample(self, times: Floats, output_of: RowsOf) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
         parts, first = [], 0
-        outputs = output_of(self.flow.system.contacts.start).row.shape[0]
+        outputs = output_of(self.flow.system.contacts.start).shape[0]
 
         def coefficients(_: int, state: ContactState) -> Complexes:
             return state.coefficients(output_of(state.phases), self.flow.sources)
@@ -163,9 +164,8 @@ class Trajectory:
 
     def states_at(self, times: Floats) -> Floats:
         """(nt, N) the state: (q, q') and the contacts' internal states."""
-        output = self.flow.empty_output(self.flow.size)
-        output.row[:] = np.eye(self.flow.size)
-        return self.sample(times, lambda phases: output)
+        state = self.flow.equations.state
+        return self.sample(times, lambda phases: state)
 
     def phases_at(self, times: Floats) -> Ints:
         """(nt, m) phases of the contacts."""
@@ -182,7 +182,7 @@ class Trajectory:
         before = np.concatenate([phases[:1], phases[:-1]])
         losses = contacts.event_losses(before, phases)
         if contacts.pressed.size:
-            normal = self.sample(self.time, self.flow.pressing_forces)
+            normal = self.sample(self.time, lambda of: self.flow.at(of).pressing)
             losses[:, contacts.pressed] += contacts.pressing_losses(before, phases) * normal**2
         return losses
 
@@ -298,7 +298,7 @@ class Trajectory:
         return self.only(np.flatnonzero(lasts))
 
     def extrema(
-        self, output_of: OutputOf, edges: Floats | None = None, squares: Ints | None = None, rivals: Ints | None = None
+        self, output_of: RowsOf, edges: Floats | None = None, squares: Ints | None = None, rivals: Ints | None = None
     ) -> Extrema:
         """Smallest and largest values of K outputs over the continuous motion, with their times.
 
@@ -317,7 +317,7 @@ class Trajectory:
         -------
         Values in the units of the outputs (K,) or (W, K), and times, s.
         """
-        outputs = output_of(self.flow.system.contacts.start).row.shape[0]
+        outputs = output_of(self.flow.system.contacts.start).shape[0]
         largest = max(float(np.abs(self.y).max(initial=0.0)), float(np.abs(self.final_y).max(initial=0.0)))
         scale = 2.0 ** max(0.0, np.ceil(np.log2(largest / LARGEST))) if largest > LARGEST else 1.0
         search = Search.of(outputs, 1 if edges is None else edges.size - 1, squares, rivals)
@@ -328,7 +328,7 @@ class Trajectory:
         found = replace(found, low=unit * found.low, high=unit * found.high)
         return found.window(0) if edges is None else found
 
-    def turning_points(self, output_of: OutputOf, segments: Ints) -> TurningPoints:
+    def turning_points(self, output_of: RowsOf, segments: Ints) -> TurningPoints:
         """All maxima and minima of one output, certified to 1e-10 of its largest value, and its values at the ends.
 
         Parameters
@@ -357,7 +357,7 @@ class Trajectory:
         order = np.lexsort((time, place, segment))
         return TurningPoints(segment[order], time[order], value[order])
 
-    def variation(self, output_of: OutputOf) -> Floats:
+    def variation(self, output_of: RowsOf) -> Floats:
         """(K,) bounds on the total variation of K outputs, jumps between segments included.
 
         The bound of an output is no less than the sum of the changes between its turning points.
@@ -366,7 +366,7 @@ class Trajectory:
         ----------
         output_of : the outputs, by the phases of the contacts.
         """
-        total: Floats = np.zeros(output_of(self.flow.system.contacts.start).row.shape[0])
+        total: Floats = np.zeros(output_of(self.flow.system.contacts.start).shape[0])
         before: Floats | None = None  # where the segment before ends
         for part in self.parts():
             for first in range(0, part.time.size, SEGMENTS_AT_ONCE):
@@ -381,7 +381,7 @@ class Trajectory:
                 before = end[-1:]
         return total
 
-    def _waves(self, output_of: OutputOf, edges: Floats | None, scale: float) -> list[Waves]:
+    def _waves(self, output_of: RowsOf, edges: Floats | None, scale: float) -> list[Waves]:
         """What is searched, by contact state."""
         segment, begin, end, window = self.cut(edges)
         of_state, waves = self.state[segment], []
@@ -423,7 +423,7 @@ class Trajectory:
         return segment[kept], begin[kept], end[kept], window[kept]
 
     def product_integrals(
-        self, times: Floats, left_of: OutputOf, right_of: OutputOf, weight: Floats, begin: float = 0.0
+        self, times: Floats, left_of: RowsOf, right_of: RowsOf, weight: Floats, begin: float = 0.0
     ) -> Floats:
         """Integrals of sums of products of K outputs up to times, in closed form.
 
@@ -454,7 +454,7 @@ class Trajectory:
         values = before[segment] + inside
         return np.asarray(values[1:] - values[0], dtype=float)
 
-    def segment_integrals(self, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
+    def segment_integrals(self, left_of: RowsOf, right_of: RowsOf, weight: Floats) -> Floats:
         """Integrals over each segment of sums of products of K outputs.
 
         Parameters
@@ -470,7 +470,7 @@ class Trajectory:
             part._products(np.arange(part.time.size), part.length, left_of, right_of, weight) for part in self.parts()
         ])  # fmt: skip
 
-    def square_integrals(self, output_of: OutputOf) -> Floats:
+    def square_integrals(self, output_of: RowsOf) -> Floats:
         """Integrals of the squares of K outputs over all segments, in closed form.
 
         Parameters
@@ -481,12 +481,12 @@ class Trajectory:
         -------
         (K,) squares of the units of the outputs times s.
         """
-        outputs = output_of(self.flow.system.contacts.start).row.shape[0]
+        outputs = output_of(self.flow.system.contacts.start).shape[0]
         return np.asarray(sum((part._squares(output_of) for part in self.parts()), np.zeros(outputs)))
 
-    def _squares(self, output_of: OutputOf) -> Floats:
+    def _squares(self, output_of: RowsOf) -> Floats:
         """(K,) the same of a motion whose contact states are all kept."""
-        out = np.zeros(output_of(self.flow.system.contacts.start).row.shape[0])
+        out = np.zeros(output_of(self.flow.system.contacts.start).shape[0])
         for number in visited_states(self.state):
             state, segments = self.flow.states[number], np.flatnonzero(self.state == number)
             table, length = state.coefficients(output_of(state.phases), self.flow.sources), self.equal_lengths[segments]
@@ -510,15 +510,15 @@ class Trajectory:
                     out += each.sum(axis=0)
         return out
 
-    def _products(self, segment: Ints, tau: Floats, left_of: OutputOf, right_of: OutputOf, weight: Floats) -> Floats:
+    def _products(self, segment: Ints, tau: Floats, left_of: RowsOf, right_of: RowsOf, weight: Floats) -> Floats:
         """(n, Q) the same over the first tau of segments."""
         tau = equal_times(tau, self._resolution)
         of_entry, out = self.state[segment], np.empty((tau.size, weight.shape[1]))
         for number in visited_states(of_entry):
             state, entries = self.flow.states[number], np.flatnonzero(of_entry == number)
             left, right = left_of(state.phases), right_of(state.phases)
-            acting = np.flatnonzero(left.acts & right.acts)  # open contacts have no force
-            one, other = (state.coefficients(factor.some(acting), self.flow.sources) for factor in (left, right))
+            acting = np.flatnonzero(left.any(axis=1) & right.any(axis=1))  # open contacts have no force
+            one, other = (state.coefficients(factor[acting], self.flow.sources) for factor in (left, right))
             if state.exponential:
                 out[entries] = self._exponential_products(
                     state, segment[entries], tau[entries], one, other, weight[acting]
@@ -606,7 +606,7 @@ class Trajectory:
         given = self.flow.sources.amplitudes_at(self.time[segments], self.piece[segments])
         return state.amplitudes(given, self.y[segments])
 
-    def weighted_integrals(self, output_of: OutputOf, exponent: Complexes, polynomial: Complexes) -> Complexes:
+    def weighted_integrals(self, output_of: RowsOf, exponent: Complexes, polynomial: Complexes) -> Complexes:
         r"""Integrals of K outputs times W polynomials and exponentials of their own, over each segment.
 
         Parameters
@@ -619,13 +619,13 @@ class Trajectory:
         -------
         (W, S, K) integrals :math:`\int_0^L x(\tau) e^{\nu \tau} P(\tau) d\tau`.
         """
-        outputs = output_of(self.flow.system.contacts.start).row.shape[0]
+        outputs = output_of(self.flow.system.contacts.start).shape[0]
         out = np.zeros((*exponent.shape, outputs), dtype=complex)
         for number in visited_states(self.state):
             state, some = self.flow.states[number], np.flatnonzero(self.state == number)
             output = output_of(state.phases)
-            acting = np.flatnonzero(output.acts)  # open contacts have no force
-            table = state.coefficients(output.some(acting), self.flow.sources)
+            acting = np.flatnonzero(output.any(axis=1))  # open contacts have no force
+            table = state.coefficients(output[acting], self.flow.sources)
             both = self.outputs(state, some, table).with_conjugates()
             count = exponent.shape[0]
             weights = exponent[:, some].ravel(), polynomial[:, some].reshape(-1, polynomial.shape[2])

@@ -14,11 +14,11 @@ import numpy as np
 
 from beamsim.errors import MethodError
 from beamsim.flow.compiled import processor_time
-from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.kernels import BEGINNING, BUDGET, DONE, NEED_STATE, STUCK, Position, march
 from beamsim.flow.trajectory import Trajectory, too_many_events
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, check_stop, interruption, never
+from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Bools, Floats, Ints
 
 
@@ -424,9 +424,9 @@ class MotionInStretches(March):
         march = March(max_events=10**9, max_evaluations=10**12)
         return motion_of(flow, motion, march.on(flow, motion, min(last * self._step, self.end)), march)
 
-    def sample(self, times: Floats, output_of: OutputOf) -> Floats:
+    def sample(self, times: Floats, output_of: RowsOf) -> Floats:
         """Outputs (nt, k) at increasing times; at an event the state after it counts."""
-        count = output_of(self.flow.system.contacts.start).row.shape[0]
+        count = output_of(self.flow.system.contacts.start).shape[0]
         out, first = np.empty((times.size, count)), 0
         while first < times.size:
             begin = float(times[first])

@@ -31,7 +31,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.flow.contact_state import LinearOutput, OutputOf, held_contacts
+from beamsim.contacts.laws import CONSTANT, PENETRATION, PRESSING
 from beamsim.flow.exact import LONGEST_WINDOW_RADIANS, ExactFlow
 from beamsim.flow.periodic_flow import (
     ContactDirection,
@@ -49,6 +49,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log, March, Motion
 from beamsim.outcomes import COMPLETE
 from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Complexes, Floats, Ints
 
 Number = TypeVar("Number", np.float64, np.complex128)
@@ -83,12 +84,12 @@ class FlowOutputs:
     def _turn_in(self, phases: Ints) -> Floats:
         """(n, n) the turn in given phases: with the smallest one more that takes what holds there to the same."""
         assert self.turn is not None
-        held, own = (held_contacts(each.system, phases) for each in (self.flow, self.own or self.flow))
-        if held is None or own is None:
+        held, own = (each.at(phases).held for each in (self.flow, self.own or self.flow))
+        if not held.shape[1] or not own.shape[1]:
             return self.turn
         if (key := phases.tobytes()) not in self._turns:
-            moved, one = self.turn @ held.across, np.eye(self.turn.shape[0])
-            here, there = moved @ moved.T, own.across @ own.across.T
+            moved, one = self.turn @ held, np.eye(self.turn.shape[0])
+            here, there = moved @ moved.T, own @ own.T
             left, _, right = np.linalg.svd(there @ here + (one - there) @ (one - here))
             self._turns[key] = left @ right @ self.turn
         return self._turns[key]
@@ -113,9 +114,9 @@ class FlowOutputs:
                     factors[part] = then @ factors[part]
         return factors
 
-    def outputs(self, output_of: OutputOf, phases: Ints) -> Floats:
+    def outputs(self, output_of: RowsOf, phases: Ints) -> Floats:
         """(k, V) outputs of the flow in given phases."""
-        return self._turned(_factors(output_of(phases)), phases, states=False)
+        return self._turned(output_of(phases).copy(), phases, states=False)
 
     def state(self, initial: Floats) -> Floats:
         """(N,) a state, from its first entries at least."""
@@ -124,12 +125,12 @@ class FlowOutputs:
 
     def rates(self, phases: Ints) -> Floats:
         """(N, V) the time derivative of the state."""
-        return self._once(("rates", phases.tobytes()), lambda: _factors(self.flow.rates(phases)), phases, phases)
+        return self._once(("rates", phases.tobytes()), lambda: self.flow.at(phases).rates.copy(), phases, phases)
 
     def event(self, key: EventKey) -> Floats:
         """(N + 1, V) what happens at an event."""
         if key is None:
-            return self._once((), lambda: _changed(_state(self.flow)))
+            return self._once((), lambda: _changed(self.flow.equations.state))
         before, contact, after = key
         then = self.flow.system.contacts.after(before, contact, after)
         make = partial(self._event, before, contact, after)
@@ -147,59 +148,29 @@ class FlowOutputs:
         return self._once(("kept", phases.tobytes()), lambda: _changed(self._kept(phases)), phases)
 
     def _event(self, before: Ints, contact: int, after: int) -> Floats:
-        flow, contacts = self.flow, self.flow.system.contacts
-        watched = contacts.watched(before)
-        guard = watched.guard_of(contact, after)
-        functions, state = flow.watched(watched, before), _state(flow)
-        if watched.reset[guard] >= 0:
-            count = int(contacts.states[contact])
-            fresh = functions.some(int(watched.reset[guard]) + np.arange(count))
-            _write(flow, state, int(contacts.first[contact]) + np.arange(count), fresh)
-        return _changed(state, functions.some(slice(guard, guard + 1)))
+        at = self.flow.at(before)
+        event = at.events.of_change(contact, after)
+        return _changed(at.state_after(event), at.events.guards[event])
 
-    def _begun(self, phases: Ints) -> LinearOutput:
-        flow, held, begun = self.flow, held_contacts(self.flow.system, phases), _state(self.flow)
-        if held is not None:
-            n = flow.system.size
-            begun.row[n : 2 * n, n : 2 * n] -= held.across @ held.across.T
-        contact, _ = flow.system.contacts.kept(phases)
-        _write(flow, begun, flow.system.contacts.first[contact], flow.penetrations[0].some(contact))
+    def _begun(self, phases: Ints) -> Floats:
+        at, equations, contacts = self.flow.at(phases), self.flow.equations, self.flow.system.contacts
+        begun, n = equations.state, self.flow.system.size
+        begun[equations.velocities, equations.velocities] -= at.held @ at.held.T
+        contact, _ = contacts.kept(phases)
+        begun[2 * n + contacts.first[contact]] = equations.penetration[contact]
         return begun
 
-    def _kept(self, phases: Ints) -> LinearOutput:
-        flow, contacts = self.flow, self.flow.system.contacts
-        contact, kept = contacts.kept(phases)
-        end = _state(flow)
-        if contact.size:
-            written = flow.penetrations[0].some(contact)
-            written.direct[:, 0] -= kept[:, 0]
-            if kept[:, 1].any():
-                share = kept[:, 1:] * (contact[:, None] == contacts.pressed)
-                written += flow.pressing_forces(phases).combined(-share)
-            _write(flow, end, contacts.first[contact], written)
+    def _kept(self, phases: Ints) -> Floats:
+        law, contacts, end = self.flow.at(phases).law, self.flow.system.contacts, self.flow.equations.state
+        contact, (constant, pressing) = contacts.kept(phases)[0], contacts.kept(phases)[1].T[:, :, None]
+        written = law[contact, PENETRATION] - constant * law[contact, CONSTANT] - pressing * law[contact, PRESSING]
+        end[2 * self.flow.system.size + contacts.first[contact]] = written
         return end
 
 
-def _factors(output: LinearOutput) -> Floats:
-    return np.hstack([output.row, output.direct, output.direct_slope])
-
-
-def _changed(state: LinearOutput, guard: LinearOutput | None = None) -> Floats:
+def _changed(state: Floats, guard: Floats | None = None) -> Floats:
     """(N + 1, V) factors of a changed state and of a guard, which is zero where there is none."""
-    factors = _factors(state)
-    return np.vstack([factors, np.zeros_like(factors[:1]) if guard is None else _factors(guard)])
-
-
-def _state(flow: ExactFlow) -> LinearOutput:
-    output = flow.empty_output(flow.size)
-    output.row[:] = np.eye(flow.size)
-    return output
-
-
-def _write(flow: ExactFlow, state: LinearOutput, internal: Ints, written: LinearOutput) -> None:
-    """Replace internal states by outputs."""
-    place = 2 * flow.system.size + internal
-    state.row[place], state.direct[place], state.direct_slope[place] = written.row, written.direct, written.direct_slope
+    return np.vstack([state, np.zeros_like(state[0]) if guard is None else guard])
 
 
 class ParameterChange(ABC):
@@ -484,7 +455,7 @@ class VariationalFlow(PeriodicFlow):
         (nt, m) array
             N.
         """
-        return self.exact.outputs_of_states(times, y, phases, self.exact.contact_forces)
+        return self.exact.outputs_of_states(times, y, phases, lambda of: self.exact.at(of).force)
 
     def states_at(self, passage: Passage, times: Floats) -> Floats:
         """(nt, N) the state at increasing times within a passage."""

@@ -28,7 +28,6 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
@@ -363,8 +362,8 @@ def slowest_instant(flow: PeriodicFlow, passage: Passage, n: int) -> tuple[float
     Time, s, and kinetic energy, J.
     """
 
-    def speeds(exact: ExactFlow) -> LinearOutput:
-        return exact.rates(exact.system.contacts.start).some(slice(0, n))
+    def speeds(exact: ExactFlow) -> Floats:
+        return exact.equations.rows(n, velocities=np.eye(n))
 
     ends = np.array([0.0, passage.duration])
     found = extrema_of(flow, passage, speeds, lambda _, y: y[:, n : 2 * n], ends, squares=np.array([0]))

@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import NODES, Extrema, Search, polynomials
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
@@ -44,7 +43,7 @@ def cyclic(passage: Passage, without: Collection[int] = ()) -> dict[int, tuple[i
 def extrema_of(
     flow: PeriodicFlow,
     passage: Passage,
-    rows: Callable[[ExactFlow], LinearOutput],
+    rows: Callable[[ExactFlow], Floats],
     values: Callable[[Floats, Floats], Floats],
     edges: Floats,
     squares: Ints | None = None,
@@ -54,7 +53,7 @@ def extrema_of(
     Parameters
     ----------
     flow, passage : the motion.
-    rows : the outputs of a flow in closed form, whose extremes are certified.
+    rows : (K, V) the outputs of a flow in closed form, whose extremes are certified.
     values : the same (nt, K) at times (nt,) of states (nt, N), of power series: those are searched on polynomials.
     edges : (W + 1,) s, increasing.
     squares : first of each group of outputs, of whose squares half the sum is meant.

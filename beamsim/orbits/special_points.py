@@ -15,8 +15,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.laws import OWN
-from beamsim.flow.contact_state import LinearOutput
+from beamsim.contacts.laws import INTERNAL
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import Passage, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded
@@ -91,7 +90,7 @@ def lowest(flow: PeriodicFlow, passage: Passage, contact: int, guard: Floats, ne
     ----------
     flow, passage : the motion over a period.
     contact : its number.
-    guard : (C,) factors of its penetration, rate, 1 and internal states, as of `Contacts.guard`.
+    guard : (C,) factors of what its law depends on, as of `Contacts.guard`.
     near : s, time of the period.
 
     Returns
@@ -99,16 +98,17 @@ def lowest(flow: PeriodicFlow, passage: Passage, contact: int, guard: Floats, ne
     Value and time, s; both are nan where there is none.
     """
     T, contacts = passage.duration, flow.system.contacts
-    own, internal = guard[None, :OWN], contacts.of_all_states(guard[None], np.array([contact]))
+    start, count = 2 * flow.system.size + int(contacts.first[contact]), int(contacts.states[contact])
     centred = np.mod(near + (np.arange(WINDOWS) + 0.5) * (T / WINDOWS), T)
     edges = np.unique(np.concatenate([[0.0], centred, [T]]))
 
-    def rows(exact: ExactFlow) -> LinearOutput:
-        return exact.combined(np.array([contact]), own, internal)
+    def rows(exact: ExactFlow) -> Floats:
+        return np.asarray(guard[None] @ exact.equations.law[contact])
 
     def values(times: Floats, y: Floats) -> Floats:
         motion = *(each[:, contact] for each in flow.penetration_of(y, times)), np.ones(times.size)
-        return np.asarray(np.column_stack(motion) @ own.T + y[:, 2 * flow.system.size :] @ internal.T)
+        internal = y[:, start : start + count] @ guard[INTERNAL : INTERNAL + count]
+        return np.asarray(np.column_stack(motion) @ guard[: len(motion)] + internal)[:, None]
 
     found = extrema_of(flow, passage, rows, values, edges)
     low, when = found.low[:, 0], found.when_low[:, 0]

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
+from beamsim.contacts.laws import PRESSING
 from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -59,7 +60,7 @@ class PiecewiseLinearSystem:
     def acts(self, phases: Ints) -> bool:
         """Whether contacts act on the structure in given phases, or move by themselves."""
         contacts = self.contacts
-        if contacts.internal_states or contacts.force_rows(phases)[0].any():
+        if contacts.internal_states or contacts.arrays.force[np.arange(contacts.count), phases, :PRESSING].any():
             return True
         return bool(contacts.holds(phases).any())
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.laws import ContactLaw
+from beamsim.contacts.laws import PENETRATION, RATE, ContactLaw
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.fields import JSON, Counter, attribute, dataset, declared, group
 from beamsim.outcomes import first_of
@@ -31,6 +31,7 @@ from beamsim.structures.stations import Recovery, Stations
 from beamsim.structures.structure import ReducedBasis, Structure
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.parts import Parts, base_direction, force_sites, gravity_loads
+from beamsim.system.state_equations import Equations
 from beamsim.typing import Floats, Ints
 
 DIFFERENT = 1.3  # factor between damping ratios that are told apart
@@ -301,20 +302,22 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
     contacts, n = dynamics.contacts, dynamics.size
     slow = _slow_stiffness(contacts, phases)
     omega, shapes = _undamped_modes(dynamics, phases, rigid)
-    force, by_states = contacts.force_rows(phases)
+    equations = Equations.unloaded(dynamics).at(phases)
+    force, by_states = equations.factors, equations.internal_factors
     depth = -contacts.sign[:, None] * (contacts.shape @ shapes)
-    damping = shapes.T @ dynamics.damping @ shapes + (depth.T * force[:, 1]) @ depth
+    damping = shapes.T @ dynamics.damping @ shapes + (depth.T * force[:, RATE]) @ depth
     ratio = np.divide(np.diag(damping), 2.0 * omega, out=np.full(n, np.nan), where=omega > 0.0)
     if not by_states.any() and np.count_nonzero(damping) == np.count_nonzero(np.diag(damping)):
         return omega, ratio
 
     scale = np.maximum(omega, 1e-3 * omega.max() or 1.0)  # of displacements; a rigid mode has none
-    states, drive = contacts.internal_rates(phases)
-    beyond = (depth.T * (force[:, 0] - slow)) @ depth  # of branches that have not relaxed
+    states, drive = equations.internal_rates[:, equations.equations.internal], equations.internal_drive
+    own = depth[contacts.owner]
+    beyond = (depth.T * (force[:, PENETRATION] - slow)) @ depth  # of branches that have not relaxed
     matrix = np.block([
         [np.zeros((n, n)), np.diag(scale), np.zeros((n, contacts.internal_states))],
-        [-(np.diag(omega**2) + beyond) / scale, -damping, -depth.T @ by_states],
-        [drive[:, :, 0] @ depth / scale, drive[:, :, 1] @ depth, states],
+        [-(np.diag(omega**2) + beyond) / scale, -damping, -own.T * by_states],
+        [drive[:, PENETRATION, None] * own / scale, drive[:, RATE, None] * own, states],
     ])  # fmt: skip
     values, vectors = np.linalg.eig(matrix)
     values, vectors = values[values.imag > 0.0], vectors[: 2 * n, values.imag > 0.0]

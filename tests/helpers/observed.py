@@ -6,29 +6,29 @@ import numpy as np
 
 from beamsim.analyses.values import ACCELERATION
 from beamsim.flow.channels import Observed, outputs_of
-from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.equations import Rows, Sizes
+from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import StructuralSystem
 
 
-def all_outputs(system: StructuralSystem, flow: ExactFlow) -> OutputOf:
+def all_outputs(system: StructuralSystem, flow: ExactFlow) -> RowsOf:
     """All channels of a system that are no energies."""
     return Observed(flow, system.channels).linear
 
 
-def accelerations(system: StructuralSystem, flow: ExactFlow) -> OutputOf:
+def accelerations(system: StructuralSystem, flow: ExactFlow) -> RowsOf:
     """Absolute accelerations of the probes."""
     return Observed(flow, system.channels.of_keys(ACCELERATION)).linear
 
 
-def rows(flow: ExactFlow, count: int, **given: object) -> OutputOf:
+def rows(flow: ExactFlow, count: int, **given: object) -> RowsOf:
     """Rows of which some parts are given, the others being zero."""
     dynamics = flow.system
     sizes = Sizes(dynamics.size, dynamics.contacts.count, len(flow.forcing.signal), 0)
     return outputs_of(flow, Rows.of(count, sizes, **given))
 
 
-def velocities(flow: ExactFlow) -> OutputOf:
+def velocities(flow: ExactFlow) -> RowsOf:
     """Velocities of all coordinates."""
     return rows(flow, flow.system.size, velocity=np.eye(flow.system.size))

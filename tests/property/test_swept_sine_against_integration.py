@@ -74,7 +74,7 @@ class Swept:
             base = others[-1] if on_ground else None
             return Forcing(load[None], (acceleration,), base), (acceleration,) if observed else ()
 
-        self.windows, self.output_of = windows, output_of or (lambda flow: lambda phases: flow.empty_output(0))
+        self.windows, self.output_of = windows, output_of or (lambda flow: lambda phases: flow.equations.rows(0))
         self.march = SweptMotion(system, loads, windows, start, **limits)
         self.stretches = list(self.march.stretches())
         parts = [
@@ -104,9 +104,7 @@ class Swept:
 
     def states(self, times):
         def whole(flow):
-            output = flow.empty_output(2 * flow.system.size)
-            output.row[:, : 2 * flow.system.size] = np.eye(2 * flow.system.size)
-            return lambda phases: output
+            return lambda phases: flow.equations.state[: 2 * flow.system.size]
 
         return self.sample(times, whole)
 

@@ -32,8 +32,7 @@ def flow_of(most=None, law=kelvin_voigt) -> ExactFlow:
 
 
 def outputs(flow):
-    delta, _ = flow.penetrations
-    return lambda phases: delta
+    return lambda phases: flow.equations.penetration
 
 
 @cache

@@ -45,12 +45,11 @@ def test_long_chains_of_states_stay_as_exact_as_fresh_ones(law, seed):
     """60 random changes of contacts, one after the other."""
     system, rng = beam_like(law, seed=seed, load=2.0), np.random.default_rng(seed)
     flow, phases = flow_of(system), np.zeros(M, dtype=np.int64)
-    arguments = (system, flow.forcing, flow.sources, flow.influence)
-    state = contact_modes(*arguments, phases, flow.longest_window)
+    state = contact_modes(flow.equations.at(phases.copy()), flow.longest_window)
     for _ in range(60):
         phases[rng.integers(M)] ^= 1
-        state = contact_modes(*arguments, phases, flow.longest_window, state)
-    fresh = contact_modes(*arguments, phases, flow.longest_window)
+        state = contact_modes(flow.equations.at(phases.copy()), flow.longest_window, state)
+    fresh = contact_modes(flow.equations.at(phases.copy()), flow.longest_window)
     for time in (0.0, 1e-4, 3e-3):
         assert np.abs(propagator(state, system, time) - propagator(fresh, system, time)).max() < 2e-11
     one, other = (tabulated(each, flow.sources).term_vector[0] for each in (state, fresh))
@@ -66,9 +65,8 @@ def test_coupled_contacts_at_one_place():
     shape[2, 1::2] = 0.0
     system = replace(system, contacts=replace(system.contacts, shape=shape))
     flow = flow_of(system)
-    arguments = (system, flow.forcing, flow.sources, flow.influence)
-    state = contact_modes(*arguments, np.zeros(M, dtype=np.int64), flow.longest_window)
+    state = contact_modes(flow.equations.at(np.zeros(M, dtype=np.int64)), flow.longest_window)
     for phases in ([1, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0], [1, 1, 1, 0, 0, 0], [0, 1, 1, 0, 0, 0]):
-        state = contact_modes(*arguments, np.array(phases), flow.longest_window, state)
-        fresh = contact_modes(*arguments, np.array(phases), flow.longest_window)
+        state = contact_modes(flow.equations.at(np.array(phases)), flow.longest_window, state)
+        fresh = contact_modes(flow.equations.at(np.array(phases)), flow.longest_window)
         assert np.abs(propagator(state, system, 1e-3) - propagator(fresh, system, 1e-3)).max() < 1e-11

@@ -91,7 +91,7 @@ def test_two_contacts_at_one_place_share_the_force():
     )
     assert one.event_time.size >= 3
     np.testing.assert_allclose(two.final_y, one.final_y, atol=1e-9)
-    forces = two.sample(np.linspace(0.0, 12.0, 50), two.flow.contact_forces)
+    forces = two.sample(np.linspace(0.0, 12.0, 50), lambda phases: two.flow.at(phases).force)
     np.testing.assert_allclose(forces[:, 0], forces[:, 1], atol=1e-9)
 
 
@@ -203,8 +203,7 @@ def test_what_is_held_at_a_displacement_loads_what_moves_beside_it(beside):
     for k in np.flatnonzero(motion.length > 0.01):
         t, phases = motion.time[k] + 0.5 * motion.length[k], motion.phases_of(motion.state[k : k + 1])[0]
         before, y, after = motion.states_at(t + np.array([-1e-5, 0.0, 1e-5]))
-        inputs, F = flow.inputs_at(np.array([t]))[:, 0], flow.sources.count
-        rates = flow.rates(phases).values(y[None], inputs[:, :F], inputs[:, F:])[0]
+        rates = flow.at(phases).rates @ np.append(y, flow.inputs_at(np.array([t]))[0, 0])
         np.testing.assert_allclose((after - before) / 2e-5, rates, atol=1e-6 * np.abs(rates).max())
         checked += bool(phases[0] == 0 and np.abs(contacts.shape[0] @ y[:n]) > 0.1)
     assert checked >= 2

@@ -66,7 +66,7 @@ def test_a_body_that_stays_at_rest_in_space_beside_a_stop(tmp_path, side):
 
 def test_the_largest_value_of_what_stays_zero(tmp_path):
     trajectory = motion_beside_ground(tmp_path, "above")
-    penetration = trajectory.flow.penetrations[0]
+    penetration = trajectory.flow.equations.penetration
     found = trajectory.extrema(lambda phases: penetration)
     round_off = 64 * np.finfo(float).eps * 0.2  # of the terms that cancel, m
     assert abs(found.high[0]) < round_off

@@ -67,7 +67,7 @@ def test_between_the_known_frequencies():
 )
 def test_integrals_are_those_that_are_computed_one_by_one(changes, stop, highest):
     part = part_of(changes, stop, highest)
-    table, step = part.motion.flow.output_table(part.output_of), np.pi / part.duration
+    table, step = part.motion.flow.output_table(part.rows_of), np.pi / part.duration
     exact = fourier_integrals(part.motion, table, step * np.arange(part.known.shape[1]))
     size = np.sqrt(part.mean_squares) * part.duration
     assert np.all(np.abs(part.known - exact).max(axis=1) <= 1e-11 * size)

@@ -328,7 +328,7 @@ def _touch_down_forces(motion: RunMotion) -> Floats:
     trajectory = not_none(motion.trajectory)
     made = trajectory.event_closing
     contact = trajectory.event_contact[made]
-    forces = trajectory.sample(trajectory.event_time[made], trajectory.flow.contact_forces)
+    forces = trajectory.sample(trajectory.event_time[made], lambda of: trajectory.flow.at(of).force)
     largest = np.zeros(trajectory.flow.system.contacts.count)
     np.maximum.at(largest, contact, forces[np.arange(contact.size), contact])
     return largest

@@ -6,19 +6,17 @@ the motion. Relative frame; what the motion of a ground-mounted snubber does to 
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import NOT_FINITE, Trajectory, not_finite
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.system.equations import PiecewiseLinearSystem
+from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Floats, Ints
 
-PowerFactors = tuple[OutputOf, OutputOf, Floats]  # left and right factors of powers, and weights of their products
+PowerFactors = tuple[RowsOf, RowsOf, Floats]  # left and right factors of powers, and weights of their products
 LEAST_SEGMENTS = 8  # of a motion whose balance is taken from segment to segment
 FEW_TIMES = np.linspace(0.0, 1.0, 33) ** 1.1  # shares of a motion, uneven so that they do not fall on equal phases
 LARGEST_ERROR = 1e-6  # of the balance, above which a motion is not to be trusted
@@ -124,7 +122,7 @@ def energies(
     """
     flow, (left, right, weight) = trajectory.flow, factors
     integral = before + trajectory.product_integrals(times, left, right, weight, begin)
-    phases, states = trajectory.phases_at(times), _states(flow)
+    phases, states = trajectory.phases_at(times), np.vstack([flow.equations.state, flow.equations.penetration])
     y, penetration = np.split(trajectory.sample(times, lambda _: states), [flow.size], axis=1)
     stored = stored_energy(flow.system, y, penetration, phases)
     events = np.cumsum(trajectory.event_losses().sum(axis=1))
@@ -163,70 +161,26 @@ def stored_at_ends(trajectory: Trajectory) -> Floats:
     return stored_energy(flow.system, y, penetration, phases)
 
 
-def contact_losses(flow: ExactFlow, phases: Ints) -> tuple[LinearOutput, LinearOutput]:
-    """Dissipative forces in the contacts, and the rates on which they act; what events lose comes on top."""
-    dashpot, internal = flow.system.contacts.losses(phases)
-    deep, moved = flow.penetrations
-    if internal.size:
-        moved = LinearOutput.stacked(moved, flow.internal_rates(phases))
-    forces = moved.scaled(np.concatenate([dashpot, internal])[:, None])
-    contacts = flow.system.contacts
-    constant, slope = contacts.friction(phases)
-    forces.direct[: dashpot.size, 0] += constant
-    if slope.any():
-        forces += deep.combined(np.eye(forces.row.shape[0], slope.size) * slope)
-    if contacts.presses(phases):
-        place = np.zeros((forces.row.shape[0], contacts.pressed.size))
-        place[contacts.pressed, np.arange(contacts.pressed.size)] = 1.0
-        factor = contacts.pressing_factors(phases)
-        forces += flow.pressing_forces(phases).combined(place * factor)
-        moved += flow.pressing_force_rates(phases).combined(-place * contacts.pressing_stretches(phases))
-    return forces, moved
-
-
-def _states(flow: ExactFlow) -> LinearOutput:
-    """The state, and the penetrations of the contacts."""
-    whole = flow.empty_output(flow.size)
-    whole.row[:] = np.eye(flow.size)
-    return LinearOutput.stacked(whole, flow.penetrations[0])
-
-
-def _velocities(flow: ExactFlow, shape: Floats) -> LinearOutput:
-    """``shape @ q'`` for every row of ``shape`` (k, n)."""
-    output = flow.empty_output(shape.shape[0])
-    output.row[:, flow.system.size : 2 * flow.system.size] = shape
-    return output
-
-
 def power_factors(flow: ExactFlow) -> PowerFactors:
     """Factors of the dissipated power (column 0 of the weights) and of the power in (column 1)."""
-    system, contacts, sources = flow.system, flow.system.contacts, flow.sources
-    m, loads = contacts.count, flow.forcing.load
+    system, contacts, equations, loads = flow.system, flow.system.contacts, flow.equations, flow.forcing.load
     rate_of_damping, direction = np.linalg.eigh(system.damping)
     used = np.flatnonzero(rate_of_damping)
-    moving = _velocities(flow, direction[:, used].T)
-    signals = flow.empty_output(loads.shape[0] + 1)
-    signals.direct[0, 0] = 1.0
-    for index in range(loads.shape[0]):
-        signals.direct[index + 1, sources.channel == index] = 1.0
-    loaded = _velocities(flow, np.vstack([system.constant_load, loads]))
+    moving = equations.rows(used.size, velocities=direction[:, used].T)
+    signals = np.vstack([equations.constant(np.ones(1)), equations.signals(np.arange(loads.shape[0]))])
+    loaded = equations.rows(loads.shape[0] + 1, velocities=np.vstack([system.constant_load, loads]))
     stands = flow.stands
-    rates = flow.empty_output(stands.size)  # of what contacts stand on
-    rates.direct_slope[:] = stands[:, None] == sources.channel
+    rates = equations.signal_rates(stands)  # of what contacts stand on
     push = -flow.influence[stands] * contacts.sign
 
-    @lru_cache(maxsize=1)  # both factors of one state are asked for in turn
-    def losses(phases: bytes) -> tuple[LinearOutput, LinearOutput]:
-        return contact_losses(flow, np.frombuffer(phases, dtype=np.int64))
+    def left(phases: Ints) -> Floats:
+        at = flow.at(phases)
+        return np.vstack([moving, at.dissipation[0], signals, push @ at.force])
 
-    def left(phases: Ints) -> LinearOutput:
-        forces = (flow.contact_forces(phases).combined(push),) if stands.size else ()
-        return LinearOutput.stacked(moving, losses(phases.tobytes())[0], signals, *forces)
+    def right(phases: Ints) -> Floats:
+        return np.vstack([moving, flow.at(phases).dissipation[1], loaded, rates])
 
-    def right(phases: Ints) -> LinearOutput:
-        return LinearOutput.stacked(moving, losses(phases.tobytes())[1], loaded, rates)
-
-    inside = m + contacts.internal_states
+    inside = contacts.count + contacts.internal_states
     weight = np.zeros((used.size + inside + loads.shape[0] + 1 + stands.size, 2))
     weight[: used.size + inside, 0] = np.concatenate([rate_of_damping[used], np.ones(inside)])
     weight[used.size + inside :, 1] = 1.0

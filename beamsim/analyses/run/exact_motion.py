@@ -158,7 +158,7 @@ def exact_motion_of(
         extremes=figures.extremes,
         extreme_states=motion.states_at(at[order])[np.argsort(order)],
         state_at=lambda time: motion.states_at(np.array([time]))[0],
-        openings_at=lambda time: motion.sample(np.array([time]), motion.flow.openings)[0],
+        openings_at=lambda time: motion.sample(np.array([time]), lambda of: motion.flow.at(of).openings)[0],
         contact_share=motion.contact_share(),
         low_passed=None if figures.low_passed is None else figures.low_passed.values,
         last=lambda: motion.within(_last_begin(motion, settings), motion.end),

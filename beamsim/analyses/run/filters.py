@@ -33,7 +33,7 @@ from beamsim.analyses.run.result import MAIN_QUANTITY, MatchedSpectrum, ShockRes
 from beamsim.analyses.values import ACCELERATION, outer
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
-from beamsim.flow.contact_state import ContactState, OutputOf
+from beamsim.flow.contact_state import ContactState
 from beamsim.flow.extrema import Search, Waves
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
@@ -45,6 +45,7 @@ from beamsim.scenario.excitation import MatchedInput
 from beamsim.structures.places import UPWARDS, Link
 from beamsim.structures.support_forces import supports_of
 from beamsim.system.parts import base_direction, exciting_forces, moving_base
+from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints, not_none, of_kind
 
@@ -300,7 +301,7 @@ def butterworth(frequency_hz: float) -> tuple[Complexes, Complexes]:
 
 def filtered(
     trajectory: Trajectory,
-    output_of: OutputOf,
+    output_of: RowsOf,
     frequency_hz: float,
     times: Floats,
     before: LinearFilter | None = None,
@@ -330,7 +331,7 @@ def filtered(
         return FilteredSegments.of(trajectory, output_of, frequency_hz)
     edges, fastest = smooth_intervals(trajectory)
     known = np.unique(np.concatenate([trajectory.time[:1], edges, times[times <= trajectory.end]]))
-    outputs = output_of(trajectory.flow.system.contacts.start).row.shape[0]
+    outputs = output_of(trajectory.flow.system.contacts.start).shape[0]
     through = before or LinearFilter(*butterworth(frequency_hz), outputs)
     if fastest.size:
         fastest = fastest[np.clip(np.searchsorted(edges, known[:-1], side="right") - 1, 0, fastest.size - 1)]
@@ -462,7 +463,7 @@ class FilteredSegments:
     poles: Complexes
 
     @classmethod
-    def of(cls, trajectory: Trajectory, output_of: OutputOf, frequency_hz: float) -> FilteredSegments:
+    def of(cls, trajectory: Trajectory, output_of: RowsOf, frequency_hz: float) -> FilteredSegments:
         """Follow the filter from a state of zero through the segments of a motion without powers of time.
 
         Parameters
@@ -476,7 +477,7 @@ class FilteredSegments:
         FilteredSegments
         """
         poles, residues = butterworth(frequency_hz)
-        outputs = output_of(trajectory.flow.system.contacts.start).row.shape[0]
+        outputs = output_of(trajectory.flow.system.contacts.start).shape[0]
         state = np.zeros((poles.size, outputs), dtype=complex)
         parts = []
         for part in trajectory.parts():

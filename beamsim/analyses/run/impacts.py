@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.rainflow import distinct_cycles, reversals
-from beamsim.analyses.run.energy import contact_losses
 from beamsim.analyses.run.result import FigureInterval, Impacts, Rainflow, SnubberImpacts
+from beamsim.contacts.laws import PRESSING
 from beamsim.contacts.sliders import STICK
 from beamsim.contacts.snubbers import FRICTION
-from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.scenario.connections import FrictionBase, OfHinge
+from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import SnubberInfo, StructuralSystem
 from beamsim.typing import Bools, Floats, Ints, not_none
 
@@ -131,7 +131,7 @@ def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
         return np.asarray(np.bincount(of_segment[which], values[which], minlength=count), dtype=float)
 
     one = np.array([contact])
-    force = trajectory.turning_points(lambda phases: flow.contact_forces(phases).some(one), np.flatnonzero(touching))
+    force = trajectory.turning_points(lambda phases: flow.at(phases).force[one], np.flatnonzero(touching))
     owner = of_segment[force.segment]
     sizes = force._replace(value=np.abs(force.value)) if flow.system.contacts.laws[contact].latches else force
     peak, peak_time = _largest(owner, sizes, count)
@@ -208,22 +208,20 @@ def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
     return out
 
 
-def _factors(flow: ExactFlow, contact: int) -> tuple[OutputOf, OutputOf, Floats]:
+def _factors(flow: ExactFlow, contact: int) -> tuple[RowsOf, RowsOf, Floats]:
     """Factors of squared force, force and power lost of one contact, and their weights; as `power_factors`."""
     contacts = flow.system.contacts
     first = contacts.count + int(contacts.first[contact])
     rows = np.append(contact, first + np.arange(contacts.states[contact]))
-    one = flow.empty_output(1)
-    one.direct[0, 0] = 1.0
+    one = flow.equations.constant(np.ones(1))
 
-    def force(phases: Ints) -> LinearOutput:
-        return flow.contact_forces(phases).some(np.array([contact]))
+    def left(phases: Ints) -> Floats:
+        at = flow.at(phases)
+        return np.vstack([at.force[contact], one, at.dissipation[0][rows]])
 
-    def left(phases: Ints) -> LinearOutput:
-        return LinearOutput.stacked(force(phases), one, contact_losses(flow, phases)[0].some(rows))
-
-    def right(phases: Ints) -> LinearOutput:
-        return LinearOutput.stacked(force(phases), force(phases), contact_losses(flow, phases)[1].some(rows))
+    def right(phases: Ints) -> Floats:
+        at = flow.at(phases)
+        return np.vstack([at.force[contact], at.force[contact], at.dissipation[1][rows]])
 
     weight = np.zeros((2 + rows.size, 3))
     weight[0, 0] = weight[1, 1] = 1.0
@@ -242,7 +240,7 @@ def _largest(owner: Ints, points: TurningPoints, count: int) -> tuple[Floats, Fl
 
 def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> Floats:
     """(nt,) rates of penetration at any times."""
-    rate = trajectory.flow.penetrations[1].some(np.array([contact]))
+    rate = trajectory.flow.equations.penetration_rate[[contact]]
     if not times.size:
         return np.zeros(0)
     order = np.argsort(times, kind="stable")
@@ -432,34 +430,9 @@ _OF_SLIDING = {
 """Figures that have an interval; what happens where sliding begins belongs to the block in which it does."""
 
 
-def sliding_speeds(flow: ExactFlow, which: Ints, phases: Ints) -> LinearOutput:
-    """Speeds at which friction contacts slide, the contacts being in given phases.
-
-    Parameters
-    ----------
-    flow : of the system.
-    which : (f,) numbers of the friction contacts among all.
-    phases : (m,) of all contacts.
-
-    Returns
-    -------
-    LinearOutput
-        (f,) m/s, 0 of those that do not slide.
-    """
-    contacts, speed = flow.system.contacts, flow.penetrations[1].some(which)
-    if contacts.presses(phases):  # the spring of a slider gives way
-        own = (which[:, None] == contacts.pressed).astype(float)
-        speed += flow.pressing_force_rates(phases).combined(-own * contacts.pressing_stretches(phases))
-    return speed.scaled(contacts.slides(phases)[which, None])
-
-
-def _normal_forces(flow: ExactFlow, contacts: Sequence[FrictionBase], which: Ints, phases: Ints) -> LinearOutput:
-    forces = flow.empty_output(which.size)
-    forces.direct[:, 0] = [c.constant_force if c.pressed_by is None else 0.0 for c in contacts]
-    pressed = flow.system.contacts.pressed
-    if pressed.size:
-        forces += flow.pressing_forces(phases).combined((which[:, None] == pressed).astype(float))
-    return forces
+def _normal_forces(flow: ExactFlow, contacts: Sequence[FrictionBase], which: Ints, phases: Ints) -> Floats:
+    forces = flow.equations.constant(np.array([c.constant_force if c.pressed_by is None else 0.0 for c in contacts]))
+    return np.asarray(forces + flow.at(phases).law[which, PRESSING])
 
 
 def _sliding(
@@ -471,15 +444,13 @@ def _sliding(
     every = trajectory.phases_of(trajectory.state)
     phases = every[:, which]
 
-    def forces(state: Ints) -> LinearOutput:
-        one = flow.empty_output(which.size)
-        one.direct[:, 0] = 1.0
-        lost = contact_losses(flow, state)[0].some(which)
-        return LinearOutput.stacked(one, _normal_forces(flow, contacts, which, state), lost)
+    def forces(state: Ints) -> Floats:
+        one, lost = flow.equations.constant(np.ones(which.size)), flow.at(state).dissipation[0][which]
+        return np.vstack([one, _normal_forces(flow, contacts, which, state), lost])
 
-    def speeds(state: Ints) -> LinearOutput:
-        speed = sliding_speeds(flow, which, state)
-        return LinearOutput.stacked(speed, speed, contact_losses(flow, state)[1].some(which))
+    def speeds(state: Ints) -> Floats:
+        at = flow.at(state)
+        return np.vstack([at.sliding_speeds[which], at.sliding_speeds[which], at.dissipation[1][which]])
 
     begin = float(trajectory.time[0])
     integrals = trajectory.product_integrals(times, forces, speeds, np.eye(3 * which.size), begin)

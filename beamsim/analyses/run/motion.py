@@ -296,7 +296,7 @@ def _crushed(motion: RunMotion) -> dict[int, float]:
     if trajectory is None or not yielding:
         return {}
     end = trajectory.final_y
-    penetration, _ = trajectory.flow.penetrations
+    penetration = trajectory.flow.equations.penetration
     delta = trajectory.sample(np.array([trajectory.end]), lambda _: penetration)[0]
     phases, first = trajectory.phases_of(trajectory.state)[-1], 2 * contacts.shape.shape[1] + contacts.first
     return {

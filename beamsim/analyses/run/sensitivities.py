@@ -28,7 +28,6 @@ from beamsim.analyses.run.result import Derivative
 from beamsim.analyses.values import ACCELERATION, OPENING, VALUES, Value, searched
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
-from beamsim.flow.contact_state import LinearOutput
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log
@@ -355,8 +354,8 @@ class _Along:
         touching = motion.flow.system.contacts.touching(motion.phases_of(motion.state))
         for j, row in enumerate(self.channels.places.get(OPENING, ())):
 
-            def opening(phases: Ints, row: int = row) -> LinearOutput:
-                return self.output_of(phases).some(slice(row, row + 1))
+            def opening(phases: Ints, row: int = row) -> Floats:
+                return self.output_of(phases)[row : row + 1]
 
             segment, time, value = motion.turning_points(opening, np.flatnonzero(~touching[:, j]))
             least = -ROUND_OFF * float(np.abs(value).max(initial=0.0))  # what just touches may be beyond by that

@@ -102,7 +102,7 @@ def _time_stepping(system: StructuralSystem, flow: ExactFlow, settings: Run) -> 
 def _energies(system: StructuralSystem, flow: ExactFlow, trajectory: ReferenceTrajectory) -> EnergyHistory:
     """Energies at the times of the output, those of cubic springs included."""
     at, y, phases = trajectory.time, trajectory.y, trajectory.phases
-    penetration = flow.outputs_of_states(at, y, phases, lambda _: flow.penetrations[0])
+    penetration = flow.outputs_of_states(at, y, phases, lambda _: flow.equations.penetration)
     stored = stored_energy(flow.system, y, penetration, phases)
     if system.cubic.count:
         base = 0.0 if system.base_displacement is None else system.base_displacement(at)

@@ -84,7 +84,8 @@ class _ShownMotion:
         for k in np.unique(number):
             since, motion = self.parts[k]
             here = np.minimum(times[number == k] - since, motion.end)
-            forces, openings = (motion.sample(here, of) for of in (motion.flow.contact_forces, motion.flow.openings))
+            forces = motion.sample(here, lambda of, flow=motion.flow: flow.at(of).force)
+            openings = motion.sample(here, lambda of, flow=motion.flow: flow.at(of).openings)
             rows.append((motion.states_at(here)[:, :n], forces[:, :snubbers], openings[:, :snubbers]))
         states, forces, openings = (np.vstack(of) for of in zip(*rows, strict=True))
         return states, forces, openings

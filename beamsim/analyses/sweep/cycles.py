@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors, stored_at_ends
 from beamsim.analyses.sweep.result import SweepCurve
-from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.trajectory import Trajectory, not_finite
 from beamsim.inputs.swept import SweepWindows, move
 from beamsim.outcomes import Outcome, OutcomeKind, Where, together
+from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 NEGLIGIBLE = 1e-11  # of a tracking filter, a power that is left out
@@ -157,7 +157,7 @@ class CycleRecord:
 def record_cycles(
     motion: Trajectory,
     edge: Floats,
-    output_of: OutputOf,
+    output_of: RowsOf,
     orders: Sequence[float],
     phase: SinePhase,
     searched: Ints | slice = slice(None),
@@ -190,7 +190,7 @@ def record_cycles(
     harmonic: Complexes = summed(_harmonics(motion, output_of, orders, phase))
     square, imbalance = _products(motion, output_of)
     high, low = np.full((2, count, square.shape[1]), np.nan)
-    found = motion.extrema(lambda phases: output_of(phases).some(searched), edge)
+    found = motion.extrema(lambda phases: output_of(phases)[searched], edge)
     low[:, searched], high[:, searched] = found.low, found.high
     touching = motion.flow.system.contacts.touching(motion.phases_of(motion.state))
     closings = np.zeros((count, touching.shape[1]), dtype=np.int64)
@@ -212,20 +212,20 @@ def record_cycles(
     )  # fmt: skip
 
 
-def _products(motion: Trajectory, output_of: OutputOf) -> tuple[Floats, Floats]:
+def _products(motion: Trajectory, output_of: RowsOf) -> tuple[Floats, Floats]:
     """Integrals over each segment of the squares of outputs (S, K), and its imbalance (S,), J.
 
     What is lost at once where the next segment begins belongs to this one.
     """
     flow = motion.flow
     left, right, weight = power_factors(flow)
-    outputs = output_of(flow.system.contacts.start).row.shape[0]
+    outputs = output_of(flow.system.contacts.start).shape[0]
     weights = np.zeros((outputs + weight.shape[0], outputs + 2))
     weights[:outputs, :outputs], weights[outputs:, outputs:] = np.eye(outputs), weight
 
-    def above(factors: OutputOf) -> OutputOf:
-        def both(phases: Ints) -> LinearOutput:
-            return LinearOutput.stacked(output_of(phases), factors(phases))
+    def above(factors: RowsOf) -> RowsOf:
+        def both(phases: Ints) -> Floats:
+            return np.vstack([output_of(phases), factors(phases)])
 
         return both
 
@@ -236,7 +236,7 @@ def _products(motion: Trajectory, output_of: OutputOf) -> tuple[Floats, Floats]:
         return integrals[:, :outputs], dissipated - work_in + np.diff(stored_at_ends(motion)) + lost
 
 
-def _harmonics(motion: Trajectory, output_of: OutputOf, orders: Sequence[float], phase: SinePhase) -> Complexes:
+def _harmonics(motion: Trajectory, output_of: RowsOf, orders: Sequence[float], phase: SinePhase) -> Complexes:
     """(S, K, R) integrals over each segment and the phase of ``output exp(-i order phase)``; of order 0 over time."""
     filters = [phase.filters(order, motion.time, motion.length) for order in orders]
     longest = max((polynomial.shape[1] for _, polynomial in filters), default=1)
@@ -268,7 +268,7 @@ def _pressing_where_sliding_begins(motion: Trajectory) -> Floats:
         begins = np.zeros(force.shape, dtype=bool)
         begins[1:] = contacts.pressing_losses(phases[:-1], phases[1:]) > 0.0
         if begins.any():
-            force = motion.sample(motion.time, motion.flow.pressing_forces) * begins
+            force = motion.sample(motion.time, lambda of: motion.flow.at(of).pressing) * begins
     return np.stack([force, force**2], axis=1)
 
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.energy import contact_losses
-from beamsim.analyses.run.impacts import friction_contacts, sliding_speeds
+from beamsim.analyses.run.impacts import friction_contacts
 from beamsim.analyses.sweep.cycles import CycleRecord
 from beamsim.analyses.sweep.peaks import bent
 from beamsim.analyses.sweep.result import (
@@ -27,10 +26,10 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.sliders import STICK, sliding_limit, snap
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
-from beamsim.flow.contact_state import LinearOutput, OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.equations import Channel, ChannelSet, Key
+from beamsim.system.state_equations import RowsOf, StateEquations
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -82,17 +81,16 @@ class SweepLevel:
 
         return self.system.channels.only(wanted)
 
-    def rows(self, template: ExactFlow) -> OutputOf:
+    def rows(self, template: ExactFlow) -> RowsOf:
         """All columns by the phases of the contacts, written for a flow."""
         count, rubbing = len(self.system.snubbers), friction_contacts(self.system)
         channels = outputs_of(template, self.channels.linear)
         if not self.settings.impacts:
             return channels
 
-        def output_of(phases: Ints) -> LinearOutput:
-            parts = [channels(phases), _impact_rows(template, phases, count)]
-            parts += [sliding_speeds(template, rubbing, phases), _wear_rows(template, phases)]
-            return LinearOutput.stacked(*parts)
+        def output_of(phases: Ints) -> Floats:
+            at = template.at(phases)
+            return np.vstack([channels(phases), _impact_rows(at, count), at.sliding_speeds[rubbing], _wear_rows(at)])
 
         return output_of
 
@@ -244,26 +242,21 @@ def _rubbing(contacts: Contacts) -> Ints:
     return np.concatenate([contacts.pressed, contacts.lossy])
 
 
-def _wear_rows(flow: ExactFlow, phases: Ints) -> LinearOutput:
-    """Of each friction contact that a snubber presses two outputs, the difference of whose squares is the normal force
+def _wear_rows(at: StateEquations) -> Floats:
+    """Of each friction contact that a snubber presses two rows, the difference of whose squares is the normal force
     times the speed at which it slides, N m/s; of those that yield or fall the lost force times its speed."""
-    contacts = flow.system.contacts
+    contacts = at.equations.contacts
     pressed, lossy = contacts.pressed, contacts.lossy
-    if not pressed.size + lossy.size:
-        return flow.empty_output(0)
-    slides = np.abs(contacts.slides(phases)[pressed, None])
-    lost, moved = (each.some(lossy).scaled(0.5) for each in contact_losses(flow, phases))
-    force = LinearOutput.stacked(flow.pressing_forces(phases).scaled(0.5 * slides), lost)
-    speed = LinearOutput.stacked(sliding_speeds(flow, pressed, phases).scaled(0.5), moved)
-    pairs = np.arange(2 * speed.row.shape[0]).reshape(2, -1).T.ravel()
-    return LinearOutput.stacked(force + speed, force + (-speed)).some(pairs)
+    slides = np.abs(contacts.slides(at.phases)[pressed, None])
+    force = 0.5 * np.vstack([slides * at.pressing, at.dissipation[0][lossy]])
+    speed = 0.5 * np.vstack([at.sliding_speeds[pressed], at.dissipation[1][lossy]])
+    pairs = np.arange(2 * speed.shape[0]).reshape(2, -1).T.ravel()
+    return np.vstack([force + speed, force - speed])[pairs]
 
 
-def _impact_rows(flow: ExactFlow, phases: Ints, snubbers: int) -> LinearOutput:
-    """Penetration rates of the snubbers in contact, 0 elsewhere, and outputs whose squares are the power lost."""
-    contacts, rate = flow.system.contacts, flow.penetrations[1]
-    moved = LinearOutput.stacked(rate, flow.internal_rates(phases)) if contacts.internal_states else rate
-    rows = LinearOutput.stacked(rate.some(slice(snubbers)), moved)
-    touching = contacts.touching(phases)[:snubbers].astype(float)
-    factor = np.concatenate([touching, np.sqrt(np.maximum(np.concatenate(contacts.losses(phases)), 0.0))])[:, None]
-    return rows.scaled(factor)
+def _impact_rows(at: StateEquations, snubbers: int) -> Floats:
+    """Penetration rates of the snubbers in contact, 0 elsewhere, and rows whose squares are the power lost."""
+    rate = at.equations.penetration_rate
+    touching = at.equations.contacts.touching(at.phases)[:snubbers, None]
+    size = np.sqrt(np.maximum(at.lost_by_rate, 0.0))[:, None]
+    return np.vstack([touching * rate[:snubbers], size * np.vstack([rate, at.internal_rates])])

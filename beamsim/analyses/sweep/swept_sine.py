@@ -27,7 +27,6 @@ from beamsim.analyses.sweep.result import (
 from beamsim.analyses.values import Margins, judged
 from beamsim.analyses.values import limited as limited_value
 from beamsim.errors import ScenarioError
-from beamsim.flow.contact_state import OutputOf
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import LevelControl, SweptLoads, SweptMotion
 from beamsim.inputs.drift import Correction, CorrectionSize, jumps
@@ -41,6 +40,7 @@ from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quan
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
 from beamsim.system.equations import Forcing
+from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
@@ -304,9 +304,9 @@ def notched_level(one: SweepLevel, limited: Sequence[Limited], progress: Progres
     specification = continuous(profile, leg)
     columns = np.array([each.column for each in limited])
 
-    def limited_outputs(flow: ExactFlow) -> OutputOf:
+    def limited_outputs(flow: ExactFlow) -> RowsOf:
         rows = one.rows(flow)
-        return lambda phases: rows(phases).some(columns)
+        return lambda phases: rows(phases)[columns]
 
     control = LevelControl(
         system.dynamics, swept_loads(system), limited_outputs, np.array([each.limit for each in limited]), leg,
