@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from beamsim.analyses.nnm.result import NormalModeResult
     from beamsim.analyses.run.result import RunResult
     from beamsim.analyses.sweep.result import SweepResult
-    from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError
+    from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError, allowing_hours
     from beamsim.measurements.channels import read_tests
     from beamsim.scenario import Scenario, load_scenario
     from beamsim.store.export import export_result
@@ -44,7 +44,14 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "beamsim.analyses.designs.plan": ("plan_designs",),
-    "beamsim.errors": ("BeamsimError", "NotTrustedError", "Problem", "ResultFileError", "ScenarioError"),
+    "beamsim.errors": (
+        "BeamsimError",
+        "NotTrustedError",
+        "Problem",
+        "ResultFileError",
+        "ScenarioError",
+        "allowing_hours",
+    ),
     "beamsim.scenario": ("Scenario", "load_scenario"),
     "beamsim.store.studies": ("ensemble",),
     "beamsim.store.export": ("export_result",),
@@ -76,6 +83,7 @@ __all__ = [
     "ScenarioError",
     "SweepResult",
     "__version__",
+    "allowing_hours",
     "coexisting",
     "compare",
     "compare_modes",

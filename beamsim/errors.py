@@ -5,9 +5,11 @@ Every exception carries the exit code of the command line.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 
 from beamsim.outcomes import ExitCode
@@ -132,15 +134,57 @@ class NotWrittenError(ResultFileError):
         super().__init__(f"cannot write {path}: {reason}; {remedy}")
 
 
+MOST_HOURS = 1000.0
+"""Longest time that a computation may be estimated to take, h, where nothing else is allowed."""
+_allowed_hours = ContextVar("allowed_hours", default=MOST_HOURS)
+
+
+def allowed_hours() -> float:
+    """Longest time that a computation may be estimated to take, h."""
+    return _allowed_hours.get()
+
+
+@contextmanager
+def allowing_hours(hours: float) -> Iterator[None]:
+    """Allow computations in the block that are estimated to take longer than 1,000 h, or refuse shorter ones.
+
+    Parameters
+    ----------
+    hours : h, longest time; infinite for any.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> with beamsim.allowing_hours(5000.0):
+    ...     pass  # beamsim.design_study(scenario)
+    """
+    token = _allowed_hours.set(hours)
+    try:
+        yield
+    finally:
+        _allowed_hours.reset(token)
+
+
 class TooLongError(BeamsimError):
-    """A computation is estimated to take longer than is allowed."""
+    """A computation is estimated to take longer than is allowed.
+
+    Parameters
+    ----------
+    estimate : what takes how long, up to the number of hours: "simulating case.yaml would take about".
+    hours : h, of the estimate.
+    keys : of the scenario, whose numbers make it so long; empty where that is not known.
+    """
 
     exit_code = ExitCode.USAGE
 
-    def __init__(self, what: str, hours: float, most_hours: float) -> None:
+    def __init__(self, estimate: str, hours: float, keys: Sequence[str] = ()) -> None:
+        step = 10.0 ** math.floor(math.log10(2.0 * hours))
+        enough = math.ceil(2.0 * hours / step) * step
+        lower = f"lower {' or '.join(keys)}" if keys else "check the numbers of the scenario"
+        rounded = f"{hours:,.0f}" if hours >= 10.0 else f"{hours:.2g}"
         super().__init__(
-            f"{what} would take about {hours:.2g} h, more than the {most_hours:g} h that are allowed; check the "
-            f"numbers of the scenario, or allow it: --allow-hours {2.0 * hours:.1g}"
+            f"{estimate} {rounded} h, more than the {allowed_hours():,g} h that are allowed; {lower}, or allow it: "
+            f"--allow-hours {enough:g}, in Python beamsim.allowing_hours({enough:g})"
         )
 
 

@@ -53,6 +53,11 @@ def default_workers() -> int:
         return os.cpu_count() or 1
 
 
+def most_processors(workers: int, scheduler: str | Cluster | None) -> int:
+    """Largest number of processors that share the work; how many a cluster has is not known before the start."""
+    return min(max(workers, 1), default_workers()) if scheduler is None else 10_000
+
+
 @dataclass(frozen=True)
 class Computation(Generic[Item, Result]):
     """What is computed of items, by whichever worker, and what an item gives that failed twice.

@@ -15,6 +15,7 @@ import typer
 
 from beamsim.cli.failures import guarded
 from beamsim.cli.options import OPTIONS, Case, Given, Stored
+from beamsim.errors import allowing_hours
 from beamsim.files import protecting
 from beamsim.kinds import TemplateKind
 from beamsim.version import __version__
@@ -58,7 +59,8 @@ def command(first: Any, *names: str) -> Callable[[Callable[..., None]], Callable
             values.pop("debug")
             given = Given(**{name: values.pop(name) for name in Given._fields if name in values})
             read = [given.case, *(item for name, value in values.items() if name != "file" for item in _paths(value))]
-            with protecting(path for path in read if path != Path()):
+            protected = (path for path in read if path != Path())
+            with allowing_hours(given.allow_hours), protecting(protected):
                 function(given, **values)
 
         called.__name__, called.__doc__ = function.__name__, function.__doc__

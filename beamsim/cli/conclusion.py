@@ -70,7 +70,7 @@ def concluded(
         As `conclude`.
     """
     with interruptible() as interrupted:
-        with progress_of(label, shown=not given.quiet, afterwards=afterwards, most_hours=given.allow_hours) as progress:
+        with progress_of(label, shown=not given.quiet, afterwards=afterwards) as progress:
             result = compute(progress, interrupted)
         with progress_of(f"writing {target.name}", shown=not given.quiet):
             written = keep_result(result, target, resumed=given.resume)

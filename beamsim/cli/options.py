@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from beamsim.cli.progress import MOST_HOURS
+from beamsim.errors import MOST_HOURS
 
 Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file.")]
 Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file.")]
@@ -50,7 +50,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
                 "--allow-hours",
                 metavar="HOURS",
                 min=0.0,
-                help="End with exit code 2 if it is estimated, from the first seconds, to take longer.",
+                help="End with exit code 2 if it would take longer, as estimated before the start or soon after it.",
             ),
         ],
         MOST_HOURS,

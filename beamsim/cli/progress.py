@@ -9,11 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from beamsim.cli.failures import say
-from beamsim.errors import TooLongError, visible
+from beamsim.errors import TooLongError, allowed_hours, visible
 
 SHOWN_AFTER_S = 2.0  # what takes less needs no report
-MOST_HOURS = 1000.0
-"""What is estimated to take longer is refused."""
 INTERVAL_S = 1.0  # of time, at least, over which a rate is measured
 INTERVALS = 4  # before the fastest rate counts: the first ones include the compilation of kernels
 
@@ -25,16 +23,15 @@ class Progress:
     ----------
     label : what is done, "simulating case.yaml".
     afterwards : what is done from fraction 1 on, of which no fraction is known; the label where nothing follows.
-    most_hours : longest time that the rest may be estimated to take, h.
     """
 
-    def __init__(self, label: str, afterwards: str = "", most_hours: float = MOST_HOURS) -> None:
+    def __init__(self, label: str, afterwards: str = "") -> None:
         self._label = visible(label)
         self._afterwards = afterwards or label
         self._begin = clock.monotonic()
         self._first: tuple[float, float] | None = None  # time and fraction of the first call: what was resumed is known
         self._last = 0.0
-        self._most_hours = most_hours
+        self._allowed_hours = allowed_hours()
         self._interval = (0.0, 0.0)  # time and fraction where the present one begins
         self._paces: list[float] = []  # s for the whole, at the rate of each interval
 
@@ -44,7 +41,7 @@ class Progress:
         Raises
         ------
         TooLongError
-            If the rest would take too long at the fastest rate up to now.
+            If the rest would take longer than is allowed at the fastest rate up to now.
         """
         now, self._last = clock.monotonic(), min(max(fraction, 0.0), 1.0)
         if self._first is None:
@@ -55,8 +52,8 @@ class Progress:
         self._interval = now, self._last
         self._paces.append(took / gained)
         hours = min(self._paces) * (1.0 - self._last) / 3600.0
-        if len(self._paces) >= INTERVALS and hours > self._most_hours:
-            raise TooLongError(self._label, hours, self._most_hours)
+        if len(self._paces) >= INTERVALS and hours > self._allowed_hours:
+            raise TooLongError(f"{self._label}: the rest would take about", hours)
 
     def pause(self) -> None:
         """Forget the rate: nothing is being done. No time is estimated before more is done."""
@@ -96,19 +93,19 @@ class Progress:
 
 
 @contextmanager
-def progress_of(label: str, *, shown: bool, afterwards: str = "", most_hours: float = MOST_HOURS) -> Iterator[Progress]:
+def progress_of(label: str, *, shown: bool, afterwards: str = "") -> Iterator[Progress]:
     """Report on standard error how far the block is, as soon as it takes more than two seconds.
 
     Parameters
     ----------
-    label, afterwards, most_hours : as of `Progress`.
+    label, afterwards : as of `Progress`.
     shown : whether to report at all.
 
     Yields
     ------
     To be called with the fraction that is done.
     """
-    progress = Progress(label, afterwards, most_hours)
+    progress = Progress(label, afterwards)
     if not shown:
         yield progress
         return

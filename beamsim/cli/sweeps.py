@@ -201,7 +201,7 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, **options: Any
     with opened_journal(path, plan.fingerprint, resume=given.resume) as journal, interruptible() as interrupted:
         _say_known(journal, f" of {cases} cases", given)
         with _naming_kept(journal, f" of {cases} cases", interrupted):
-            with progress_of(f"{cases} cases", shown=not given.quiet, most_hours=given.allow_hours) as progress:
+            with progress_of(f"{cases} cases", shown=not given.quiet) as progress:
                 by = _workers(progress, **options)
                 result, written = stored_study(plan, journal, target, progress=progress, stop=interrupted, **by)
             if not result.finished:
@@ -277,7 +277,7 @@ def _coexist(scenario: Scenario, target: Path, given: Given, **workers: Any) -> 
         known = tuple(journal.kept)
         with (
             _naming_kept(journal, " starts and disturbances", interrupted),
-            progress_of("motions from many starts", shown=not given.quiet, most_hours=given.allow_hours) as progress,
+            progress_of("motions from many starts", shown=not given.quiet) as progress,
             scenario.locating(),
         ):
             by = _workers(progress, **workers)

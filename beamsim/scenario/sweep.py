@@ -730,6 +730,9 @@ class BasePulse(Schema):
             yield problem(at, "is a pulse of the base, which rests", "use kind: impulse, or excite the base")
 
 
+MOST_STARTS = 200_000
+"""Largest number of starts of coexisting motions, at all frequencies together."""
+
 Disturbance = Annotated[ImpulseAt | BasePulse, BY_FORM]
 
 
@@ -766,10 +769,15 @@ class Coexisting(OfSines):
     levels: ClassVar[tuple[float, ...]] = ()
 
     def check(self) -> None:
-        """Demand frequencies, given one way."""
+        """Demand frequencies, given one way, and refuse more starts than are computed."""
         self.exclude("at", "from", "to", "points", remedy="give a list, or a range with points")
         if not (self.at or (self.from_ and self.to and self.points)):
             raise Unfit("has no frequencies", "give at: [65 Hz, 78 Hz], or from, to and points")
+        frequencies = self.points or len(self.at)
+        if (starts := self.starts.number * frequencies) > MOST_STARTS:
+            at, number = ("starts", "number"), self.starts.number
+            message = f"= {number} at {frequencies} frequencies makes {starts:.3g} starts (at most {MOST_STARTS})"
+            raise Unfit(message, "take fewer starts, or fewer frequencies", at)
 
     @property
     def frequencies(self) -> tuple[float, ...]:

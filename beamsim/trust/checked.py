@@ -13,6 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.analyses.gapping import finite
+from beamsim.analyses.least_time import least_time_of_sweep
 from beamsim.analyses.values import largest_along
 from beamsim.flow.compiled import processor_time
 from beamsim.outcomes import Progress, Stop, never, part_of
@@ -69,7 +70,10 @@ def sweep(
     ------
     ScenarioError
         If the scenario cannot be swept.
+    TooLongError
+        If it would take longer than `beamsim.allowing_hours` allows.
     """
+    least_time_of_sweep(scenario).demand_allowed()
     from beamsim.analyses.sweep.analysis import sweep as compute
 
     asked = scenario.sweep is not None and scenario.sweep.convergence != "off"
@@ -101,7 +105,10 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     ------
     ScenarioError
         If the scenario cannot be continued.
+    TooLongError
+        If it would take longer than `beamsim.allowing_hours` allows.
     """
+    least_time_of_sweep(scenario).demand_allowed()
     from beamsim.analyses.continuation.analysis import continuation as compute
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"

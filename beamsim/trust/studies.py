@@ -6,6 +6,7 @@ reliability call it by `CaseSolver`, which asks for those values alone that the 
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
@@ -21,12 +22,13 @@ from beamsim.analyses.designs.reliability import Exceedance, asked, concluded
 from beamsim.analyses.designs.responses import entries_of, means, responses_of_result
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RunOfDesign, objectives
 from beamsim.analyses.designs.search import search
-from beamsim.analyses.parallel import Cluster, Computation, working
+from beamsim.analyses.least_time import least_time_of_study
+from beamsim.analyses.parallel import Cluster, Computation, most_processors, working
 from beamsim.analyses.result import CONVERGENCE
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.analyses.values import BY_NAME, limited
-from beamsim.errors import BeamsimError
+from beamsim.errors import BeamsimError, allowing_hours
 from beamsim.outcomes import Outcome, Stop, never, tell
 from beamsim.scenario import Scenario
 from beamsim.system.parts import SharedBuilds
@@ -58,11 +60,10 @@ def solve_case(
     ScenarioError
         If the scenario cannot be solved.
     """
-    if analysis == "run":
-        return run(scenario, stop=stop, entries=entries, shared=shared)
-    if analysis == "continuation":
-        return continuation(scenario, stop=stop)
-    return sweep(scenario, stop=stop)
+    with allowing_hours(math.inf):  # the study was estimated as a whole, and workers are not told what is allowed
+        if analysis == "run":
+            return run(scenario, stop=stop, entries=entries, shared=shared)
+        return (continuation if analysis == "continuation" else sweep)(scenario, stop=stop)
 
 
 class CaseSolver:
@@ -145,6 +146,8 @@ def design_study(
         If the scenario of a case is invalid, or there are fewer workers than one.
     NotTrustedError
         If the connection to the cluster is lost, or it has no workers; `each` has been called for all solved cases.
+    TooLongError
+        If its cases would take longer than `beamsim.allowing_hours` allows.
     """
     begin = clock.perf_counter()
     if isinstance(scenario, DesignPlan):
@@ -156,6 +159,8 @@ def design_study(
     histories: Exceedance | None = None
     count = plan.study.realisations.count
     known, total = tuple(known), plan.most * count
+    solved_before = len({outcome.index for outcome in known})
+    least_time_of_study(plan, solved_before).demand_allowed(most_processors(workers, scheduler))
     estimated = plan.kind == "reliability"  # how many cases it needs follows from those that are solved
 
     def solved(outcome: CaseOutcome) -> None:
@@ -163,7 +168,7 @@ def design_study(
             each(outcome)
         tell(None if estimated else progress, len(evaluate.outcomes) / total)
 
-    tell(None if estimated else progress, len({outcome.index for outcome in known}) / total)
+    tell(None if estimated else progress, solved_before / total)
     computation = Computation(partial(CaseSolver, plan.study), failed_case)
     solving = working(computation, total, stop, workers=workers, scheduler=scheduler)
     all_compared = plan.convergence == "on"

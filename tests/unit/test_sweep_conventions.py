@@ -151,6 +151,16 @@ def test_a_jump_ends_the_resonance_whatever_harmonics_it_excites():
     assert (of_order_4.kind, of_order_4.order) == ("superharmonic", 4.0)
 
 
+def test_without_orders_a_peak_is_at_the_frequency_of_the_excitation():
+    chain = {"masses": [1.0], "springs": [1e4, 0], "dashpots": [1, 0]}
+    base = {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 10.0}
+    settings = {**SWEEP, "from": 10, "to": 40, "rate": "1 oct/s", "orders": [], "convergence": "off"}
+    peaks = sweep(load_scenario({"chain": chain, "excitation": base, "sweep": settings})).peaks
+    assert peaks
+    assert {peak.order for peak in peaks} == {1.0}
+    assert all(np.isnan(peak.share) for peak in peaks)
+
+
 def test_the_edge_of_a_notch_is_no_resonance():
     chain = {"masses": [1.0], "springs": [1e4, 0], "damping": {"kind": "modal", "ratio": 0.02}}
     notched = {**SWEEP, "from": 20, "to": 30, "rate": "2 Hz/s", "notches": [{"from": 23, "to": 26, "level": 0.1}]}

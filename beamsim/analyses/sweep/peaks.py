@@ -92,12 +92,14 @@ def _named(
         of_peak = median(r, here)
         rise[r], fall[r] = of_peak - max(beside, default=0.0), of_peak - min(beside, default=0.0)
     rise = np.where(np.isfinite(rise), rise, -np.inf)
-    r = int(np.argmax(rise))
-    off = np.flatnonzero((curve.orders == 1.0) & (rise > 0.0) & (fall > rise[r]))
-    r = int(off[0]) if off.size else r
-    order = float(curve.orders[r])
+    order, strength = 1.0, np.nan  # where no order is tracked: the peak is at the frequency of the excitation
+    if known := rise.size > 0:
+        r = int(np.argmax(rise))
+        off = np.flatnonzero((curve.orders == 1.0) & (rise > 0.0) & (fall > rise[r]))
+        r = int(off[0]) if off.size else r
+        order, strength, known = float(curve.orders[r]), median(r, here), bool(np.isfinite(rise[r]))
     linear = _linear(curve, index[here])
-    if order == 1.0 or not np.isfinite(rise[r]):
+    if order == 1.0 or not known:
         kind = "linear resonance" if linear else "nonlinear resonance"
         if linear and modes is not None and not _has_passed_a_mode(curve, modes, int(index[at])):
             kind = "beat"
@@ -109,7 +111,7 @@ def _named(
     if linear and np.any(np.abs(steps) > np.log(LEVEL_STEP)):
         kind = "level step"
     value = float(envelope.response[index[at]])
-    share = float(median(r, here) / value)
+    share = float(strength / value)
     return ResponsePeak(curve.name, probe, curve.direction, curve.level, float(f), value, kind, order, share)
 
 
