@@ -296,11 +296,15 @@ class SandwichBending(Bent):
 
     @property
     def bending(self) -> Bending:
-        """b (E_f (H^3 - h^3) + E_c h^3) / 12 of a core h thick in a sandwich H thick, and E_f c / (E I)."""
+        """b (E_f (H^3 - h^3) + E_c h^3) / 12 of a core h thick in a sandwich H thick, and E_f c / (E I).
+
+        H^3 - h^3 = (H - h)(H^2 + H h + h^2), which thin faces do not cancel.
+        """
         width, faces, core = self.section.width, self.section.faces, self.section.core
         depth = 2.0 * faces.thickness + core.thickness
-        filled = core.thickness**3
-        stiffness = width / 12.0 * (faces.youngs_modulus * (depth**3 - filled) + core.youngs_modulus * filled)
+        of_faces = 2.0 * faces.thickness * (depth**2 + depth * core.thickness + core.thickness**2)
+        of_core = core.youngs_modulus * core.thickness**3
+        stiffness = width / 12.0 * (faces.youngs_modulus * of_faces + of_core)
         mass = width * (2.0 * faces.density * faces.thickness + core.density * core.thickness)
         return Bending(stiffness, mass, faces.youngs_modulus * depth / 2.0 / stiffness, depth)
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import invoke
 
 import beamsim
 from beamsim.analyses.designs.plan import plan_designs
 from beamsim.analyses.least_time import least_time_of_run, least_time_of_study, least_time_of_sweep
 from beamsim.errors import TooLongError, allowed_hours, allowing_hours
-from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.quick
 
