@@ -88,7 +88,6 @@ class ComparedMethod(StrEnum):
 
     multiple_scales = "multiple_scales"
     relaxed_minimisation = "relaxed_minimisation"
-    thesis = "thesis"  # old name of relaxed_minimisation
 
 
 @command(Case, *COMPUTING, "check")

@@ -289,7 +289,7 @@ def _departures(result: NormalModeResult) -> Iterator[str]:
     if of := s.get("multiple_scales"):
         orders = ", ".join(f"{order:.2f}" for order in of["observed_order_frequency"])
         yield f"multiple scales: differences of the frequency vanish with orders {orders}"
-    if of := s.get("thesis"):
+    if of := s.get("relaxed_minimisation"):
         apart = percent(of["largest_frequency_difference"], 2)
         reached = f"{of['steps_reached']} of {of['steps']} steps, frequency within {apart} of the exact one"
         yield f"relaxed minimisation: {reached}, {of['cost_ratio']:.3g} times the cost of shooting"

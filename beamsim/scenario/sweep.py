@@ -8,7 +8,7 @@ from fractions import Fraction
 from math import log2, tau
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
@@ -21,7 +21,6 @@ from beamsim.scenario.base import (
     Unfit,
     Variants,
     Whole,
-    kind_of,
     path_text,
     problem,
     unknown,
@@ -838,17 +837,6 @@ class RelaxedMinimisationMethod(Schema):
     """Largest number of iterations of the optimiser in each step."""
 
 
-OLD_NAMES = {"thesis": "relaxed_minimisation"}
-"""Names that are still accepted."""
-
-
-def _renamed(value: Any) -> Any:
-    """A method under its present name."""
-    if isinstance(kind := kind_of(value), str) and kind in OLD_NAMES:
-        return {**value, "kind": OLD_NAMES[kind]}
-    return OLD_NAMES.get(value, value) if isinstance(value, str) else value
-
-
 ModeMethod = Annotated[
     ShootingMethod | FullPeriodMethod | ExpansionMethod | RelaxedMinimisationMethod,
     Variants(
@@ -857,7 +845,6 @@ ModeMethod = Annotated[
         "{kind: relaxed_minimisation, steps: 75, tolerance: 1e-5}",
     ),
     ShortFor("kind", ("shooting", "full_period", "multiple_scales", "relaxed_minimisation")),
-    BeforeValidator(_renamed),
 ]
 
 

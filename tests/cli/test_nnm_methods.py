@@ -139,12 +139,6 @@ def test_jumps_that_nothing_explains(compared):
     assert ["0.3", "0.4", "of high order, not traced"] in rows
 
 
-@pytest.mark.parametrize("method", ["thesis", {"kind": "thesis", "steps": 12}])
-def test_the_old_name_of_relaxed_minimisation(method):
-    expected = "relaxed_minimisation" if isinstance(method, str) else {"kind": "relaxed_minimisation", "steps": 12}
-    assert load_scenario(CHAIN, {"nnm.method": method}) == load_scenario(CHAIN, {"nnm.method": expected})
-
-
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [

@@ -39,7 +39,7 @@ from beamsim.orbits.free_orbits import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, combined, interruption, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
-from beamsim.scenario.sweep import OLD_NAMES, FullPeriodMethod, RelaxedMinimisationMethod
+from beamsim.scenario.sweep import FullPeriodMethod, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import not_none
@@ -108,7 +108,6 @@ def nnm(
     begin = clock.perf_counter()
     if scenario.nnm is None:
         raise ScenarioError.at("nnm", "is missing", "add for example `nnm: {mode: 1}`")
-    compare = [OLD_NAMES.get(name, name) for name in compare]
     _refuse_comparisons(scenario, compare)
     system = conservative_system(scenario)
     job = mode_path(system)

@@ -276,7 +276,7 @@ _SUMMARY = (
              "branches of non-brake orbits", "full period", form=FULL_PERIOD),
     Entry("multiple_scales", "", "of the expansion: frequencies, differences from exact motions and observed orders",
              "multiple scales", form=record({"observed_order_frequency": list[Number]})),
-    Entry("thesis", "", "of relaxed minimisation: steps, functional, differences from exact motions and cost",
+    Entry("relaxed_minimisation", "", "steps, functional, differences from exact motions and cost",
              "relaxed minimisation", form=RELAXED),
     Entry("phase_resonance", "", "of forced motions at phase resonance: quantity, unit, probe, and level by level "
              "what was predicted and found", "phase resonance", form=PHASE_RESONANCE),
@@ -315,7 +315,7 @@ class NormalModeResult(Result):
         "phase_resonance", PhaseResonanceResult, default=None
     )  # where asked for, as the rest
     expansion: ExpansionComparison | None = group("multiple_scales", ExpansionComparison, default=None)
-    relaxed: RelaxedComparison | None = group("thesis", RelaxedComparison, default=None)
+    relaxed: RelaxedComparison | None = group("relaxed_minimisation", RelaxedComparison, default=None)
 
     @property
     def backbone(self) -> ModeBranch:
@@ -399,7 +399,7 @@ def nnm_summary(
         "processor_time_s": processor_time_s,
         "full_period": None if backbone.half_period_difference is None else _full_period(result),
         "multiple_scales": None if result.expansion is None else expansion_summary(result.expansion),
-        "thesis": None if result.relaxed is None else _relaxed(result.relaxed),
+        "relaxed_minimisation": None if result.relaxed is None else _relaxed(result.relaxed),
         "phase_resonance": None
         if resonance is None
         else {

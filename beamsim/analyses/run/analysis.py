@@ -385,7 +385,7 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
             if start.point > size:
                 _reject(f"= {start.point} is beyond the branch", f"it has the points 1 to {size}", "run.start.point")
             if "coordinates" not in branch:
-                _reject(f"= {start.orbit} has no states", "run the continuation again: it was made by an older version")
+                _reject(f"= {start.orbit} has no states", "run the continuation again")
             k = start.point - 1
             states = [branch[name][k] for name in ("coordinates", "coordinate_velocities", "internal_states")
                       if name in branch]  # fmt: skip
