@@ -1,5 +1,6 @@
 """The documents stay true to the code."""
 
+import importlib.util
 import json
 import re
 from pathlib import Path
@@ -54,6 +55,12 @@ def test_every_package_has_its_place_in_contributing():
     for path in (ROOT / "beamsim").iterdir():
         if path.is_dir() and (path / "__init__.py").exists():
             assert f"`{path.name}`" in text, path.name
+
+
+def test_modules_that_the_project_s_settings_name_exist():
+    named = re.findall(r'"(beamsim(?:\.\w+)+)"', (ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert "beamsim.flow.kernels" in named
+    assert [name for name in named if importlib.util.find_spec(name) is None] == []
 
 
 @pytest.fixture
