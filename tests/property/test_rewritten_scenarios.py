@@ -62,8 +62,8 @@ def test_scenarios_that_differed_before(seed, tmp_path):
 
 
 MATRICES = """\
-bodies: {{panel: {{kind: matrices, mass: {{file: {folder}/panel.op4, name: mxx}}, dofs: {dofs},
-  stiffness: {{file: {folder}/panel.op4, name: kxx}}, base: {{nodes: [15], direction: z}},
+bodies: {{panel: {{kind: matrices, mass: {{file: {folder}/strip.op4, name: mxx}}, dofs: {dofs},
+  stiffness: {{file: {folder}/strip.op4, name: kxx}}, base: {{nodes: [15], direction: z}},
   damping: {{kind: modal, ratio: 1 %}}}}}}
 snubbers: [{{name: corner, at: {{node: 14}}, side: below, stiffness: 100 kN/m, gap: 0.1 mm}}]
 excitation: {{kind: harmonic, applied_to: base, direction: ry, about: {about}, level: 30 rad/s^2, frequency: 20 Hz}}
@@ -75,8 +75,8 @@ run: {{duration: 0.1 s, sample_rate: 1 kHz, convergence: off}}
 
 def test_coordinates_of_imported_matrices_begin_anywhere(tmp_path):
     """Nodes and the axis of a turning base moved together; moved alone, the axis is another one."""
-    folder, shift, about = Path(__file__).parents[2] / "configs" / "matrices", (0.3, -0.2, 0.1), (0.1, 0.0, 0.0)
-    heading, *rows = (folder / "panel_dofs.csv").read_text().splitlines()
+    folder, shift, about = Path(__file__).parents[2] / "configs", (0.3, -0.2, 0.1), (0.1, 0.0, 0.0)
+    heading, *rows = (folder / "strip_dofs.csv").read_text().splitlines()
     lines = [heading]
     for row in rows:
         named, coordinates = row.split(",")[:2], np.array(row.split(",")[2:], dtype=float) + shift
@@ -86,7 +86,7 @@ def test_coordinates_of_imported_matrices_begin_anywhere(tmp_path):
     def motion(dofs, about):
         return histories(beamsim.run(beamsim.load_scenario(MATRICES.format(folder=folder, dofs=dofs, about=[*about]))))
 
-    first = motion(folder / "panel_dofs.csv", about)
+    first = motion(folder / "strip_dofs.csv", about)
     other = motion(tmp_path / "dofs.csv", np.add(about, shift).tolist())
     assert [said for name in first if (said := difference(name, first[name], other[name], ()))] == []
     alone = motion(tmp_path / "dofs.csv", about)

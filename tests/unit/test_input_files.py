@@ -28,8 +28,11 @@ KEYS = [("bodies", "panel", *key) for key in (("mass", "file"), ("stiffness", "f
 def solved(tmp_path_factory):
     """A folder with a case and its matrices, a result in another one, and the result before it was written."""
     case, results = tmp_path_factory.mktemp("case"), tmp_path_factory.mktemp("results")
-    shutil.copytree(CONFIGS / "matrices", case / "matrices")
-    shutil.copy(CONFIGS / "imported_panel.yaml", case)
+    (case / "matrices").mkdir()
+    for name in ("strip.op4", "strip_dofs.csv"):
+        shutil.copy(CONFIGS / name, case / "matrices")
+    text = (CONFIGS / "imported_panel.yaml").read_text(encoding="utf-8")
+    (case / "imported_panel.yaml").write_text(text.replace(" strip", " matrices/strip"), encoding="utf-8")
     result = beamsim.run(load_scenario(case / "imported_panel.yaml", SHORT))
     beamsim.write_result(result, results / "panel.h5")
     return case / "matrices", results / "panel.h5", result
@@ -61,15 +64,15 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
     try:
         with pytest.raises(ScenarioError) as caught:
             build_system(open_result(file).scenario)
-        assert "bodies.panel.mass.file = matrices/panel.op4 is not found" in str(caught.value)
+        assert "bodies.panel.mass.file = matrices/strip.op4 is not found" in str(caught.value)
         assert all(str(folder) in str(caught.value) for folder in (tmp_path, file.parent, matrices.parent))
         sketch = sketched(open_result(file), None)  # from the result's own numbers
         np.testing.assert_array_equal(sketch.stations.points, result.modes.stations.points)
         assert sketch.stops["corner"].gap == result.snubbers["corner"].gap
         shutil.copytree(kept, tmp_path / "matrices")
-        matrix = tmp_path / "matrices" / "panel.op4"
+        matrix = tmp_path / "matrices" / "strip.op4"
         matrix.write_text(matrix.read_text().replace("1", "2", 1))  # as long as it was
-        with pytest.raises(ScenarioError, match=r"panel\.op4 in the current folder, .*: its content is another"):
+        with pytest.raises(ScenarioError, match=r"strip\.op4 in the current folder, .*: its content is another"):
             build_system(open_result(file).scenario)
     finally:
         kept.rename(matrices)
@@ -77,11 +80,11 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
 
 def test_a_file_that_was_changed_during_the_run_is_not_taken_for_the_one_that_was_solved(solved, tmp_path):
     matrices, _, result = solved
-    os.utime(matrices / "panel.op4", (1.0, 1.0))  # another time, which is not later
+    os.utime(matrices / "strip.op4", (1.0, 1.0))  # another time, which is not later
     beamsim.write_result(result, tmp_path / "again.h5")
-    table = (matrices / "panel_dofs.csv").rename(matrices / "gone.csv")
+    table = (matrices / "strip_dofs.csv").rename(matrices / "gone.csv")
     beamsim.write_result(result, tmp_path / "without.h5")
-    table.rename(matrices / "panel_dofs.csv")
+    table.rename(matrices / "strip_dofs.csv")
     scenario = open_result(tmp_path / "again.h5").scenario
     assert scenario.folder_of(*KEYS[2]) == matrices.parent
     for key, of in ((KEYS[0], scenario), (KEYS[2], open_result(tmp_path / "without.h5").scenario)):
@@ -153,7 +156,7 @@ def test_files_that_a_result_names_are_not_opened_to_show_it(solved, tmp_path):
     _, file, _ = solved
     scenario = open_result(file, open_files=False).scenario
     with pytest.raises(
-        ScenarioError, match=r"mass\.file = matrices/panel\.op4 is a file that the result names.*--open-files"
+        ScenarioError, match=r"mass\.file = matrices/strip\.op4 is a file that the result names.*--open-files"
     ):
         build_system(scenario)
     refused = invoke("animate", file, "-o", tmp_path / "motion.html")
