@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,7 +21,7 @@ from beamsim.outcomes import exit_code
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import scale_for, shown_in
 from beamsim.scenario import Scenario, load_scenario
-from beamsim.store.results import keep_result
+from beamsim.store.results import keep_result, refusing_damage
 
 _Result = TypeVar("_Result", bound=Result)
 Compute = Callable[[Progress, Interruption], _Result]
@@ -74,7 +75,8 @@ def concluded(
             result = compute(progress, interrupted)
         with progress_of(f"writing {target.name}", shown=not given.quiet):
             written = keep_result(result, target, resumed=given.resume)
-        conclude(kind, result, written, given, interrupted)
+        with refusing_damage(target) if given.resume else nullcontext():  # parts of it come from a file
+            conclude(kind, result, written, given, interrupted)
     return result
 
 

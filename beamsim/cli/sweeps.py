@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from signal import SIGINT
 from typing import Any
@@ -112,8 +112,7 @@ def _sweep_sine(scenario: Scenario, target: Path, given: Given) -> None:
             raise KeyboardInterrupt
         return result
 
-    with refusing_damage(target) if given.resume else nullcontext():
-        concluded("sweep", target, given, computed, "sweeping")
+    concluded("sweep", target, given, computed, "sweeping")
 
 
 def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -133,6 +134,39 @@ def test_a_partial_sweep_beside_a_complete_result_of_another_kind_is_resumed(her
     os.rename("case_partial.h5", "swept.h5")
     done = invoke("sweep", "case.yaml", "--no-plots", "--resume", "-o", "swept.h5")
     assert done.exit_code == 0, done.output
+
+
+@pytest.fixture
+def half_swept(here):
+    """A case of two levels, and the file of a sweep that was interrupted in the second one."""
+    text = SWEPT.replace("kind: stepped", "kind: stepped, levels: [2, 3]")
+    Path("case.yaml").write_text(text)
+    stop = iter([False] * 5)
+    part = beamsim.sweep(beamsim.load_scenario("case.yaml"), stop=lambda: next(stop, True))
+    assert [level.outcome.complete for level in part.levels.values()] == [True, False]
+    with protecting([]):
+        return beamsim.write_result(part, "case.h5")
+
+
+def test_an_error_of_the_solver_in_a_resumed_sweep_is_not_reported_as_a_damaged_file(half_swept, monkeypatch):
+    def failing(*_):
+        raise KeyError("an error in the solver")
+
+    monkeypatch.setattr("beamsim.analyses.sweep.analysis.step_level", failing)
+    done = invoke("sweep", "case.yaml", "--no-plots", "--resume")
+    assert done.exit_code == 1
+    assert "internal error" in done.output
+    assert "case.h5" not in done.output
+
+
+def test_a_resumed_sweep_whose_file_contradicts_itself_is_refused(half_swept):
+    part = beamsim.open_result(half_swept)
+    (name, curve), *_ = part.curves.items()
+    with protecting([]):
+        beamsim.write_result(replace(part, curves={**part.curves, name: replace(curve, probes={})}), half_swept)
+    done = invoke("sweep", "case.yaml", "--resume")
+    assert done.exit_code == 2
+    assert "case.h5: its contents contradict each other" in done.output
 
 
 # --- errors and signals -----------------------------------------------------------------------------------------------
