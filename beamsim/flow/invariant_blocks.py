@@ -53,8 +53,6 @@ class Subspaces(NamedTuple):
 def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints], scale: Floats) -> Subspaces | None:
     """Subspaces of A nearer to invariant ones; None where couplings are small already or do not decrease.
 
-    What is gained is what numbers of NumPy's `longdouble` have more digits than others, on most computers three.
-
     Parameters
     ----------
     A : (N, N).
@@ -71,20 +69,16 @@ def refined(A: Floats, right: Complexes, left: Complexes, groups: Sequence[Ints]
     # 1e-12: of a state in another one, from couplings that stay
     if np.abs(error).max(initial=0.0) <= 1e-12:
         return None
-    A, X, Xi = A.astype(np.longdouble), right.astype(np.clongdouble), left.astype(np.clongdouble)
-    eye, last = np.eye(A.shape[0]), np.inf
+    X, Xi, eye, last = right, left, np.eye(A.shape[0]), np.inf
     for _ in range(4):  # each squares the coupling
         Xi = Xi + (eye - Xi @ X) @ Xi
         E = Xi @ (A @ X)
-        F = _couplings(E.astype(complex), groups)
+        F = _couplings(E, groups)
         largest = float(np.abs(F).max())
         if not largest < 0.5 * min(last, 1.0):
             break
         X, Xi, last = X + X @ F, Xi - F @ Xi, largest
-        # 1e-17: coupling from which on nothing is gained
-        if largest <= 1e-17:
-            break
-    return Subspaces(*(part.astype(complex) for part in (X, Xi, E))) if np.isfinite(last) else None
+    return Subspaces(X, Xi, E) if np.isfinite(last) else None
 
 
 def _couplings(E: Complexes, groups: Sequence[Ints]) -> Complexes:
