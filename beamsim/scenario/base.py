@@ -25,6 +25,9 @@ from beamsim.errors import Problem
 
 Path = tuple[str | int, ...]
 Problems = Iterator[Problem]
+Mark = tuple[str | None, int | None]
+"""File and line."""
+NOWHERE: Mark = (None, None)
 Whole = Any
 """A scenario as a whole, which sections are compared with: its class imports theirs, so that they cannot name it."""
 
@@ -89,7 +92,7 @@ class Unfit(ValueError):
         return problem((*path, *self.at), self.message, self.remedy)
 
 
-def problem(path: Path, message: str, remedy: str = "") -> Problem:
+def problem(path: Path, message: str, remedy: str = "", mark: Mark = NOWHERE) -> Problem:
     """A problem at a path of the scenario.
 
     Parameters
@@ -97,12 +100,13 @@ def problem(path: Path, message: str, remedy: str = "") -> Problem:
     path : of the value.
     message : what is wrong; follows the path, as that of `Unfit` does.
     remedy : what to do about it.
+    mark : file and line, where they are known already.
 
     Returns
     -------
     Problem
     """
-    return Problem(path_text(path), message, remedy)
+    return Problem(path_text(path), message, remedy, *mark)
 
 
 def demand_rising(

@@ -481,7 +481,7 @@ def _stop_doubts(scenario: Whole, at: Path, stop: Snubber | LinkSnubber) -> Iter
     if stop.gap is not None and abs(stop.gap) > largest:
         what = "gap" if stop.gap > 0 else "prestress"
         yield (
-            f"{path_text(at)}.gap = {stop.gap:g} m is a large {what} for a structure of this size (more than "
+            f"{path_text((*at, 'gap'))} = {stop.gap:g} m is a large {what} for a structure of this size (more than "
             f"{largest:.3g} m): a unit such as mm may be missing"
         )
     yield from point_force_doubts(scenario, at, stop, owner)

@@ -496,7 +496,8 @@ class Shock(Driven):
                 f"{0.5 / self.highest_frequency_hz:g} s"
             )
         if self.time >= scenario.run.duration:
-            yield f"{path_text(at)}.time = {self.time:g} s lies after the end of the run, {scenario.run.duration:g} s"
+            end = scenario.run.duration
+            yield f"{path_text((*at, 'time'))} = {self.time:g} s lies after the end of the run, {end:g} s"
 
     @property
     def most_integrals(self) -> int:

@@ -109,7 +109,7 @@ def stored_scenario(text: str) -> Scenario:
     """
     root = parse(text, "<text>")
     if isinstance(root, Mapping) and "extends" in root:
-        raise ScenarioError(Problem("extends", "is not accepted in a stored scenario, which is complete"))
+        raise ScenarioError(problem(("extends",), "is not accepted in a stored scenario, which is complete"))
     root = resolve_extends(root, "<text>", FilePath())
     return _validated(root).with_source("scenario", root)
 

@@ -179,21 +179,20 @@ def read_as(scenario: Whole, place: Path, value: object, at: Path = ()) -> Any:
     Unfit
         Where the field would refuse it.
     """
-    shown = f"= {single_line(value)}"
     if choices := choices_at(scenario, place):
         if value not in choices:
-            raise Unfit(f"{shown} is not one of {', '.join(choices)}", "choose one of these", at)
+            raise Unfit(f"= {single_line(value)} is not one of {', '.join(choices)}", "choose one of these", at)
         return value
     field = field_type_at(scenario, place)
-    if field is None:
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise Unfit(f"{shown} must be a number", f"write the SI value for {path_text(place)}", at)
-        return float(value)
     try:
-        return field.read(value)
+        if field is not None:
+            return field.read(value)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise UnitError("must be a number", f"write the SI value for {path_text(place)}")
+        return float(value)
     except UnitError as error:
-        as_place = f" (as {path_text(place)})" if at not in ((), place) else ""
-        raise Unfit(f"{shown} {error.message}{as_place}", error.remedy, at) from None
+        as_place = f" (as {path_text(place)})" if field is not None and at not in ((), place) else ""
+        raise Unfit(f"= {single_line(value)} {error.message}{as_place}", error.remedy, at) from None
 
 
 def choices_at(scenario: Whole, place: Path) -> tuple[str, ...]:

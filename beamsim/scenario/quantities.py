@@ -342,15 +342,22 @@ class RateType(FieldType):
     example = "2 oct/min"
 
     def read(self, value: Any) -> Rate:
-        """Return the rate per second."""
+        """Return the rate per second: octaves, or Hz.
+
+        >>> RateType().read("120 oct/min")
+        Rate(value=2.0, unit='oct/s')
+        """
         if isinstance(value, Rate):
             return value
-        number, unit = units.read_sweep_rate(value)
+        number, dimension = units.read_level(value, (units.OCTAVES_PER_TIME, units.FREQUENCY_PER_TIME))
+        if dimension is None:
+            needed = "needs a unit, which decides whether the sweep is logarithmic or linear"
+            raise UnitError(needed, "write for example 2 oct/min or 5 Hz/s")
         if not number > 0:
             raise UnitError(
                 "must be positive", "write for example 2 oct/min, and set direction for the sense of the sweep"
             )
-        return Rate(number, unit)
+        return Rate(number, dimension.unit)
 
     def json_schema(self) -> JsonSchemaValue:
         """Return a string with its pattern."""

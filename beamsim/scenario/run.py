@@ -509,7 +509,8 @@ class Reduction(Schema):
         """Modes that the excitation excites, and are left out."""
         highest = scenario.excitation.highest_frequency_hz
         if self.highest_frequency is not None and self.highest_frequency < highest:
+            key = path_text((*at, "highest_frequency"))
             yield (
-                f"{path_text(at)}.highest_frequency = {self.highest_frequency:g} Hz is below the excitation frequency, "
-                f"{highest:g} Hz; the modes it excites are omitted"
+                f"{key} = {self.highest_frequency:g} Hz is below the excitation frequency, {highest:g} Hz; the modes "
+                "it excites are omitted"
             )

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError
 
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import ScenarioError
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
 from beamsim.scenario.base import (
@@ -534,21 +534,23 @@ def drawn_parameters(scenario: Whole, draws: Mapping[str, list[Any]]) -> tuple[V
     parameters, problems, taken = [], [], dict[Path, str]()
     for path, values in draws.items():
         if not values:
-            problems.append(Problem(f"draws[{path!r}]", "has no values", "give one value for each case"))
+            problems.append(problem((f"draws[{path!r}]",), "has no values", "give one value for each case"))
             continue
         try:
             parameters.append(_drawn_parameter(scenario, path, values))
         except Unfit as error:
-            problems.append(replace(error.problem(()), path=f"draws[{path!r}]"))
+            problems.append(problem((f"draws[{path!r}]",), error.message, error.remedy))
             continue
         others = (taken.setdefault(place, path) for place in parameters[-1].places)
         if other := next((name for name in others if name != path), None):
             remedy = "give the values of every number once"
-            problems.append(Problem(f"draws[{path!r}]", f"names a number that {other} names too", remedy))
+            problems.append(problem((f"draws[{path!r}]",), f"names a number that {other} names too", remedy))
     counts = {parameter.path: len(parameter.values) for parameter in parameters}
     if len(set(counts.values())) > 1:
         given = ", ".join(f"{count} of {path}" for path, count in counts.items())
-        problems.append(Problem("draws", f"have different numbers of values: {given}", "give all of them equally many"))
+        problems.append(
+            problem(("draws",), f"have different numbers of values: {given}", "give all of them equally many")
+        )
     if problems:
         raise ScenarioError(problems)
     return tuple(parameters)

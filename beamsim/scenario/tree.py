@@ -15,7 +15,7 @@ import copy
 import math
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from difflib import get_close_matches
@@ -28,7 +28,18 @@ import yaml
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.files import protect
 from beamsim.input_files import read_input
-from beamsim.scenario.base import Path, Unfit, counted, path_parts, path_text, single_line, suggestion
+from beamsim.scenario.base import (
+    NOWHERE,
+    Mark,
+    Path,
+    Unfit,
+    counted,
+    path_parts,
+    path_text,
+    problem,
+    single_line,
+    suggestion,
+)
 from beamsim.scenario.body import DEFAULT_NAMES
 
 MOST_CHARACTERS = 1_000_000
@@ -37,11 +48,6 @@ _KEEP_APART = "keep measured data in files of their own"
 MOST_VALUES = 25_000
 """A document of more keys and values than this, as written or with its aliases unfolded, is refused: of more, PyYAML
 would take longer than two seconds."""
-
-
-Mark = tuple[str | None, int | None]
-"""File and line."""
-NOWHERE: Mark = (None, None)
 
 
 class WrittenMapping(dict[str, Any]):
@@ -91,10 +97,10 @@ def locate(root: Any, path: Path) -> Mark:
     return mark
 
 
-def located_problem(root: Any, problem: Problem) -> Problem:
+def located_problem(root: Any, found: Problem) -> Problem:
     """Return the problem with the file and line of the value at its path."""
-    file, line = locate(root, tuple(path_parts(problem.path)))
-    return replace(problem, file=file, line=line)
+    file, line = locate(root, tuple(path_parts(found.path)))
+    return replace(found, file=file, line=line)
 
 
 class _TooLong(Exception):
@@ -151,16 +157,16 @@ def _unreadable(error: Exception, text: str, file: str | None) -> Problem:
     """Why a text is no document that is read."""
     if isinstance(error, _TooLong):
         message = f"has more than {MOST_VALUES} keys and values"
-        return Problem("", message, _KEEP_APART, file, error.args[0])
+        return problem((), message, _KEEP_APART, (file, error.args[0]))
     if isinstance(error, yaml.MarkedYAMLError):
         return _syntax_problem(error, text, file)
     if isinstance(error, yaml.reader.ReaderError):
         line = text.count("\n", 0, error.position) + 1
         character = f"U+{error.character:04X}" if isinstance(error.character, int) else str(error.character)
         message = f"contains a character that YAML does not allow ({character})"
-        return Problem("", message, "remove it", file, line)
+        return problem((), message, "remove it", (file, line))
     message = "is nested too deeply" if isinstance(error, RecursionError) else f"is not YAML: {error}"
-    return Problem("", message, "check the brackets", file)
+    return problem((), message, "check the brackets", (file, None))
 
 
 def _open_bracket(error: yaml.MarkedYAMLError, text: str) -> str:
@@ -185,9 +191,8 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) ->
     if error.problem and "found character '\\t'" in error.problem:
         parts = ["tabs cannot indent"]
     if error.problem == "but found another document":
-        return Problem(
-            "", "contains a second document", "keep one document per file", file, mark.line + 1 if mark else None
-        )
+        place = file, mark.line + 1 if mark else None
+        return problem((), "contains a second document", "keep one document per file", place)
     remedy = "check indentation, colons, quotes and brackets"
     line = text.splitlines()[mark.line] if mark and mark.line < len(text.splitlines()) else ""
     if path := re.search(r"[A-Za-z_][\w.]*\[(?:\d+|\*)\][\w.\[\]*]*", line):
@@ -201,13 +206,7 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) ->
         "expected '<document start>', but found '<block mapping start>'",
     ):
         remedy = _colon_remedy(text.splitlines()[: mark.line + 1])
-    return Problem(
-        "",
-        "is not YAML: " + ", ".join(parts),
-        remedy,
-        file,
-        mark.line + 1 if mark else None,
-    )
+    return problem((), "is not YAML: " + ", ".join(parts), remedy, (file, mark.line + 1 if mark else None))
 
 
 class _Reader:
@@ -223,7 +222,7 @@ class _Reader:
         self.count += 1
         if self.count > MOST_VALUES:
             raise ScenarioError(
-                Problem("", f"unfolds to more than {MOST_VALUES} values", "use fewer aliases", self.file)
+                problem((), f"unfolds to more than {MOST_VALUES} values", "use fewer aliases", (self.file, None))
             )
         if id(node) in self.open:
             self._problem(path, "contains itself through an alias", "remove the alias", node)
@@ -245,7 +244,7 @@ class _Reader:
         return self.file, node.start_mark.line + 1
 
     def _problem(self, path: Path, message: str, remedy: str, node: yaml.Node) -> None:
-        self.problems.append(Problem(path_text(path), message, remedy, *self._mark(node)))
+        self.problems.append(problem(path, message, remedy, self._mark(node)))
 
     def _plain_tag(self, node: yaml.Node, tag: str, path: Path) -> None:
         if node.tag != _TAG + tag:
@@ -273,8 +272,7 @@ class _Reader:
             items[key], lines[key] = value, key_node.start_mark.line + 1
             items.marks[key] = self._mark(value_node if isinstance(value_node.value, str) else key_node)
         for key in merged.keys() - items.keys():
-            items.marks[key] = merged.marks.get(key, NOWHERE)
-        items.update({key: value for key, value in merged.items() if key not in items})
+            items[key], items.marks[key] = merged[key], merged.marks.get(key, NOWHERE)
         return items
 
     def _merged(self, node: yaml.Node, path: Path, key: yaml.Node) -> Iterator[WrittenMapping]:
@@ -285,25 +283,27 @@ class _Reader:
                 self._problem(path, "merges (<<) what is not a mapping", "merge an alias of a mapping: <<: *name", key)
 
     def _scalar(self, node: yaml.Node, path: Path) -> object:
-        text: str = node.value
         kind = node.tag.removeprefix(_TAG)
-        try:
-            if kind in ("str", "merge"):
-                return text
-            if kind == "null":
-                return None
-            if kind == "bool":
-                return {"true": True, "false": False}[text.lower()]
-            if kind == "int":
-                return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
-            if kind == "float":
-                lower = text.lower()
-                return float(lower.replace(".inf", "inf").replace(".nan", "nan"))
-        except (ValueError, KeyError):
-            self._problem(path, f"= {single_line(text)} is not a valid {kind}", "correct it, or remove its tag", node)
+        if kind not in _SCALARS:
+            self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
             return None
-        self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
-        return None
+        try:
+            return _SCALARS[kind](node.value)
+        except (ValueError, KeyError):
+            shown = single_line(node.value)
+            self._problem(path, f"= {shown} is not a valid {kind}", "correct it, or remove its tag", node)
+            return None
+
+
+_SCALARS: dict[str, Callable[[str], object]] = {
+    "str": str,
+    "merge": str,
+    "null": lambda text: None,
+    "bool": lambda text: {"true": True, "false": False}[text.lower()],
+    "int": lambda text: int(text, 0 if text[:2] in ("0o", "0x") else 10),
+    "float": lambda text: float(text.lower().replace(".inf", "inf").replace(".nan", "nan")),
+}
+"""By YAML's name of a kind of scalar how its text is read."""
 
 
 class _Dumper(yaml.SafeDumper):
@@ -369,15 +369,15 @@ def read_file(path: FilePath) -> Any:
         raw = read_input(path, 4 * MOST_CHARACTERS, _KEEP_APART)
     except InputFileError as error:
         remedy = _similar_file(path) if error.missing else error.remedy
-        raise ScenarioError(Problem("", error.message, remedy, file)) from None
+        raise ScenarioError(problem((), error.message, remedy, (file, None))) from None
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise ScenarioError(Problem("", "is not text in UTF-8", "give a YAML file", file, line)) from None
+        raise ScenarioError(problem((), "is not text in UTF-8", "give a YAML file", (file, line))) from None
     if len(text) > MOST_CHARACTERS:
         message = f"has {len(text):.3g} characters, more than the {MOST_CHARACTERS:.0e} of the longest scenario"
-        raise ScenarioError(Problem("", message, _KEEP_APART, file))
+        raise ScenarioError(problem((), message, _KEEP_APART, (file, None)))
     return parse(text, file)
 
 
@@ -420,10 +420,10 @@ def _without_keys(root: Any, file: str | None) -> Problem:
     """That a document is empty, a list or a single value."""
     if root is None:
         message = "is empty" if file else "the scenario is empty"
-        return Problem("", message, "beamsim new writes a template", file)
+        return problem((), message, "beamsim new writes a template", (file, None))
     what = "a list" if isinstance(root, list) else f"only {single_line(root)}"
     line = root.marks[0][1] if isinstance(root, WrittenList) and root else 1
-    return Problem("", f"holds {what} instead of the keys of a scenario", "write beam: or chain: first", file, line)
+    return problem((), f"holds {what} instead of the keys of a scenario", "write beam: or chain: first", (file, line))
 
 
 def _extended(
@@ -432,21 +432,21 @@ def _extended(
     """A document merged into the one that ``extends`` names, at a place of a file; the others see `resolve_extends`."""
     if not isinstance(named, str) or not named.strip():
         message = f"= {single_line(named)} must be the path of one file"
-        raise ScenarioError(Problem("extends", message, "write extends: base.yaml", *where))
+        raise ScenarioError(problem(("extends",), message, "write extends: base.yaml", where))
     path = FilePath(os.path.normpath(folder / named))
     try:
         base = read_file(path)
     except ScenarioError as error:
         if os.path.isfile(path):
             raise
-        problem = error.problems[0]
-        message = f"= {named}: {path} {problem.message}"
-        remedy = problem.remedy or "the path is relative to the file that contains it"
-        raise ScenarioError(Problem("extends", message, remedy, *where)) from None
+        first = error.problems[0]
+        message = f"= {named}: {path} {first.message}"
+        remedy = first.remedy or "the path is relative to the file that contains it"
+        raise ScenarioError(problem(("extends",), message, remedy, where)) from None
     identity = path.resolve()
     if identity in chain:
         message = f"= {named} refers back to {path}: the files extend each other in a cycle"
-        raise ScenarioError(Problem("extends", message, "remove one of them", *where))
+        raise ScenarioError(problem(("extends",), message, "remove one of them", where))
     merged = merge(resolve_extends(base, str(path), path.parent, (*chain, identity)), root)
     assert isinstance(merged, WrittenMapping)
     return merged
@@ -537,7 +537,7 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
             changed = merge(root, said)
         except Unfit as error:
             remedy = in_a_body(root, path_parts(path)) or error.remedy
-            problems.append(Problem(path, error.message, remedy))
+            problems.append(problem((path,), error.message, remedy))
     if problems:
         raise ScenarioError(problems)
     return changed
@@ -546,12 +546,12 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
 def _split(override: str) -> tuple[str, Any]:
     path, equals, text = override.partition("=")
     if not equals:
-        raise ScenarioError(Problem("", f"the override {single_line(override)} has no =", _EXAMPLE))
+        raise ScenarioError(problem((), f"the override {single_line(override)} has no =", _EXAMPLE))
     try:
         value = parse(text)
     except ScenarioError as error:
         message = f"= {single_line(text)} {error.problems[0].message}"
-        raise ScenarioError(Problem(path.strip(), message, "quote the value")) from None
+        raise ScenarioError(problem((path.strip(),), message, "quote the value")) from None
     return path.strip(), from_python(value)
 
 

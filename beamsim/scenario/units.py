@@ -152,13 +152,20 @@ class Unit:
     pi: int = 0
     powers: Powers = ()
 
-    def times(self, other: Unit, power: int) -> Unit:
-        """The product with a power of another unit."""
+    def __mul__(self, other: Unit | Fraction) -> Unit:
+        if isinstance(other, Fraction):
+            return Unit(self.factor * other, self.pi, self.powers)
         powers = Counter(dict(self.powers))
-        for base, of in other.powers:
-            powers[base] += power * of
-        left = tuple(sorted((base, of) for base, of in powers.items() if of))
-        return Unit(self.factor * other.factor**power, self.pi + power * other.pi, left)
+        for base, power in other.powers:
+            powers[base] += power
+        left = tuple(sorted((base, power) for base, power in powers.items() if power))
+        return Unit(self.factor * other.factor, self.pi + other.pi, left)
+
+    def __pow__(self, power: int) -> Unit:
+        return Unit(self.factor**power, self.pi * power, tuple((base, of * power) for base, of in self.powers if power))
+
+    def __truediv__(self, other: Unit) -> Unit:
+        return self * other**-1
 
     @property
     def angle(self) -> int:
@@ -175,29 +182,40 @@ _PREFIXES = {
     "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "d": -1, "c": -2, "m": -3, "u": -6, "µ": -6, "μ": -6, "n": -9, "p": -12,
     "giga": 9, "mega": 6, "kilo": 3, "centi": -2, "milli": -3, "micro": -6, "nano": -9,
 }  # fmt: skip
+_BASES = ("m", "kg", "s", "rad", "byte", "V", "A", "K", "mol", "cd", "degC", "degF", "dB", "oct")
+_BASE = {name: Unit(powers=((name, 1),)) for name in _BASES}
+_M, _KG, _S, _RAD = (_BASE[name] for name in ("m", "kg", "s", "rad"))
+_N = _KG * _M / _S**2
+_PA, _J, _ACCELERATION = _N / _M**2, _N * _M, _M / _S**2
+_INCH, _FOOT, _LBF = _M * Fraction("0.0254"), _M * Fraction("0.3048"), _N * Fraction("4.4482216152605")
+_MINUTE, _HOUR, _DAY = (_S * Fraction(seconds) for seconds in (60, 3600, 86400))
+_GRAVITY_UNIT = _ACCELERATION * Fraction("9.80665")
+_PSI = _LBF / _INCH**2
 _WITH_PREFIX = {
-    "m": "", "g": "1/1000 kg", "s": "", "N": "kg m s-2", "Pa": "kg m-1 s-2", "J": "kg m2 s-2", "W": "kg m2 s-3",
-    "Hz": "s-1", "rad": "", "bar": "100000 kg m-1 s-2", "l": "1/1000 m3", "L": "1/1000 m3", "byte": "", "B": "byte",
-    "V": "", "A": "", "K": "", "C": "A s", "mol": "", "cd": "",
+    "m": _M, "g": _KG * Fraction(1, 1000), "s": _S, "N": _N, "Pa": _PA, "J": _J, "W": _J / _S, "Hz": _S**-1,
+    "rad": _RAD, "bar": _PA * Fraction(10**5), "l": _M**3 * Fraction(1, 1000), "L": _M**3 * Fraction(1, 1000),
+    "B": _BASE["byte"], "C": _BASE["A"] * _S, **{name: _BASE[name] for name in ("byte", "V", "A", "K", "mol", "cd")},
 }  # fmt: skip
 _ALONE = {
-    "%": "1/100", "percent": "1/100", "ppm": "1/1000000",
-    "min": "60 s", "h": "3600 s", "hr": "3600 s", "hour": "3600 s", "day": "86400 s",
-    "t": "1000 kg", "tonne": "1000 kg",
-    "in": "0.0254 m", "ft": "0.3048 m", "yd": "0.9144 m", "mile": "1609.344 m", "thou": "0.0000254 m",
-    "lb": "0.45359237 kg", "lbm": "0.45359237 kg", "oz": "0.028349523125 kg", "lbf": "4.4482216152605 kg m s-2",
-    "slug": "{4.4482216152605/0.3048} kg", "kgf": "9.80665 kg m s-2", "kp": "9.80665 kg m s-2",
-    "dyn": "1/100000 kg m s-2",
-    "kip": "4448.2216152605 kg m s-2", "psi": "{4.4482216152605/0.0254/0.0254} kg m-1 s-2",
-    "ksi": "{4448.2216152605/0.0254/0.0254} kg m-1 s-2", "atm": "101325 kg m-1 s-2", "Wh": "3600 kg m2 s-2",
-    **dict.fromkeys(("g_0", "g_n", "gn", "gravity"), "9.80665 m s-2"), "degC": "degC", "degF": "degF", "dB": "dB",
-    "oct": "oct", "dec": "3.3219280948873623479 oct",
+    "%": Unit(Fraction(1, 100)), "percent": Unit(Fraction(1, 100)), "ppm": Unit(Fraction(1, 10**6)),
+    "min": _MINUTE, "h": _HOUR, "hr": _HOUR, "hour": _HOUR, "day": _DAY,
+    "t": _KG * Fraction(1000), "tonne": _KG * Fraction(1000),
+    "in": _INCH, "ft": _FOOT, "yd": _FOOT * Fraction(3), "mile": _FOOT * Fraction(5280),
+    "thou": _INCH * Fraction(1, 1000),
+    **dict.fromkeys(("lb", "lbm"), _KG * Fraction("0.45359237")), "oz": _KG * Fraction("0.028349523125"),
+    "lbf": _LBF, "slug": _LBF * _S**2 / _FOOT, "kgf": _KG * _GRAVITY_UNIT, "kp": _KG * _GRAVITY_UNIT,
+    "dyn": _N * Fraction(1, 10**5), "kip": _LBF * Fraction(1000), "psi": _PSI, "ksi": _PSI * Fraction(1000),
+    "atm": _PA * Fraction(101325), "Wh": _J * Fraction(3600),
+    **dict.fromkeys(("g_0", "g_n", "gn", "gravity"), _GRAVITY_UNIT),
+    **{name: _BASE[name] for name in ("degC", "degF", "dB", "oct")},
+    "dec": _BASE["oct"] * Fraction("3.3219280948873623479"),
 }  # fmt: skip
+_TURN = Unit(Fraction(2), 1, (("rad", 1),))  # 2 pi
 _OF_TURN = {
-    "turn": "2", "rev": "2", "revolution": "2", "cycle": "2", "deg": "1/180", "degree": "1/180", "arcmin": "1/10800",
-    "arcsec": "1/648000", "grade": "1/200", "gon": "1/200", "mil": "1/3200",
+    **dict.fromkeys(("turn", "rev", "revolution", "cycle"), 1), **dict.fromkeys(("deg", "degree"), 360),
+    "arcmin": 21600, "arcsec": 1296000, "grade": 400, "gon": 400, "mil": 6400,
 }  # fmt: skip
-"""Angles, in units of pi."""
+"""Angles, by how many of them make a turn."""
 _SPELT_OUT = {
     "meter": "m", "metre": "m", "gram": "g", "second": "s", "sec": "s", "newton": "N", "pascal": "Pa", "joule": "J",
     "watt": "W", "hertz": "Hz", "radian": "rad", "minute": "min", "inch": "in", "inches": "in", "foot": "ft",
@@ -206,40 +224,23 @@ _SPELT_OUT = {
 }  # fmt: skip
 
 
-def _defined(text: str) -> Unit:
-    """A unit of the tables: its size, where that is not 1, and base units with their powers."""
-    unit = Unit()
-    for part in text.split():
-        if part[0].isdigit():
-            unit = Unit(Fraction(part))
-        elif part[0] == "{":
-            first, *divisors = (Fraction(number) for number in part[1:-1].split("/"))
-            unit = Unit(first / math.prod(divisors))
-        else:
-            base, power = re.fullmatch(r"([A-Za-z]+)(-?\d?)", part).groups()  # type: ignore[union-attr]
-            unit = unit.times(Unit(powers=((base, 1),)), int(power or 1))
-    return unit
-
-
 def _named(symbol: str, gravity: bool) -> Unit | None:
     """A unit by its symbol or name, with or without a prefix; None for an unknown one."""
     if gravity and symbol in ("g", "mg"):
-        return Unit(Fraction("9.80665") / (1000 if symbol == "mg" else 1), 0, (("m", 1), ("s", -2)))
+        return _GRAVITY_UNIT * Fraction(1, 1000 if symbol == "mg" else 1)
     for name in (symbol, symbol.removesuffix("s")):
         name = _SPELT_OUT.get(name, name)
-        if name in _WITH_PREFIX:
-            return _defined(_WITH_PREFIX[name] or name)
-        if name in _ALONE:
-            return _defined(_ALONE[name])
+        if (unit := _WITH_PREFIX.get(name) or _ALONE.get(name)) is not None:
+            return unit
         if name in _OF_TURN:
-            return Unit(Fraction(_OF_TURN[name]), 1, (("rad", 1),))
+            return _TURN * Fraction(1, _OF_TURN[name])
         if name in ("rpm", "rps"):
-            return Unit(Fraction(2, 60 if name == "rpm" else 1), 1, (("rad", 1), ("s", -1)))
+            return _TURN / (_MINUTE if name == "rpm" else _S)
         for prefix, power in _PREFIXES.items():
             rest = name.removeprefix(prefix)
             rest = _SPELT_OUT.get(rest, rest) if len(prefix) > 1 else rest
             if rest != name and rest in _WITH_PREFIX:
-                return Unit(Fraction(10) ** power).times(_defined(_WITH_PREFIX[rest] or rest), 1)
+                return _WITH_PREFIX[rest] * Fraction(10) ** power
     return None
 
 
@@ -293,7 +294,7 @@ def _product(text: str, gravity: bool) -> tuple[Unit | None, str]:
         if inner is None:
             return None, text
         power = int((match[5] or "1").strip("()"))
-        unit, first = unit.times(inner, -power if match[1] == "/" else power), False
+        unit, first = unit * inner ** (-power if match[1] == "/" else power), False
     return (None if first else unit), text.lstrip() if text.strip() else ""
 
 
@@ -301,7 +302,7 @@ def _to_power(unit: Unit, power: int) -> Unit | None:
     """A power of a unit; None where that is no physical unit but a number too large to compute with."""
     digits = max(math.log10(unit.factor.numerator), math.log10(unit.factor.denominator))
     large = abs(power) * digits > _MOST_DIGITS or any(abs(power * of) > _MOST_DIGITS for _, of in unit.powers)
-    return None if large else Unit().times(unit, power)
+    return None if large else unit**power
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------
@@ -363,21 +364,6 @@ def _read(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dime
 def is_in_gravities(unit: str) -> bool:
     """Whether a unit of an acceleration or of its density is made of standard gravity."""
     return _GRAVITY.search(unit) is not None
-
-
-def read_sweep_rate(value: object) -> tuple[float, str]:
-    """Return a sweep rate as octaves per second (``"oct/s"``) or Hz per second (``"Hz/s"``).
-
-    >>> read_sweep_rate("120 oct/min")
-    (2.0, 'oct/s')
-    """
-    rate, dimension = read_level(value, (OCTAVES_PER_TIME, FREQUENCY_PER_TIME))
-    if dimension is None:
-        raise UnitError(
-            "needs a unit, which decides whether the sweep is logarithmic or linear",
-            _example_of((OCTAVES_PER_TIME, FREQUENCY_PER_TIME)),
-        )
-    return rate, dimension.unit
 
 
 def _split(value: object, remedy: str) -> tuple[str | float, str]:
@@ -466,22 +452,29 @@ def _example_of(dimensions: tuple[Dimension, ...]) -> str:
 @lru_cache(maxsize=1024)
 def _size(text: str, *dimensions: Dimension) -> tuple[Unit, Dimension]:
     """How many SI units one of a unit is, and of which one of the dimensions."""
-    message = ""
     try:
         for dimension in dimensions:
             size = _measured(_unit(text, dimension.gravity), dimension)
             if size is not None:
                 return size, dimension
-        names = [dimension.with_article for dimension in dimensions]
-        expected = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
-        given = _given(_unit(text, all(dimension.gravity for dimension in dimensions)), text)
-        message = f"must be {expected}, not {given}"
+        message = _another_dimension(text, dimensions)
     except UnitError as error:
         message = error.message
-    remedy = _respelled(text, dimensions) or _example_of(dimensions)
+    raise UnitError(message, _what_to_write(text, dimensions))
+
+
+def _another_dimension(text: str, dimensions: tuple[Dimension, ...]) -> str:
+    """That a unit has none of the dimensions."""
+    names = [dimension.with_article for dimension in dimensions]
+    expected = ", ".join(names[:-1]) + (" or " if names[:-1] else "") + names[-1]
+    return f"must be {expected}, not {_given(_unit(text, all(each.gravity for each in dimensions)), text)}"
+
+
+def _what_to_write(text: str, dimensions: tuple[Dimension, ...]) -> str:
+    """The remedy for a unit that has none of the dimensions, or is unknown."""
     if dimensions == (LENGTH,) and re.fullmatch(r"mils?", text):
-        remedy = "mil is an angle here; give thousandths of an inch as 200 thou or 0.2 in"
-    raise UnitError(message, remedy)
+        return "mil is an angle here; give thousandths of an inch as 200 thou or 0.2 in"
+    return _respelled(text, dimensions) or _example_of(dimensions)
 
 
 def _measured(unit: Unit, dimension: Dimension) -> Unit | None:
@@ -492,11 +485,11 @@ def _measured(unit: Unit, dimension: Dimension) -> Unit | None:
     target = _unit(dimension.unit, False) if dimension.unit else Unit()
     if unit.without_angle != target.without_angle or dimension.plain:
         return None
-    size = unit.times(target, -1)
+    size = unit / target
     if unit.angle == target.angle or (unit.angle == 0 and target.angle == -1):
         return size
     in_turns = dimension.unit in ("Hz", "Hz/s") and unit.angle == 1
-    return size.times(Unit(Fraction(2), 1), -1) if in_turns else None
+    return size / Unit(Fraction(2), 1) if in_turns else None
 
 
 def _given(unit: Unit, text: str) -> str:

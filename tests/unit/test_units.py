@@ -5,7 +5,8 @@ import math
 import pytest
 
 from beamsim.scenario import units
-from beamsim.scenario.units import UnitError, read_level, read_quantity, read_sweep_rate
+from beamsim.scenario.quantities import RateType
+from beamsim.scenario.units import UnitError, read_level, read_quantity
 
 pytestmark = pytest.mark.quick
 
@@ -181,8 +182,8 @@ def test_plain_numbers_refuse_units():
     ],
 )
 def test_sweep_rates(text, value, unit):
-    rate = read_sweep_rate(text)
-    assert rate == (pytest.approx(value, rel=1e-14), unit)
+    rate = RateType().read(text)
+    assert (rate.value, rate.unit) == (pytest.approx(value, rel=1e-14), unit)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +198,7 @@ def test_sweep_rates(text, value, unit):
 )
 def test_sweep_rates_refuse(text, says):
     with pytest.raises(UnitError) as caught:
-        read_sweep_rate(text)
+        RateType().read(text)
     assert says in caught.value.message
     assert "oct/min" in caught.value.remedy
 
