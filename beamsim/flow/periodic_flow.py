@@ -19,17 +19,20 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.errors import MethodError
+from beamsim.flow.exact import ExactFlow
+from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.signal import Signal
+from beamsim.outcomes import COMPLETE
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
 
 
 class WorkExceeded(ArithmeticError):
-    """A passage needed more events or evaluations than allowed (chattering)."""
+    """A motion needed more events or evaluations than allowed (chattering)."""
 
 
 class NotFinite(ArithmeticError):
-    """A passage left the range of floating-point numbers."""
+    """A motion left the range of floating-point numbers."""
 
 
 def check_finite(y: Floats | Complexes) -> None:
@@ -236,8 +239,11 @@ Parameter = Frequency | Level | ContactDirection
 
 
 @dataclass(frozen=True, eq=False)
-class Passage:
-    """How far a state was followed: where it ended, what happened, and the derivatives."""
+class FlowMap:
+    """A motion over a time with the derivatives of its end: its segments, its events, and the map of its flow.
+
+    It keeps no contact states: a branch of thousands of motions would not fit in memory with them.
+    """
 
     start: Floats  # (N,) (q, q') and the contacts' internal states
     end: Floats  # (N,)
@@ -258,6 +264,17 @@ class Passage:
     def signature(self) -> tuple[tuple[int, int], ...]:
         """Order of events: contact and its new phase."""
         return tuple(zip(self.event_contact.tolist(), self.event_phase.tolist(), strict=True))
+
+    def trajectory(self, flow: ExactFlow) -> Trajectory:
+        """The motion on a flow of the same system under the same loads, of which outputs are asked for."""
+        for phases in self.phases:
+            flow.state_index(phases)
+        number = {phases.tobytes(): k for k, phases in enumerate(flow.visited)}
+        state = np.array([number[phases.tobytes()] for phases in self.phases], dtype=np.int64)
+        return Trajectory(
+            flow, float(self.time[0] + self.duration), self.time, self.length, state, np.zeros_like(state), self.y,
+            self.event_time, self.event_contact, self.event_before, self.event_phase, self.end, 0, COMPLETE,
+        )  # fmt: skip
 
     @cached_property
     def multipliers(self) -> Complexes:
@@ -352,7 +369,7 @@ class PeriodicFlow(ABC):
         return self.with_system(replace(self.system, contacts=contacts))
 
     @abstractmethod
-    def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
+    def flow_map(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> FlowMap:
         """The state after ``duration``, with its derivatives.
 
         Parameters
@@ -374,11 +391,11 @@ class PeriodicFlow(ABC):
 
     @abstractmethod
     def end(self, start: Floats, duration: float, t: float = 0.0) -> Floats:
-        """(N,) the state after ``duration``, as that of `carry`, without derivatives; one march over many periods.
+        """(N,) the state after ``duration``, as that of `flow_map`, without derivatives; one march over many periods.
 
         Parameters
         ----------
-        start, duration, t : see `carry`.
+        start, duration, t : see `flow_map`.
 
         Returns
         -------
@@ -386,12 +403,12 @@ class PeriodicFlow(ABC):
 
         Raises
         ------
-        WorkExceeded, NotFinite : see `carry`.
+        WorkExceeded, NotFinite : see `flow_map`.
         """
 
     @abstractmethod
-    def states_at(self, passage: Passage, times: Floats) -> Floats:
-        """(nt, N) the state at increasing times within a passage."""
+    def states_at(self, flow_map: FlowMap, times: Floats) -> Floats:
+        """(nt, N) the state at increasing times within a motion."""
 
     @property
     @abstractmethod
@@ -430,13 +447,13 @@ class PeriodicFlow(ABC):
         return self.system.contacts.forces(phases, delta, rate, y[:, 2 * self.system.size :])
 
     def penetration_derivative(
-        self, passage: Passage, contact: int, parameters: Sequence[Parameter]
+        self, flow_map: FlowMap, contact: int, parameters: Sequence[Parameter]
     ) -> tuple[Floats, Floats]:
-        """Derivatives of a contact's penetration at the end of a passage from t = 0.
+        """Derivatives of a contact's penetration at the end of a motion from t = 0.
 
         Parameters
         ----------
-        passage : with the derivatives by the parameters.
+        flow_map : with the derivatives by the parameters.
         contact : number of it.
         parameters : P of them.
 
@@ -446,11 +463,11 @@ class PeriodicFlow(ABC):
         """
         n, c, j = self.system.size, self.system.contacts, contact
         row = -c.sign[j] * c.shape[j]
-        by = row @ passage.parameters[:n]
-        t, sign = passage.duration, -float(c.sign[j] * c.base_influence[j])
+        by = row @ flow_map.parameters[:n]
+        t, sign = flow_map.duration, -float(c.sign[j] * c.base_influence[j])
         for i, p in enumerate(parameters):
             if isinstance(p, ContactDirection):
-                by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ passage.end[:n])
+                by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ flow_map.end[:n])
                 if c.on_ground[j] and self.base_moves:
                     (moved,), _ = self.loads.base_motion(self.omega, self.level, np.array([t]))
                     by[i] -= c.sign[j] * p.base_participation[j] * float(moved)
@@ -460,4 +477,4 @@ class PeriodicFlow(ABC):
                 if isinstance(p, Level):
                     moving = self.loads.at(self.omega, 1.0)[1]
                 by[i] += sign * float((moving * np.exp(1j * self.loads.multiple * self.omega * t)).sum().real)
-        return row @ passage.transition[:n], by
+        return row @ flow_map.transition[:n], by

@@ -18,10 +18,10 @@ from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.flow.kernels import BEGINNING
 from beamsim.flow.periodic_flow import (
     ContactDirection,
+    FlowMap,
     Frequency,
     Level,
     Parameter,
-    Passage,
     PeriodicFlow,
     WorkExceeded,
     check_finite,
@@ -112,17 +112,17 @@ class SmoothFlow(PeriodicFlow):
         )
         return decisive(value, ROUND_OFF * parts)[0] > 0
 
-    def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
+    def flow_map(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> FlowMap:
         """The state after ``duration``, with its derivatives.
 
         Parameters
         ----------
-        start, duration, t : see `PeriodicFlow.carry`.
+        start, duration, t : see `PeriodicFlow.flow_map`.
         parameters : frequency, level, or directions in which only stiffness and gap of the springs and contacts change.
 
         Returns
         -------
-        Passage
+        FlowMap
             The motion with the derivatives of its end; its segments are the steps of the series.
 
         Raises
@@ -134,15 +134,15 @@ class SmoothFlow(PeriodicFlow):
         ValueError
             Where a parameter changes a dashpot, a shape or the structure.
         """
-        return self._passage(start, duration, parameters, t, np.eye(self.size))
+        return self._flow_map(start, duration, parameters, t, np.eye(self.size))
 
     def end(self, start: Floats, duration: float, t: float = 0.0) -> Floats:
         """(N,) the state after ``duration``; see `PeriodicFlow.end`."""
-        return self._passage(start, duration, (), t, np.empty((self.size, 0))).end
+        return self._flow_map(start, duration, (), t, np.empty((self.size, 0))).end
 
-    def _passage(
+    def _flow_map(
         self, start: Floats, duration: float, parameters: Sequence[Parameter], t: float, by_start: Floats
-    ) -> Passage:
+    ) -> FlowMap:
         """A motion with its derivatives by parameters, and those by the start times a matrix (N, any)."""
         # 128: of the compiled integration, for which its log has room
         N, m, P, room = self.size, self.system.contacts.count, len(parameters), 128
@@ -174,7 +174,7 @@ class SmoothFlow(PeriodicFlow):
             raise WorkExceeded(f"no end after {steps} steps and {event[0].size} contact events")
         reached, by_parameters, transition = np.split(columns, (1, 1 + P), axis=1)
         closing = event[2].astype(np.int64)
-        return Passage(
+        return FlowMap(
             start, reached[:, 0].copy(), transition.copy(), by_parameters.copy(), motion.slope, duration, time, length,
             touching.astype(np.int64), states, event[0], event[1], 1 - closing, closing,
         )  # fmt: skip
@@ -189,8 +189,10 @@ class SmoothFlow(PeriodicFlow):
         """rad/s: a step of the series is at most `RADIANS` of it."""
         return RADIANS / self._longest
 
-    def states_at(self, passage: Passage, times: Floats) -> Floats:
-        """(nt, N) the state (q, q') at increasing times within a passage."""
+    def states_at(self, flow_map: FlowMap, times: Floats) -> Floats:
+        """(nt, N) the state (q, q') at increasing times within a motion."""
         out = np.empty((times.size, 2 * self.system.size))
-        sample_smooth(self._arrays(()), passage.time, passage.phases > 0, passage.y, np.ascontiguousarray(times), out)
+        sample_smooth(
+            self._arrays(()), flow_map.time, flow_map.phases > 0, flow_map.y, np.ascontiguousarray(times), out
+        )
         return out

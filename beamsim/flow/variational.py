@@ -1,6 +1,6 @@
 r"""The exact flow of a structure under periodic loads, with its derivatives: what shooting and continuation ask of it.
 
-:meth:`VariationalFlow.carry` maps a state over a time and returns the exact derivatives by the initial state, the
+:meth:`VariationalFlow.flow_map` maps a state over a time and returns the exact derivatives by the initial state, the
 duration and any parameters. The motion is that of
 :class:`beamsim.flow.exact.ExactFlow` under the loads
 :math:`f(t) = A\,\mathrm{Re} \sum_h f_h (\omega/\omega_0)^{r_h} e^{i k_h \omega t}` and, for contacts on the
@@ -35,10 +35,10 @@ from beamsim.contacts.laws import CONSTANT, PENETRATION, PRESSING
 from beamsim.flow.exact import LONGEST_WINDOW_RADIANS, ExactFlow
 from beamsim.flow.periodic_flow import (
     ContactDirection,
+    FlowMap,
     Frequency,
     Level,
     Parameter,
-    Passage,
     PeriodicFlow,
     WorkExceeded,
     check_finite,
@@ -47,7 +47,6 @@ from beamsim.flow.periodic_flow import (
 from beamsim.flow.sensitivity_kernels import Factors, Instant, Kept, differentiate
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log, March, Motion
-from beamsim.outcomes import COMPLETE
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Complexes, Floats, Ints
@@ -367,16 +366,16 @@ class VariationalFlow(PeriodicFlow):
             flow._along = None
         return flow
 
-    def carry(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> Passage:
+    def flow_map(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> FlowMap:
         """The state after ``duration``, with its derivatives.
 
         Parameters
         ----------
-        start, duration, parameters, t : see `PeriodicFlow.carry`.
+        start, duration, parameters, t : see `PeriodicFlow.flow_map`.
 
         Returns
         -------
-        Passage
+        FlowMap
             The motion with the derivatives of its end.
 
         Raises
@@ -392,7 +391,7 @@ class VariationalFlow(PeriodicFlow):
         changes, N = [self._change(p) for p in parameters], self.size
         found = sensitivity(exact, self._outputs, log, changes, np.eye(N, N + len(changes)))
         of_segment = np.array([exact.states[k].phases for k in log.state], dtype=np.int64)
-        return Passage(
+        return FlowMap(
             start, found.end[0], found.by[:, :N], found.by[:, N:], found.end[1], duration, log.time,
             log.length, of_segment.reshape(log.state.size, -1), log.y, log.event_time, log.event_contact,
             log.event_before, log.event_phase,
@@ -432,9 +431,9 @@ class VariationalFlow(PeriodicFlow):
         count = self.exact.sources.count - 1  # without the base where no contact feels it
         return SourceRates(self._outputs, amplitude[:count], exponent[:count])
 
-    def motion(self, passage: Passage) -> Trajectory:
-        """The motion of a passage, of which every output is known in closed form."""
-        return motion_on(self.exact, passage)
+    def motion(self, flow_map: FlowMap) -> Trajectory:
+        """The motion, of which every output is known in closed form."""
+        return flow_map.trajectory(self.exact)
 
     @property
     def fastest(self) -> float:
@@ -457,20 +456,6 @@ class VariationalFlow(PeriodicFlow):
         """
         return self.exact.outputs_of_states(times, y, phases, lambda of: self.exact.at(of).force)
 
-    def states_at(self, passage: Passage, times: Floats) -> Floats:
-        """(nt, N) the state at increasing times within a passage."""
-        return self.motion(passage).states_at(times)
-
-
-def motion_on(exact: ExactFlow, passage: Passage) -> Trajectory:
-    """The motion of a passage on a flow of the same system under the same loads, whose outputs are asked for."""
-    for phases in passage.phases:
-        exact.state_index(phases)
-    number = {phases.tobytes(): k for k, phases in enumerate(exact.visited)}
-    state = np.array([number[phases.tobytes()] for phases in passage.phases], dtype=np.int64)
-    log = Log(
-        passage.time, passage.length, state, np.zeros_like(state), passage.y, passage.event_time,
-        passage.event_contact, passage.event_before, passage.event_phase,
-    )  # fmt: skip
-    end = float(passage.time[0] + passage.duration)
-    return Trajectory(exact, end, *log, passage.end, 0, COMPLETE)
+    def states_at(self, flow_map: FlowMap, times: Floats) -> Floats:
+        """(nt, N) the state at increasing times within a motion."""
+        return self.motion(flow_map).states_at(times)

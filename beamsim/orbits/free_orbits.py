@@ -29,7 +29,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.periodic_flow import Passage, PeriodicFlow
+from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.period import cyclic, extrema_of, phases_of_contacts
 from beamsim.orbits.spring_families import SpringFamily
@@ -40,7 +40,7 @@ from beamsim.typing import Complexes, Floats
 class FreeMotion:
     """What the residual of a free motion computes besides itself."""
 
-    passage: Passage
+    flow_map: FlowMap
     energy: float  # J
     flow: Any
 
@@ -95,24 +95,24 @@ class ConservativeOrbits(ABC):
         k, n, held = x.size, self.n, self.parameter != "frequency"
         by_factor = self.parameter == "stiffness_factor"
         start = np.append(x, np.zeros(2 * n - k))
-        passage = flow.carry(start, self.closes_after * period, (direction,) if by_factor else ())
+        flow_map = flow.flow_map(start, self.closes_after * period, (direction,) if by_factor else ())
         value, gradient, slope = self.family.potential(start[:n], factor)
         value += 0.5 * float(start[n:] @ start[n:])
         (rows, closing), phase = self.closing, self.phase
         J = np.zeros((k + held + (phase is not None), u.size))
         R = np.zeros(J.shape[0])
-        R[:k], J[:k, :k] = passage.end[rows] - closing @ x, passage.transition[rows, :k] - closing
-        J[:k, k] = self.closes_after * passage.slope[rows]
+        R[:k], J[:k, :k] = flow_map.end[rows] - closing @ x, flow_map.transition[rows, :k] - closing
+        J[:k, k] = self.closes_after * flow_map.slope[rows]
         if not held:
             J[:k, k] *= -period / float(u[-1])
         else:
             R[k], J[k, :k] = value - energy, np.append(gradient, start[n:])[:k]
             J[k, k + 1] = slope if by_factor else -energy
         if by_factor:
-            J[:k, k + 1] = passage.parameters[rows, 0]
+            J[:k, k + 1] = flow_map.parameters[rows, 0]
         if phase is not None:
             R[-1], J[-1, :k] = phase[0] @ x - phase[1], phase[0]
-        return R, J, FreeMotion(passage, value, flow)
+        return R, J, FreeMotion(flow_map, value, flow)
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Coordinates by the amplitude that carries all the energy, velocities likewise."""
@@ -127,11 +127,11 @@ class ConservativeOrbits(ABC):
         size = [energy] if self.phase is None else [energy, float(np.abs(self.phase[0]) @ state[: x.size])]
         return np.concatenate([state[: x.size], [period, 1.0]]), np.concatenate([closure, size])
 
-    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
+    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, FlowMap]:
         """The flow at a point, and its motion over a whole period."""
-        flow, passage = point.data.flow, point.data.passage
-        return flow, passage if self.closes_after == 1.0 else flow.carry(
-            passage.start, passage.duration / self.closes_after
+        flow, flow_map = point.data.flow, point.data.flow_map
+        return flow, flow_map if self.closes_after == 1.0 else flow.flow_map(
+            flow_map.start, flow_map.duration / self.closes_after
         )
 
 
@@ -203,7 +203,7 @@ class BrakeOrbits(ConservativeOrbits):
         """
         n, e = self.n, self.vectors[:, mode]
         pace = self.omega[mode] if self.omega[mode] > 0 else self.omega[self.omega > 0].min()
-        return float(e @ (point.data.passage.transition[n : 2 * n, :n] + self.idle) @ e / pace)
+        return float(e @ (point.data.flow_map.transition[n : 2 * n, :n] + self.idle) @ e / pace)
 
     def share_at(self, point: BranchPoint) -> Floats:
         """(n,) share of each linear mode in the strain energy of a point's motion at rest."""
@@ -214,12 +214,12 @@ class BrakeOrbits(ConservativeOrbits):
         """Whether a mode has swung to its other side half a period on: a motion run through twice has not."""
         q, _, factor, _ = self.split(point.u)
         rest, shape = self.family.rest(factor), self.vectors[:, mode]
-        return float(shape @ (q - rest)) * float(shape @ (point.data.passage.end[: self.n] - rest)) < 0
+        return float(shape @ (q - rest)) * float(shape @ (point.data.flow_map.end[: self.n] - rest)) < 0
 
     def half_traces(self, point: BranchPoint) -> Complexes:
         """(n,) (mu + 1/mu)/2 of each pair of multipliers, from the furthest outside [-1, 1]."""
         period = self.split(point.u)[1]
-        P, n = point.data.passage.transition, self.n
+        P, n = point.data.flow_map.transition, self.n
         w = np.maximum(self.family.omega, 2 * np.pi / period * 0.1)
         b = P[:n, n : 2 * n] * w[:, None] * w  # symplectic scaling: b in units where q and q'/omega are alike
         c = P[n : 2 * n, :n] / w[:, None] / w
@@ -244,7 +244,7 @@ class BrakeOrbits(ConservativeOrbits):
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
         """Whether contacts have the same events in two motions over half a period, from the same ones at rest."""
-        pa, pb = a.data.passage, b.data.passage
+        pa, pb = a.data.flow_map, b.data.flow_map
         return bool(pa.signature == pb.signature) or phases_of_contacts(pa) == phases_of_contacts(pb)
 
 
@@ -327,12 +327,12 @@ class FreeOrbits(ConservativeOrbits):
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:
         """Whether each contact has the same events in two motions over a period, wherever it begins."""
-        return cyclic(a.data.passage) == cyclic(b.data.passage)
+        return cyclic(a.data.flow_map) == cyclic(b.data.flow_map)
 
     def multipliers(self, point: BranchPoint) -> Complexes:
         """Floquet multipliers; two are 1."""
-        passage: Passage = point.data.passage
-        return passage.multipliers
+        flow_map: FlowMap = point.data.flow_map
+        return flow_map.multipliers
 
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""
@@ -349,12 +349,12 @@ def free_of(brake: BrakeOrbits, u: Floats) -> FreeOrbits:
     return FreeOrbits(brake.family, brake.parameter, brake.energy, brake.factor, reference=at_rest)
 
 
-def slowest_instant(flow: PeriodicFlow, passage: Passage, n: int) -> tuple[float, float]:
-    """When in a passage the kinetic energy is least, s, and its value, J: zero where everything is at rest at once.
+def slowest_instant(flow: PeriodicFlow, flow_map: FlowMap, n: int) -> tuple[float, float]:
+    """When in a motion the kinetic energy is least, s, and its value, J: zero where everything is at rest at once.
 
     Parameters
     ----------
-    flow, passage : the motion.
+    flow, flow_map : the motion.
     n : number of coordinates.
 
     Returns
@@ -365,6 +365,6 @@ def slowest_instant(flow: PeriodicFlow, passage: Passage, n: int) -> tuple[float
     def speeds(exact: ExactFlow) -> Floats:
         return exact.equations.rows(n, velocities=np.eye(n))
 
-    ends = np.array([0.0, passage.duration])
-    found = extrema_of(flow, passage, speeds, lambda _, y: y[:, n : 2 * n], ends, squares=np.array([0]))
+    ends = np.array([0.0, flow_map.duration])
+    found = extrema_of(flow, flow_map, speeds, lambda _, y: y[:, n : 2 * n], ends, squares=np.array([0]))
     return float(found.when_low[0, 0]), float(found.low[0, 0])

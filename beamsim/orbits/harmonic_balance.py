@@ -18,7 +18,7 @@ is singular at rigid-body and undamped natural frequencies, the same complex spr
 The solutions are the same and :math:`Z_S` is regular wherever the springs feel every undamped mode.
 
 Stability is that of the same motion by shooting: the balance gives the start, Newton's method corrects it, and the
-transition matrix over a period has the multipliers. Where Newton comes to no motion beside it, those are of the passage
+transition matrix over a period has the multipliers. Where Newton comes to no motion beside it, those are of the motion
 that begins as the motion does, as good as its harmonics are. At a fold, where the two branches end at slightly
 different values, shooting is corrected across its branch instead of at the same value.
 """
@@ -37,7 +37,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.errors import MethodError
-from beamsim.flow.periodic_flow import Passage, PeriodicFlow, PeriodicForcing
+from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow, PeriodicForcing
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
@@ -392,7 +392,7 @@ class ForcedBalance:
             # 0.2: how far the motion of shooting may be from that of the balance, relative to its size
             if beside is not None and float(np.max(np.abs((beside.u - guess) / beside.scale))) < 0.2:
                 return orbits.multipliers(beside)
-        return orbits.flow.under(orbits.omega, orbits.level).carry(state, motion.period).multipliers
+        return orbits.flow.under(orbits.omega, orbits.level).flow_map(state, motion.period).multipliers
 
     def shooting(self, value: float) -> ForcedOrbits:
         """The shooting problem in frequency at a value of the parameter."""
@@ -414,27 +414,27 @@ class ForcedBalance:
             with suppress(ArithmeticError):
                 orbits = self.shooting(value)
                 orbit = find_orbit(orbits)
-                point = None if orbit is None else self.from_passage(orbits.flow, orbit.data, value, forward)
+                point = None if orbit is None else self.from_flow_map(orbits.flow, orbit.data, value, forward)
                 if point is not None:
                     return point
         return solve_at(self, self.linear_guess(value), Settings(iterations=20), value, forward)
 
-    def from_passage(
-        self, flow: PeriodicFlow, passage: Passage, value: float, forward: float = 1.0
+    def from_flow_map(
+        self, flow: PeriodicFlow, flow_map: FlowMap, value: float, forward: float = 1.0
     ) -> BranchPoint | None:
         """The balanced motion beside one over a period.
 
         Parameters
         ----------
-        flow, passage : of the motion.
+        flow, flow_map : of the motion.
         value, forward : of the parameter, and where the tangent points.
 
         Returns
         -------
         The motion; None where Newton's method does not converge.
         """
-        times = np.linspace(0.0, passage.duration, 8 * self.harmonics, endpoint=False)
-        q = flow.states_at(passage, times)[:, : self.system.size]
+        times = np.linspace(0.0, flow_map.duration, 8 * self.harmonics, endpoint=False)
+        q = flow.states_at(flow_map, times)[:, : self.system.size]
         W = np.fft.rfft(q @ self.rows.T, axis=0)[: self.harmonics + 1] * (2.0 / times.size)
         W[0] *= 0.5
         return solve_at(self, np.append(_rows_real(W), value), Settings(iterations=20), value, forward)

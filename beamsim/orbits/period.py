@@ -14,45 +14,45 @@ from numpy.polynomial import chebyshev
 
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.extrema import NODES, Extrema, Search, polynomials
-from beamsim.flow.periodic_flow import Passage, PeriodicFlow
+from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.typing import Floats, Ints
 
 PIECES = 64  # of a period, on each of which a power series is a polynomial
 
 
-def phases_of_contacts(passage: Passage, without: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
+def phases_of_contacts(flow_map: FlowMap, without: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
     """New phases of each contact in the order of its events, some contacts left out.
 
     Events of different contacts have no order here: of those at one time, as in equal parts of a structure that nothing
     couples, it is round-off that decides on the order, and it changes where such times cross.
     """
     phases: dict[int, list[int]] = {}
-    for contact, phase in passage.signature:
+    for contact, phase in flow_map.signature:
         if contact not in without:
             phases.setdefault(contact, []).append(phase)
     return {contact: tuple(of) for contact, of in sorted(phases.items())}
 
 
-def cyclic(passage: Passage, without: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
+def cyclic(flow_map: FlowMap, without: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
     """The same over a period, whatever event of a contact comes first."""
-    phases = phases_of_contacts(passage, without)
+    phases = phases_of_contacts(flow_map, without)
     return {contact: min(s[i:] + s[:i] for i in range(len(s))) for contact, s in phases.items()}
 
 
 def extrema_of(
     flow: PeriodicFlow,
-    passage: Passage,
+    flow_map: FlowMap,
     rows: Callable[[ExactFlow], Floats],
     values: Callable[[Floats, Floats], Floats],
     edges: Floats,
     squares: Ints | None = None,
 ) -> Extrema:
-    """Extremes of K outputs between each two of some times of a passage.
+    """Extremes of K outputs between each two of some times of a motion.
 
     Parameters
     ----------
-    flow, passage : the motion.
+    flow, flow_map : the motion.
     rows : (K, V) the outputs of a flow in closed form, whose extremes are certified.
     values : the same (nt, K) at times (nt,) of states (nt, N), of power series: those are searched on polynomials.
     edges : (W + 1,) s, increasing.
@@ -64,9 +64,9 @@ def extrema_of(
     """
     if isinstance(flow, VariationalFlow):
         output = rows(flow.exact)
-        return flow.motion(passage).extrema(lambda _: output, edges, squares=squares)
+        return flow.motion(flow_map).extrema(lambda _: output, edges, squares=squares)
     return polynomial_extrema(
-        lambda times, _: values(times, flow.states_at(passage, times)), edges, passage.event_time, squares=squares
+        lambda times, _: values(times, flow.states_at(flow_map, times)), edges, flow_map.event_time, squares=squares
     )
 
 

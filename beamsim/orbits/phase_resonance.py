@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import root_scalar
 
-from beamsim.flow.periodic_flow import Passage, PeriodicFlow
+from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, correct
 from beamsim.orbits.period import gauss_panels
@@ -60,7 +60,7 @@ class Appropriation:
 
 
 def appropriate_force(
-    damped: PiecewiseLinearSystem, flow: PeriodicFlow, whole: Passage, load: Complexes
+    damped: PiecewiseLinearSystem, flow: PeriodicFlow, whole: FlowMap, load: Complexes
 ) -> Appropriation:
     """The level of ``Re(load e^{i omega t})`` that excites a damped structure on a nonlinear mode.
 
@@ -103,12 +103,12 @@ def appropriate_force(
 
 def quadrature(problem: ForcedOrbits, point: BranchPoint) -> tuple[float, float]:
     """Cosine of the lag behind the force, and the amplitude of the work-conjugate deflection (for a level of one)."""
-    flow, passage = problem.cycle(point)
-    n, T = flow.system.size, passage.duration
+    flow, flow_map = problem.cycle(point)
+    n, T = flow.system.size, flow_map.duration
     loads = flow.loads.at(flow.omega, 1.0)[0]
     load = loads[flow.loads.multiple == 1].sum(axis=0)
-    t, weight = gauss_panels(np.append(passage.time, T), flow.fastest)
-    q = flow.states_at(passage, t)[:, :n]
+    t, weight = gauss_panels(np.append(flow_map.time, T), flow.fastest)
+    q = flow.states_at(flow_map, t)[:, :n]
     fundamental = 2.0 / T * ((weight * np.exp(-1j * flow.omega * t)) @ q)
     conjugate = complex(np.conj(load) @ fundamental)
     return float(conjugate.real) / max(abs(conjugate), 1e-300), abs(conjugate)
@@ -143,7 +143,7 @@ def find_phase_resonance(problem: ForcedOrbits, start: Floats, omega: float) -> 
 
     try:
         # the direction in which the motion moves along itself
-        slope = problem.flow.under(omega, problem.level).carry(u[:-1], 2 * np.pi / omega).slope
+        slope = problem.flow.under(omega, problem.level).flow_map(u[:-1], 2 * np.pi / omega).slope
         along = np.append(slope, 0.0) / scale
         row = along / np.linalg.norm(along)
         speed = float(np.linalg.norm(along)) / omega  # of the unknowns by the phase

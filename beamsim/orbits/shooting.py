@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from beamsim.flow.periodic_flow import ContactDirection, Frequency, Level, Parameter, Passage, PeriodicFlow
+from beamsim.flow.periodic_flow import ContactDirection, FlowMap, Frequency, Level, Parameter, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.period import cyclic
@@ -71,7 +71,7 @@ class ForcedOrbits:
             self._moved = (value, *self.parameter(value))
         return self._moved[1].under(self.omega, self.level), self._moved[2]
 
-    def shoot(self, flow: PeriodicFlow, z: Floats, parameters: Sequence[Parameter]) -> tuple[Floats, Floats, Passage]:
+    def shoot(self, flow: PeriodicFlow, z: Floats, parameters: Sequence[Parameter]) -> tuple[Floats, Floats, FlowMap]:
         """``z(T) - z(0)`` with its Jacobian by the start and by parameters.
 
         Parameters
@@ -85,24 +85,24 @@ class ForcedOrbits:
         The residual (N,), its Jacobian (N, N + P), and the motion.
         """
         period = 2 * np.pi * self.multiple / flow.omega
-        passage = flow.carry(z, period, parameters)
-        J = np.hstack([passage.transition - self._one, passage.parameters])
+        flow_map = flow.flow_map(z, period, parameters)
+        J = np.hstack([flow_map.transition - self._one, flow_map.parameters])
         for column, parameter in enumerate(parameters, z.size):
             if isinstance(parameter, Frequency):
-                J[:, column] -= passage.slope * (period / flow.omega)
-        change = passage.end - z
-        resting = self._resting(passage)
+                J[:, column] -= flow_map.slope * (period / flow.omega)
+        change = flow_map.end - z
+        resting = self._resting(flow_map)
         # as of a slider that is set anew: the determinant keeps its sign where sliding begins
         J -= resting.T @ (resting @ J)
         J[:, : z.size] -= resting.T @ resting
-        return change - resting.T @ (resting @ change), J, passage
+        return change - resting.T @ (resting @ change), J, flow_map
 
-    def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+    def residual(self, u: Floats) -> tuple[Floats, Floats, FlowMap]:
         """The residual of the state and the parameter, with its Jacobian."""
         flow, parameter = self.flow_at(float(u[-1]))
         return self.shoot(flow, u[:-1], (parameter,))
 
-    def _resting(self, passage: Passage) -> Floats:
+    def _resting(self, flow_map: FlowMap) -> Floats:
         """(k, N) orthonormal rows of what a motion leaves where it is.
 
         These are sliders of friction and hardening, and faces that stick without a spring. Any place of theirs is
@@ -111,7 +111,7 @@ class ForcedOrbits:
         candidates = self._may_rest
         if not candidates.shape[0]:
             return candidates
-        change = candidates @ passage.transition - candidates
+        change = candidates @ flow_map.transition - candidates
         n = self._n2 // 2
         change[:, n : 2 * n] *= self.flow.omega
         resting = candidates[np.abs(change).max(axis=1) < RESTS]
@@ -132,10 +132,10 @@ class ForcedOrbits:
 
     def multipliers(self, point: BranchPoint) -> Complexes:
         """Floquet multipliers, the largest first."""
-        passage: Passage = point.data
-        return passage.multipliers
+        flow_map: FlowMap = point.data
+        return flow_map.multipliers
 
-    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
+    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, FlowMap]:
         """The flow at a point, and its motion over a period."""
         return self.flow_at(point.parameter)[0], point.data
 

@@ -17,7 +17,7 @@ import numpy as np
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import INTERNAL
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.periodic_flow import Passage, PeriodicFlow
+from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded
 from beamsim.orbits.continuation import ContinuationProblem, Settings, Step, correct
 from beamsim.orbits.period import cyclic, extrema_of
@@ -34,7 +34,7 @@ class OrbitProblem(ContinuationProblem, Protocol):
 
     bifurcates: ClassVar[bool]  # whether multipliers may leave the unit circle anywhere
 
-    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
+    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, FlowMap]:
         """The flow at a point, and its motion over a whole period."""
 
     def multipliers(self, point: BranchPoint) -> Complexes:
@@ -54,41 +54,41 @@ def without_borders(contacts: Contacts) -> set[int]:
     return set(np.flatnonzero(contacts.may_hold).tolist()) | set(contacts.pressed.tolist())
 
 
-def _crossings(passage: Passage) -> dict[tuple[int, int, int], list[tuple[float, int, int]]]:
+def _crossings(flow_map: FlowMap) -> dict[tuple[int, int, int], list[tuple[float, int, int]]]:
     """Events by contact and border (the two phases, in order): time, phases before and after."""
     crossings: dict[tuple[int, int, int], list[tuple[float, int, int]]] = {}
-    for j in np.unique(passage.event_contact):
-        of_contact = passage.event_contact == j
+    for j in np.unique(flow_map.event_contact):
+        of_contact = flow_map.event_contact == j
         events = zip(*(column[of_contact].tolist() for column in
-                       (passage.event_time, passage.event_before, passage.event_phase)), strict=True)  # fmt: skip
+                       (flow_map.event_time, flow_map.event_before, flow_map.event_phase)), strict=True)  # fmt: skip
         for t, b, a in events:
             crossings.setdefault((int(j), min(a, b), max(a, b)), []).append((float(t), b, a))
     return crossings
 
 
-def _stays(contacts: Contacts, passage: Passage, few: Passage) -> list[_Stay]:
+def _stays(contacts: Contacts, flow_map: FlowMap, few: FlowMap) -> list[_Stay]:
     """By border crossed less often in the other motion the shortest stay beyond it, the shortest of all first."""
     found: list[tuple[float, _Stay]] = []
     others = _crossings(few)
     without = without_borders(contacts)
-    for border, events in _crossings(passage).items():
+    for border, events in _crossings(flow_map).items():
         if border[0] in without or len(events) <= len(others.get(border, ())):
             continue
-        ends = [t for t, _, _ in events[1:]] + [events[0][0] + passage.duration]
+        ends = [t for t, _, _ in events[1:]] + [events[0][0] + flow_map.duration]
         of_border = [(e - t, t, b, a) for (t, b, a), e in zip(events, ends, strict=True) if b != a]
         if of_border:
             length, begin, before, after = min(of_border)
-            middle = (begin + 0.5 * length) % passage.duration
+            middle = (begin + 0.5 * length) % flow_map.duration
             found.append((length, (border[0], before, after, middle)))
     return [stay for _, stay in sorted(found, key=lambda item: item[0])]
 
 
-def lowest(flow: PeriodicFlow, passage: Passage, contact: int, guard: Floats, near: float) -> tuple[float, float]:
+def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, near: float) -> tuple[float, float]:
     """A contact's guard at its local minimum nearest to a time of a period.
 
     Parameters
     ----------
-    flow, passage : the motion over a period.
+    flow, flow_map : the motion over a period.
     contact : its number.
     guard : (C,) factors of what its law depends on, as of `Contacts.guard`.
     near : s, time of the period.
@@ -97,7 +97,7 @@ def lowest(flow: PeriodicFlow, passage: Passage, contact: int, guard: Floats, ne
     -------
     Value and time, s; both are nan where there is none.
     """
-    T, contacts = passage.duration, flow.system.contacts
+    T, contacts = flow_map.duration, flow.system.contacts
     start, count = 2 * flow.system.size + int(contacts.first[contact]), int(contacts.states[contact])
     centred = np.mod(near + (np.arange(WINDOWS) + 0.5) * (T / WINDOWS), T)
     edges = np.unique(np.concatenate([[0.0], centred, [T]]))
@@ -110,7 +110,7 @@ def lowest(flow: PeriodicFlow, passage: Passage, contact: int, guard: Floats, ne
         internal = y[:, start : start + count] @ guard[INTERNAL : INTERNAL + count]
         return np.asarray(np.column_stack(motion) @ guard[: len(motion)] + internal)[:, None]
 
-    found = extrema_of(flow, passage, rows, values, edges)
+    found = extrema_of(flow, flow_map, rows, values, edges)
     low, when = found.low[:, 0], found.when_low[:, 0]
     # 1e-13: of a period, within which a time is that of a window's edge
     apart = 1e-13 * T
@@ -162,7 +162,7 @@ def grazings(step: Step[OrbitProblem], budget: Iterator[int], depth: int = 0) ->
     yield from grazings(step.between(middle, step.b), budget, depth + 1)
 
 
-def _at_one_point(step: Step[OrbitProblem], more: Passage, few: Passage, *, late: bool) -> list[SpecialPoint]:
+def _at_one_point(step: Step[OrbitProblem], more: FlowMap, few: FlowMap, *, late: bool) -> list[SpecialPoint]:
     """Grazings at one point by which one of two motions has more events than the other; none where it is not found.
 
     Several contacts graze at once where the structure is symmetric. Unless it is ``late``, the point must explain the

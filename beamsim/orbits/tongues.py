@@ -41,7 +41,7 @@ def harmonics(orbits: BrakeOrbits, point: BranchPoint, count: int) -> Floats:
     """
     period = orbits.split(point.u)[1]
     times = np.linspace(0.0, 0.5 * period, count + 1)
-    x = point.data.flow.states_at(point.data.passage, times)[:, : orbits.n] @ orbits.vectors
+    x = point.data.flow.states_at(point.data.flow_map, times)[:, : orbits.n] @ orbits.vectors
     even = np.concatenate([x, x[-2:0:-1]])
     spectrum = np.fft.rfft(even, axis=0).real[:count] / count
     return np.asarray(spectrum * orbits.omega / np.sqrt(2.0 * point.data.energy))

@@ -33,7 +33,7 @@ def test_linear_resonance_in_closed_form(make_system, detuning):
     """q'' + q = f sin(w t) from rest: ``f (sin w t - w sin t) / (1 - w^2)``, written without cancellation."""
     flow = flow_of(make_system, 1.0 + detuning)
     t = 4.0
-    end = flow.carry(np.zeros(4), t).end
+    end = flow.flow_map(np.zeros(4), t).end
     e = detuning
     # sin((1+e)t) - (1+e) sin t = 2 cos(t + et/2) sin(et/2) - e sin t
     difference = (np.cos(t + e * t / 2) * t * np.sinc(e * t / (2 * np.pi)) - np.sin(t)) / -(2.0 + e)
@@ -50,6 +50,6 @@ def test_periodic_motion_goes_through_the_resonance(make_system):
     beside = [solve_at(orbits, there.u, Settings(), 1.0 + e).u[:-1] for e in (-2e-4, 2e-4)]
     np.testing.assert_allclose(there.u[:-1], np.mean(beside, axis=0), atol=1e-5)
     times = np.linspace(0.0, 6.0, 7)
-    flow, passage = orbits.cycle(there)
-    alone = [flow.carry(passage.start, t).end[:4] for t in times[1:]]
-    np.testing.assert_allclose(flow.states_at(passage, times)[1:], alone, atol=1e-12)
+    flow, flow_map = orbits.cycle(there)
+    alone = [flow.flow_map(flow_map.start, t).end[:4] for t in times[1:]]
+    np.testing.assert_allclose(flow.states_at(flow_map, times)[1:], alone, atol=1e-12)

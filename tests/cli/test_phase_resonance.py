@@ -56,7 +56,7 @@ def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch
         assert m.curve.energy_error.shape == m.curve.frequency_hz.shape
         assert m.curve.energy_error.max() < 1e-10
     levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
-    monkeypatch.setattr(motion, "energy_error", lambda flow, passage: 3e-5)
+    monkeypatch.setattr(motion, "energy_error", lambda flow, flow_map: 3e-5)
     lost = nnm(load_scenario(BACKBONE, SHORT | levels))
     assert lost.phase_resonance.outcome.code == "orbit_energy_not_balanced"
     assert "at level 7.84532 m/s^2" in lost.status

@@ -113,16 +113,16 @@ CASES |= {f"{name}, from another phase": rubbing(*given, late=0.0) for name, giv
 def test_derivatives_of_a_passage(case):
     flow, h, start = case.flow(), 1e-6, case.start
     if isinstance(start, float):  # whatever the contacts do then
-        start = flow.carry(np.zeros(flow.size), start).end
-    passage = flow.carry(np.array(start), case.duration, (Frequency(),), case.late)
-    assert passage.event_time.size >= case.events
-    assert min(len(set(column)) for column in passage.phases.T.tolist()) >= case.phases
+        start = flow.flow_map(np.zeros(flow.size), start).end
+    flow_map = flow.flow_map(np.array(start), case.duration, (Frequency(),), case.late)
+    assert flow_map.event_time.size >= case.events
+    assert min(len(set(column)) for column in flow_map.phases.T.tolist()) >= case.phases
 
     def end(moved=0.0, omega=0.0):
         other = case.flow(OMEGA + omega) if omega else flow
-        return other.carry(np.array(start) + moved, case.duration, (), case.late).end
+        return other.flow_map(np.array(start) + moved, case.duration, (), case.late).end
 
     by_difference = np.array([(end(h * row) - end(-h * row)) / (2 * h) for row in np.eye(flow.size)]).T
     by_frequency = (end(omega=h) - end(omega=-h)) / (2 * h)
-    np.testing.assert_allclose(passage.transition, by_difference, atol=1e-7 * np.abs(by_difference).max())
-    np.testing.assert_allclose(passage.parameters[:, 0], by_frequency, atol=1e-7 * np.abs(by_frequency).max())
+    np.testing.assert_allclose(flow_map.transition, by_difference, atol=1e-7 * np.abs(by_difference).max())
+    np.testing.assert_allclose(flow_map.parameters[:, 0], by_frequency, atol=1e-7 * np.abs(by_frequency).max())

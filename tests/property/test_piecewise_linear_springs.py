@@ -208,21 +208,21 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
         a = (force * wave[:, None]).sum(axis=0).real - system.stiffness * q - system.damping @ v
         return np.concatenate([v, a + (c.sign * push) @ c.shape - (cubic * (shape @ q + felt * d) ** 3) @ shape])
 
-    passage = flow().carry(start, 6.0, (Frequency(), Level()), 0.7)
+    flow_map = flow().flow_map(start, 6.0, (Frequency(), Level()), 0.7)
     found = solve_ivp(rhs, (0.7, 6.7), start[: 2 * n], "DOP853", rtol=1e-11, atol=1e-12, max_step=0.02).y[:, -1]
-    np.testing.assert_allclose(passage.end[: 2 * n], found, atol=2e-6)  # the dashpot's jumps cost the other digits
+    np.testing.assert_allclose(flow_map.end[: 2 * n], found, atol=2e-6)  # the dashpot's jumps cost the other digits
     everything = solve_ivp(lambda t, y: rhs(t, y, np.ones(2)), (0.7, 6.7), start[: 2 * n], rtol=1e-6).y[:, -1]
     assert np.abs(everything - found).max() > 1e-3  # the twin: both cubic springs on the ground
-    assert passage.event_time.size >= 2
+    assert flow_map.event_time.size >= 2
     step = 1e-6
     for column, moved in enumerate((lambda h: flow(w=omega + h), lambda h: flow(level=1.4 + h))):
-        ends = [moved(h).carry(start, 6.0, (), 0.7).end for h in (-step, step)]
+        ends = [moved(h).flow_map(start, 6.0, (), 0.7).end for h in (-step, step)]
         slope = (ends[1] - ends[0]) / (2 * step)
         np.testing.assert_allclose(
-            passage.parameters[: 2 * n, column], slope[: 2 * n], atol=2e-7 * (1 + abs(slope).max())
+            flow_map.parameters[: 2 * n, column], slope[: 2 * n], atol=2e-7 * (1 + abs(slope).max())
         )
     times = np.array([1.0, 1.0 + 1e-6])
-    delta, rate = flow().penetration_of(flow().states_at(passage, times), times)
+    delta, rate = flow().penetration_of(flow().states_at(flow_map, times), times)
     np.testing.assert_allclose(np.diff(delta, axis=0)[0] / 1e-6, rate[0], atol=1e-5)
 
 

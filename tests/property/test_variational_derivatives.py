@@ -73,24 +73,24 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
         ContactDirection.of(system.contacts, gap=rng.normal(size=2)),
         ContactDirection.of(system.contacts, shape=rng.normal(size=(2, 3))),
     ]
-    passage = flow.carry(z, duration, [Frequency(), Level(), *directions])
-    assert passage.event_time.size >= 4
+    flow_map = flow.flow_map(z, duration, [Frequency(), Level(), *directions])
+    assert flow_map.event_time.size >= 4
 
     def at(omega=0.0, level=0.0, start=0.0, more=0.0):
-        return VariationalFlow(system, loads, 1.3 + omega, 2.0 + level).carry(z + start, duration + more).end
+        return VariationalFlow(system, loads, 1.3 + omega, 2.0 + level).flow_map(z + start, duration + more).end
 
-    scale = np.abs(passage.transition).max()
+    scale = np.abs(flow_map.transition).max()
     for k in range(flow.size):
         step = np.eye(flow.size)[k]
         np.testing.assert_allclose(
-            passage.transition[:, k], central(lambda h, step=step: at(start=h * step)), atol=1e-6 * scale
+            flow_map.transition[:, k], central(lambda h, step=step: at(start=h * step)), atol=1e-6 * scale
         )
     checks = [central(lambda h: at(omega=h)), central(lambda h: at(level=h))]
     moved = [lambda h, d=d: flow.with_system(moved_system(flow.system, d, h)) for d in directions]
-    checks += [central(lambda h, at_step=at_step: at_step(h).carry(z, duration).end) for at_step in moved]
-    for column, expected in zip(passage.parameters.T, checks, strict=True):
+    checks += [central(lambda h, at_step=at_step: at_step(h).flow_map(z, duration).end) for at_step in moved]
+    for column, expected in zip(flow_map.parameters.T, checks, strict=True):
         np.testing.assert_allclose(column, expected, atol=3e-6 * max(1.0, scale))
-    np.testing.assert_allclose(passage.slope, central(lambda h: at(more=h)), atol=1e-5 * np.abs(passage.slope).max())
+    np.testing.assert_allclose(flow_map.slope, central(lambda h: at(more=h)), atol=1e-5 * np.abs(flow_map.slope).max())
 
 
 def test_derivative_by_contacts_where_the_motion_has_powers_of_time(make_system):
@@ -101,10 +101,10 @@ def test_derivative_by_contacts_where_the_motion_has_powers_of_time(make_system)
     flow = VariationalFlow(system)
     z = np.array([0.4, 0.1, 0.0, 0.2])
     d = ContactDirection.of(system.contacts, stiffness=2.0, gap=0.1)
-    passage = flow.carry(z, 4.0, [d])
-    assert passage.event_time.size >= 2
-    expected = central(lambda h: flow.with_system(moved_system(flow.system, d, h)).carry(z, 4.0).end, 1e-5)
-    np.testing.assert_allclose(passage.parameters[:, 0], expected, rtol=1e-5, atol=1e-7)
+    flow_map = flow.flow_map(z, 4.0, [d])
+    assert flow_map.event_time.size >= 2
+    expected = central(lambda h: flow.with_system(moved_system(flow.system, d, h)).flow_map(z, 4.0).end, 1e-5)
+    np.testing.assert_allclose(flow_map.parameters[:, 0], expected, rtol=1e-5, atol=1e-7)
 
 
 def test_liouville(make_system):
@@ -116,22 +116,22 @@ def test_liouville(make_system):
     system = build(make_system, "dashpot")
     flow = VariationalFlow(system, forcing(), omega=1.3, level=2.0)
     z = np.array([0.3, 0.1, 0.01, -0.2, 0.3, 0.1])
-    passage = flow.carry(z, 5.0)
-    assert passage.event_time.size >= 4
+    flow_map = flow.flow_map(z, 5.0)
+    assert flow_map.event_time.size >= 4
     total = 0.0
-    for phases, length in zip(passage.phases, passage.length, strict=True):
+    for phases, length in zip(flow_map.phases, flow_map.length, strict=True):
         total += np.trace(flow.exact.at(phases).rates[3:6, 3:6]) * length
-    log_det = np.linalg.slogdet(passage.transition[:6, :6])[1]
+    log_det = np.linalg.slogdet(flow_map.transition[:6, :6])[1]
     assert log_det == pytest.approx(total, rel=1e-10)
 
 
 def test_undamped_flow_is_symplectic(make_system):
     """Phi^T J Phi = J across many contacts."""
     system = build(make_system, "spring", damping=0.0)
-    passage = VariationalFlow(system).carry(np.array([0.5, 0.1, 0.0, 0.0, 0.0, 0.1]), 20.0)
-    assert passage.event_time.size > 10
+    flow_map = VariationalFlow(system).flow_map(np.array([0.5, 0.1, 0.0, 0.0, 0.0, 0.1]), 20.0)
+    assert flow_map.event_time.size > 10
     J = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), np.zeros((3, 3))]])
-    P = passage.transition[:6, :6]
+    P = flow_map.transition[:6, :6]
     np.testing.assert_allclose(P.T @ J @ P, J, atol=1e-11 * np.abs(P).max() ** 2)
 
 
@@ -167,19 +167,19 @@ def test_derivatives_by_the_position_of_a_contact_that_sticks(seeds, pressed):
     stuck = 0
     for seed in seeds:
         flow, start, duration, direction = sticking(seed, pressed)
-        passage = flow.carry(start, duration, [direction])
+        flow_map = flow.flow_map(start, duration, [direction])
 
         def moved(h, of=(flow, start, duration, direction)):
             flow, start, duration, direction = of
-            return flow.with_system(moved_system(flow.system, direction, h)).carry(start, duration)
+            return flow.with_system(moved_system(flow.system, direction, h)).flow_map(start, duration)
 
         (up, down), (above, below) = ((moved(h), moved(-h)) for h in (3e-6, 1e-5))
         expected, coarse = (up.end - down.end) / 6e-6, (above.end - below.end) / 2e-5
         size = np.abs(expected).max() + 1e-3
         if above.signature != below.signature or np.abs(coarse - expected).max() > 1e-3 * size:
             continue  # other events on the two sides
-        np.testing.assert_allclose(passage.parameters[:, 0], expected, atol=2e-3 * size, err_msg=str(seed))
+        np.testing.assert_allclose(flow_map.parameters[:, 0], expected, atol=2e-3 * size, err_msg=str(seed))
         stuck += bool(
-            flow.system.contacts.arrays.holds[np.arange(len(flow.system.contacts.laws)), passage.phases].any()
+            flow.system.contacts.arrays.holds[np.arange(len(flow.system.contacts.laws)), flow_map.phases].any()
         )
     assert stuck > 0.8 * len(seeds)

@@ -46,9 +46,12 @@ def settled_peak(key, value):
     )
     z = np.zeros(flow.size)
     for _ in range(250):
-        passage = flow.carry(z, 1 / 65.0)
-        z = passage.end
-    x = flow.states_at(passage, np.linspace(0, 1 / 65.0, 2001)[:-1])[:, : system.dynamics.size] @ system.probes[0].shape
+        flow_map = flow.flow_map(z, 1 / 65.0)
+        z = flow_map.end
+    x = (
+        flow.states_at(flow_map, np.linspace(0, 1 / 65.0, 2001)[:-1])[:, : system.dynamics.size]
+        @ system.probes[0].shape
+    )
     return float(np.abs(x).max())
 
 

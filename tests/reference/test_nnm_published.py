@@ -205,7 +205,7 @@ def test_continuation_in_frequency(make_system):
     start = solve_at(by_energy, linear_mode(by_energy, 0, first, V[5]), Settings(), first)
     points = list(Backbone(by_energy, start, np.log(10.0), 0, points=60))
     orbits = BrakeOrbits(family, "frequency")
-    first = next(i for i, p in enumerate(points) if p.data.passage.event_time.size)
+    first = next(i for i, p in enumerate(points) if p.data.flow_map.event_time.size)
     contacting, later = points[first], points[first + 3]
     w = 2 * np.pi / contacting.u[-2]
     begin = solve_at(orbits, orbits.unknowns(contacting.u[:6], contacting.u[-2], w), Settings(), w)
@@ -240,7 +240,7 @@ def test_a_non_brake_orbit(make_system):
         r, w = circle(g)
         assert period == pytest.approx(2 * np.pi / w, rel=1e-9)
         assert np.hypot(*y[:2]) == pytest.approx(r, rel=1e-8)
-    speeds = point.data.flow.states_at(point.data.passage, np.linspace(0, period, 50))[:, 2:]
+    speeds = point.data.flow.states_at(point.data.flow_map, np.linspace(0, period, 50))[:, 2:]
     np.testing.assert_allclose(np.linalg.norm(speeds, axis=1), r * w, rtol=1e-8)
     mu = orbits.multipliers(point)
     assert np.sort(np.abs(mu - 1))[1] < 1e-5

@@ -141,7 +141,7 @@ def test_branch_of_doubled_period(curve):
     best = min(stable, key=lambda p: abs(doubled.orbit(p).multipliers[0]))
     orbit = doubled.orbit(best)
     flow, _ = doubled.flow_at(best.parameter)
-    half = flow.carry(orbit.state, orbit.period / 2).end
+    half = flow.flow_map(orbit.state, orbit.period / 2).end
     assert np.linalg.norm(half - orbit.state) > 1e-2
     long = 300 * orbit.period
     end = simulate(flow.exact, orbit.state[:4] * (1 + 1e-5), duration=long)

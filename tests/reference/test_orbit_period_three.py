@@ -38,7 +38,7 @@ def found(orbits):
     """Newton's method from the end of a transient of 150 periods."""
     z = linear_guess(orbits.flow)
     for _ in range(150):
-        z = orbits.flow.carry(z, 2 * np.pi / orbits.omega).end
+        z = orbits.flow.flow_map(z, 2 * np.pi / orbits.omega).end
     return find_orbit(orbits, z)
 
 
@@ -52,7 +52,7 @@ def ring(orbits, found):
 def after_one_period(orbits, point):
     """How far the motion is from itself a third of its period later, against its size."""
     z = point.u[:-1]
-    once = orbits.flow_at(point.parameter)[0].carry(z, 2 * np.pi / point.parameter).end
+    once = orbits.flow_at(point.parameter)[0].flow_map(z, 2 * np.pi / point.parameter).end
     return np.linalg.norm((once - z)[: orbits.flow.system.size]) / orbits.scale(point.u)[0][0]
 
 

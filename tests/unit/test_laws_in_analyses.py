@@ -178,8 +178,8 @@ def test_a_stalled_branch_says_what_a_stop_that_yields_has_to_do_with_it(share, 
         flow = VariationalFlow(system.dynamics, loads, 2 * np.pi * 4.5, 1.0)
         start = np.zeros(flow.size)
         start[system.dynamics.size] = -0.2
-        passage, one = flow.carry(start, 1.0 / 4.5), np.ones(flow.size + 1)
-        point = BranchPoint(np.append(start, flow.omega), one, one, 0.0, 1.0, 0, passage)
+        flow_map, one = flow.flow_map(start, 1.0 / 4.5), np.ones(flow.size + 1)
+        point = BranchPoint(np.append(start, flow.omega), one, one, 0.0, 1.0, 0, flow_map)
         return ForcedOrbits(flow, "frequency"), point
 
     problem, point = stalled(50.0)

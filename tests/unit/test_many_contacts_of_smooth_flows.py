@@ -20,8 +20,8 @@ def motion(place, count):
     )  # fmt: skip
     system = PiecewiseLinearSystem(np.ones(1), np.zeros((1, 1)), contacts, np.zeros(1))
     flow = SmoothFlow(system, springs=CubicSprings(np.ones((1, 1)), np.array([0.5])))
-    passage = flow.carry(np.array([0.0, 1.0]), 8.0)
-    return passage.phases, flow.states_at(passage, np.linspace(0.0, 8.0, 50)), flow.end(passage.start, 8.0)
+    flow_map = flow.flow_map(np.array([0.0, 1.0]), 8.0)
+    return flow_map.phases, flow.states_at(flow_map, np.linspace(0.0, 8.0, 50)), flow.end(flow_map.start, 8.0)
 
 
 @pytest.mark.parametrize(("place", "count"), [(63, 65), (64, 65), (69, 70)])

@@ -27,11 +27,11 @@ def test_two_stops_that_touch_one_point_take_turns():
     followed = mode_path(system).follow(None)
     assert followed.backbone.outcome.complete
     for point in followed.backbone.points:
-        passage = point.data.passage
+        flow_map = point.data.flow_map
         for contact in (0, 1):
-            own = passage.event_time[passage.event_contact == contact]
-            assert np.all(np.diff(own) > 1e-6 * passage.duration)
-        assert np.unique(passage.event_time[passage.event_contact < 2].round(9)).size <= 3
+            own = flow_map.event_time[flow_map.event_contact == contact]
+            assert np.all(np.diff(own) > 1e-6 * flow_map.duration)
+        assert np.unique(flow_map.event_time[flow_map.event_contact < 2].round(9)).size <= 3
 
 
 def test_free_chain_has_no_resonance_with_its_rigid_body_mode():

@@ -36,7 +36,7 @@ def test_nonlinear_modes_keep_their_energy_and_a_lost_one_is_not_trusted(kind, m
     result = beamsim.nnm(undamped)
     assert result.backbone.energy_error.max() < 1e-10
     assert result.outcome.kind is not OutcomeKind.UNTRUSTED
-    monkeypatch.setattr("beamsim.analyses.nnm.orbits.energy_error", lambda flow, passage: 3e-5)
+    monkeypatch.setattr("beamsim.analyses.nnm.orbits.energy_error", lambda flow, flow_map: 3e-5)
     lost = beamsim.nnm(undamped)
     assert lost.outcome.code == "orbit_energy_not_balanced"
     assert lost.outcome.kind is OutcomeKind.UNTRUSTED
@@ -44,7 +44,7 @@ def test_nonlinear_modes_keep_their_energy_and_a_lost_one_is_not_trusted(kind, m
 
 
 def test_a_response_out_of_balance_is_not_trusted(monkeypatch):
-    monkeypatch.setattr("beamsim.analyses.continuation.motion.energy_error", lambda flow, passage: np.nan)
+    monkeypatch.setattr("beamsim.analyses.continuation.motion.energy_error", lambda flow, flow_map: np.nan)
     result = continuation(forced("linear"))
     assert result.outcome.code == "orbit_energy_not_balanced"
     assert "Hz" in result.status

@@ -68,9 +68,9 @@ class _Motion:
     @cached_property
     def known(self) -> OrbitSection:
         """Its states at phase zero."""
-        flow, passage = self.problem.cycle(self.point)
-        times = np.linspace(0.0, passage.duration, self.problem.multiple, endpoint=False)
-        return OrbitSection(flow.states_at(passage, times), velocity_weights(flow, flow.omega))
+        flow, flow_map = self.problem.cycle(self.point)
+        times = np.linspace(0.0, flow_map.duration, self.problem.multiple, endpoint=False)
+        return OrbitSection(flow.states_at(flow_map, times), velocity_weights(flow, flow.omega))
 
     def importance(self) -> tuple[bool, int, float]:
         """First the motions that most starts come to, unstable ones last by their size."""
@@ -173,8 +173,8 @@ def _attracting(marches: Marches, hz: float, ends: Mapping[int, Destination]) ->
             motion = found and next((m for m in motions if m.is_as(found)), found)
         elif motion is None and end.kind != "not settled":
             u = np.append(end.state, flow.omega)
-            passage = flow.carry(end.state, MEASURED_CYCLES / hz)
-            point = BranchPoint(u, np.zeros(u.size), np.ones(u.size), np.nan, 1.0, 0, passage)
+            flow_map = flow.flow_map(end.state, MEASURED_CYCLES / hz)
+            point = BranchPoint(u, np.zeros(u.size), np.ones(u.size), np.nan, 1.0, 0, flow_map)
             motion = _Motion(hz, ForcedOrbits(flow, "frequency"), point, end.kind, end.exponent)
         if motion is not None and motion.stable:
             motions += [] if any(motion is m for m in motions) else [motion]

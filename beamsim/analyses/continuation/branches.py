@@ -93,7 +93,7 @@ class Tracer:
             flow = self.problem.shooting(value).flow
             period = 2 * np.pi * self.problem.multiple / flow.omega
             for state in periodic_states(flow, self.problem.multiple):
-                yield self._found(self.problem.from_passage, flow, flow.carry(state, period), value)
+                yield self._found(self.problem.from_flow_map, flow, flow.flow_map(state, period), value)
 
     @staticmethod
     def _found(find: Callable[..., BranchPoint | None], *of: Any) -> BranchPoint | None:
@@ -555,13 +555,13 @@ def explained(outcome: Outcome, problem: Any, last: BranchPoint) -> Outcome:
 
 def _just_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:
     """Whether in an elastic motion the force of a stop that yields comes close to its yield force."""
-    flow, passage = problem.cycle(point)
+    flow, flow_map = problem.cycle(point)
     contacts, n = flow.system.contacts, 2 * flow.system.size
-    times = np.linspace(0.0, passage.duration, 4000, endpoint=False)
-    y = flow.states_at(passage, times)
+    times = np.linspace(0.0, flow_map.duration, 4000, endpoint=False)
+    y = flow.states_at(flow_map, times)
     penetration = flow.penetration_of(y, times)[0]
-    segment = np.searchsorted(passage.time, times, side="right") - 1
-    phases = passage.phases[segment]
+    segment = np.searchsorted(flow_map.time, times, side="right") - 1
+    phases = flow_map.phases[segment]
     for j, law in enumerate(contacts.laws):
         if not law.yields or np.any(phases[:, j] >= LOADING):
             continue

@@ -24,7 +24,7 @@ from beamsim.analyses.continuation.branches import Budget, joined, walk
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
-from beamsim.flow.periodic_flow import ContactDirection, Frequency, Parameter, Passage, PeriodicFlow
+from beamsim.flow.periodic_flow import ContactDirection, FlowMap, Frequency, Parameter, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
@@ -61,7 +61,7 @@ class TwoParameterCurve:
         flow, parameter = self._along.flow_at(float(u[-1]))
         return flow, (Frequency(), parameter)
 
-    def shoot(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+    def shoot(self, u: Floats) -> tuple[Floats, Floats, FlowMap]:
         """The shooting residual (N,) with its Jacobian (N, N + 2), and the motion."""
         flow, parameters = self.flow_at(u)
         return self._along.shoot(flow, u[:-2], parameters)
@@ -70,7 +70,7 @@ class TwoParameterCurve:
         """Curves in two parameters are followed as if they had no corners."""
         return True
 
-    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, Passage]:
+    def cycle(self, point: BranchPoint) -> tuple[PeriodicFlow, FlowMap]:
         """The flow at a point, and its motion over a period."""
         return self.flow_at(point.u)[0], point.data
 
@@ -86,13 +86,13 @@ class FoldCurve(TwoParameterCurve):
 
     border: tuple[Floats, Floats]  # b and c, unit vectors in scaled unknowns
 
-    def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+    def residual(self, u: Floats) -> tuple[Floats, Floats, FlowMap]:
         """The shooting residual and g, with their Jacobian.
 
         Second derivatives are symmetric, so that the whole row of g follows from how the first derivatives change along
         the one direction v: a central difference of two passages, whatever the size of the model.
         """
-        R, A, passage = self.shoot(u)
+        R, A, flow_map = self.shoot(u)
         scale = self.scale(u)[0]
         k = R.size
         s = scale[:k]
@@ -108,7 +108,7 @@ class FoldCurve(TwoParameterCurve):
         step = 1e-6 / float(np.linalg.norm(v / s))
         h = np.append(v * step, np.zeros(2))
         change = self.shoot(u + h)[1] - self.shoot(u - h)[1]
-        return np.append(R, g), np.vstack([A, -w @ change / (2.0 * step)]), passage
+        return np.append(R, g), np.vstack([A, -w @ change / (2.0 * step)]), flow_map
 
 
 @dataclass
@@ -126,19 +126,19 @@ class GrazingCurve(TwoParameterCurve):
     share: float = 0.0  # when in the period, near which the extreme is looked for
     level: float = 0.0  # m, penetration at the border
 
-    def residual(self, u: Floats) -> tuple[Floats, Floats, Passage]:
+    def residual(self, u: Floats) -> tuple[Floats, Floats, FlowMap]:
         """The shooting residual and the penetration's extreme, with their Jacobian."""
-        R, A, passage = self.shoot(u)
+        R, A, flow_map = self.shoot(u)
         flow, parameters = self.flow_at(u)
         guard = np.zeros(flow.system.contacts.arrays.guard.shape[-1])  # positive beside the border
         guard[[0, 2]] = (-1.0, self.level) if self.top else (1.0, -self.level)
-        height, time = lowest(flow, passage, self.contact, guard, self.share * passage.duration)
+        height, time = lowest(flow, flow_map, self.contact, guard, self.share * flow_map.duration)
         if not np.isfinite(height):
             raise ArithmeticError("the penetration has no extreme near the grazing")
-        self.share = time / passage.duration
-        touch = flow.carry(passage.start, time, parameters)
+        self.share = time / flow_map.duration
+        touch = flow.flow_map(flow_map.start, time, parameters)
         by_start, by_parameters = flow.penetration_derivative(touch, self.contact, parameters)
-        return np.append(R, height / guard[0]), np.vstack([A, np.append(by_start, by_parameters)]), passage
+        return np.append(R, height / guard[0]), np.vstack([A, np.append(by_start, by_parameters)]), flow_map
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """As a curve of folds; the extreme against the motion."""

@@ -20,8 +20,8 @@ from beamsim.analyses.sweep.stepped import harmonic_loads, sine_of
 from beamsim.analyses.values import DISPLACEMENT, LIMITED
 from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.periodic_flow import Passage, PeriodicFlow
-from beamsim.flow.variational import VariationalFlow, motion_on
+from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
+from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.period import PIECES, polynomial_extrema
@@ -89,8 +89,8 @@ class Measurement:
             flow, motion = problem.flow_at(point.parameter), point.data
             known = self._on_pieces(flow, motion.edges, motion.phases, motion.states, max(PIECES, motion.highest))
             return replace(known, energy_error=balance_error(problem, point))
-        flow, passage = problem.cycle(point)
-        return replace(self.of_passage(flow, passage), energy_error=energy_error(flow, passage))
+        flow, flow_map = problem.cycle(point)
+        return replace(self.of_flow_map(flow, flow_map), energy_error=energy_error(flow, flow_map))
 
     def _of_moved(self, system: StructuralSystem, problem: Any, point: BranchPoint) -> MeasuredMotion:
         """The motion of a system whose channels are those of this one in other places, in the columns of these.
@@ -110,12 +110,12 @@ class Measurement:
             low[to] = found.low[of] if same else found.low[of].min()
         return replace(found, high=high, low=low)
 
-    def of_passage(self, flow: PeriodicFlow, passage: Passage) -> MeasuredMotion:
+    def of_flow_map(self, flow: PeriodicFlow, flow_map: FlowMap) -> MeasuredMotion:
         """A motion over a period."""
         if isinstance(flow, VariationalFlow):
-            return self._in_closed_form(flow, passage)
-        edges = np.append(passage.time, passage.duration)
-        return self._on_pieces(flow, edges, passage.phases, lambda times: flow.states_at(passage, times))
+            return self._in_closed_form(flow, flow_map)
+        edges = np.append(flow_map.time, flow_map.duration)
+        return self._on_pieces(flow, edges, flow_map.phases, lambda times: flow.states_at(flow_map, times))
 
     def _under(self, flow: PeriodicFlow, duration: float) -> ExactFlow:
         """The system of a flow under its loads, as channels ask for them."""
@@ -127,13 +127,13 @@ class Measurement:
             self._exact = self._exact.under(forcing, observers)
         return self._exact
 
-    def _in_closed_form(self, flow: VariationalFlow, passage: Passage) -> MeasuredMotion:
+    def _in_closed_form(self, flow: VariationalFlow, flow_map: FlowMap) -> MeasuredMotion:
         exact = self._under(flow, flow.exact.duration)
-        motion = motion_on(exact, passage)
+        motion = flow_map.trajectory(exact)
         found = Observed(exact, self.channels).extrema(motion)
         displacements = outputs_of(exact, self.channels.of_keys(DISPLACEMENT).linear)
-        omega: Floats = 2.0 * np.pi / passage.duration * np.arange(self.harmonics + 1.0)
-        spectrum = 2.0 / passage.duration * fourier_integrals(motion, exact.output_table(displacements), omega)
+        omega: Floats = 2.0 * np.pi / flow_map.duration * np.arange(self.harmonics + 1.0)
+        spectrum = 2.0 / flow_map.duration * fourier_integrals(motion, exact.output_table(displacements), omega)
         spectrum[:, 0] *= 0.5
         return MeasuredMotion(found.high, found.low, spectrum, motion.contact_share()[: len(self.system.snubbers)])
 

@@ -41,7 +41,7 @@ from beamsim.flow.channels import Observed
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
-from beamsim.flow.variational import VariationalFlow, motion_on
+from beamsim.flow.variational import VariationalFlow
 from beamsim.measurements.conditioning import PERIODS_OF_FILTER, conditioned
 from beamsim.measurements.read import ending_of
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, reading_measurement, split_heading
@@ -382,7 +382,7 @@ class _Curve:
 
     def heights(self, point: BranchPoint) -> Floats:
         """Of each measured peak."""
-        return self.measurement.of_passage(*self.orbits.cycle(point)).peak[list(self.channels)]
+        return self.measurement.of_flow_map(*self.orbits.cycle(point)).peak[list(self.channels)]
 
     def moved(self, point: BranchPoint, distance: float) -> BranchPoint:
         """The motion so far along the tangent of a point."""
@@ -603,9 +603,9 @@ class SweptPeaks(Test):
         for k, (peak, top) in enumerate(zip(test.peaks, tops, strict=False)):
             numbers += [] if peak.frequency is None else [top.point.parameter / (2 * np.pi)]
             numbers.append(float(curve.heights(top.point)[k]))
-        multipliers, (flow, passage) = curve.orbits.multipliers(tops[0].point), curve.orbits.cycle(tops[0].point)
-        bandwidth = -float(np.log(np.abs(multipliers).max())) / (np.pi * passage.duration)
-        touching, motion = passage.event_time.size > 0, motion_on(of_kind(VariationalFlow, flow).exact, passage)
+        multipliers, (flow, flow_map) = curve.orbits.multipliers(tops[0].point), curve.orbits.cycle(tops[0].point)
+        bandwidth = -float(np.log(np.abs(multipliers).max())) / (np.pi * flow_map.duration)
+        touching, motion = flow_map.event_time.size > 0, flow_map.trajectory(of_kind(VariationalFlow, flow).exact)
         system = curve.measurement.system
         return SweepPrediction(system, motion, touching, curve, jump, tops, np.array(numbers), bandwidth)
 

@@ -49,7 +49,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import fourier_integrals, outputs_of
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.variational import VariationalFlow, motion_on
+from beamsim.flow.variational import VariationalFlow
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, tell, together
@@ -696,7 +696,7 @@ def steady_vibration(
         )
     base = () if system.base_acceleration is None else (system.base_acceleration,)
     exact = ExactFlow(system.dynamics, system.forcing, point.data.duration, base)
-    motion = motion_on(exact, point.data)
+    motion = point.data.trajectory(exact)
     return SteadyVibration(system, motion, point.data.event_time.size > 0, point.u[:-1])
 
 

@@ -52,11 +52,11 @@ def _bordered(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, Floats]:
     """The scaled block b bordered by its trivial kernels, and the scale w of the coordinates' frequencies."""
     n = orbits.n
     q, period, factor, _ = orbits.split(point.u)
-    passage = point.data.passage
+    flow_map = point.data.flow_map
     w = np.maximum(orbits.family.omega, 0.2 * np.pi / period)
     B = np.zeros((n + 1, n + 1))
-    B[:n, :n] = passage.transition[:n, n : 2 * n] * w[:, None] * w
-    gradient_after = orbits.family.potential(passage.end[:n], factor)[1] / w
+    B[:n, :n] = flow_map.transition[:n, n : 2 * n] * w[:, None] * w
+    gradient_after = orbits.family.potential(flow_map.end[:n], factor)[1] / w
     gradient_before = orbits.family.potential(q, factor)[1] / w
     B[:n, n] = gradient_after / np.linalg.norm(gradient_after)
     B[n, :n] = gradient_before / np.linalg.norm(gradient_before)
@@ -137,10 +137,10 @@ def non_brake_branch(
         branch = Branch(orbits, start, *reach, settings)
         before, fastest = np.zeros(n), 0.0
         for point in until(branch, stop):
-            passage, flow = point.data.passage, point.data.flow
-            time, _ = slowest_instant(flow, passage, n)
+            flow_map, flow = point.data.flow_map, point.data.flow
+            time, _ = slowest_instant(flow, flow_map, n)
             # velocities then, over sqrt(2 E)
-            slowest = flow.states_at(passage, np.array([time]))[0, n : 2 * n] / np.sqrt(2.0 * orbits.split(point.u)[3])
+            slowest = flow.states_at(flow_map, np.array([time]))[0, n : 2 * n] / np.sqrt(2.0 * orbits.split(point.u)[3])
             speed = float(np.linalg.norm(slowest))
             fastest = max(fastest, speed)
             # 0.3: of the largest slowest speed so far: here a reversal of the motion means that rest was passed
@@ -300,7 +300,7 @@ def _alike(orbits: BrakeOrbits, a: SymmetryBreaking, b: SymmetryBreaking) -> boo
     if a.mode != b.mode or not np.allclose(u[-2:], v[-2:], rtol=SAME, atol=SAME):
         return False
     scale = orbits.scale(v)[0][: orbits.n]
-    ends = (v[: orbits.n], b.point.data.passage.end[: orbits.n])
+    ends = (v[: orbits.n], b.point.data.flow_map.end[: orbits.n])
     return any(float(np.linalg.norm((u[: orbits.n] - q) / scale)) < SAME for q in ends)
 
 
@@ -312,7 +312,7 @@ def _arrives(branch: OrbitBranch, origin: SymmetryBreaking) -> bool:
     if abs(float(last[-2] / there[-2]) - 1.0) > NEAR:
         return False
     scale = branch.problem.scale(last)[0][:n]
-    passage = branch.points[-1].data.passage
-    times = np.linspace(0.0, passage.duration, 257)
-    q = branch.points[-1].data.flow.states_at(passage, times)[:, :n]
+    flow_map = branch.points[-1].data.flow_map
+    times = np.linspace(0.0, flow_map.duration, 257)
+    q = branch.points[-1].data.flow.states_at(flow_map, times)[:, :n]
     return bool(np.min(np.linalg.norm((q - there[:n]) / scale, axis=1)) < NEAR)

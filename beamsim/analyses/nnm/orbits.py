@@ -12,7 +12,7 @@ from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.analyses.run.records import RECTANGULAR
-from beamsim.flow.periodic_flow import Passage, PeriodicFlow
+from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import Settings, Step
 from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant
@@ -72,10 +72,10 @@ def branch_result(job: ModePath, brake: BrakeOrbits, branch: OrbitBranch, **more
         shares = [brake.share_at(point) for point in branch.points]
     else:
         for k, point in enumerate(branch.points):
-            flow, passage = point.data.flow, point.data.passage
-            time, kinetic = slowest_instant(flow, passage, n)
+            flow, flow_map = point.data.flow, point.data.flow_map
+            time, kinetic = slowest_instant(flow, flow_map, n)
             instant = np.array([time if branch.kind == "non_brake" else 0.0])
-            states[k], least[k] = flow.states_at(passage, instant)[0, : 2 * n], kinetic / point.data.energy
+            states[k], least[k] = flow.states_at(flow_map, instant)[0, : 2 * n], kinetic / point.data.energy
         factors = [branch.problem.split(point.u)[2] for point in branch.points]
         shares = [brake.share(state[:n], factor, state[n:]) for state, factor in zip(states, factors, strict=True)]
     return ModeBranch(
@@ -90,7 +90,7 @@ def branch_result(job: ModePath, brake: BrakeOrbits, branch: OrbitBranch, **more
         energy=np.array([orbit.energy for orbit in orbits]),
         share=np.array([share[job.mode] for share in shares]),
         residual=np.array([orbit.residual for orbit in orbits]),
-        energy_error=np.array([energy_error(p.data.flow, p.data.passage) for p in branch.points]),
+        energy_error=np.array([energy_error(p.data.flow, p.data.flow_map) for p in branch.points]),
         **of_states(states, n),
         least_kinetic=least,
         initial_displacement=states[:, :n] @ job.system.deflection.T,
@@ -158,7 +158,7 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
     n = system.dynamics.size
     start = np.zeros(flow.size)
     start[: 2 * n] = state
-    whole = flow.carry(start, period)
+    whole = flow.flow_map(start, period)
     time = np.linspace(0.0, period, SAMPLES + 1)
     states = flow.states_at(whole, time)
     q, v = states[:, :n], states[:, n : 2 * n]
@@ -182,7 +182,7 @@ def orbit_motion(system: StructuralSystem, flow: Any, state: Floats, period: flo
     )
 
 
-def followed(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, Passage]:
+def followed(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> tuple[Floats, FlowMap]:
     """A motion followed from period to period, without being put back on what it began on.
 
     Parameters
@@ -202,11 +202,11 @@ def followed(flow: PeriodicFlow, start: Floats, period: float, periods: int) -> 
     ArithmeticError : where contacts chatter, or the motion grows beyond all numbers.
     """
     times = period * np.arange(RATE) / RATE
-    states, passage = [], flow.carry(start, period)
+    states, flow_map = [], flow.flow_map(start, period)
     for k in range(periods):
-        passage = flow.carry(passage.end, period) if k else passage
-        states.append(flow.states_at(passage, times))
-    return np.array(states), passage
+        flow_map = flow.flow_map(flow_map.end, period) if k else flow_map
+        states.append(flow.states_at(flow_map, times))
+    return np.array(states), flow_map
 
 
 def line_frequencies(period: float, periods: int) -> Floats:

@@ -71,7 +71,7 @@ class _BackboneMotion:
     @cached_property
     def peak(self) -> Floats:
         """(probes,) m, largest deflections of a period at a scale of one."""
-        return self.measurement.of_passage(self.flow, self.whole).peak
+        return self.measurement.of_flow_map(self.flow, self.whole).peak
 
     @property
     def level(self) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from beamsim.analyses.branch import MotionBranch
 from beamsim.analyses.run.energy import LARGEST_ERROR, power_factors, stored_energy
 from beamsim.contacts.laws import RATE
-from beamsim.flow.periodic_flow import Passage, PeriodicFlow
+from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.smooth_flow import SmoothFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint
@@ -39,16 +39,16 @@ class _Known:
         return np.clip(np.searchsorted(self.edges, times, side="right") - 1, 0, self.phases.shape[0] - 1)
 
 
-def energy_error(flow: PeriodicFlow, passage: Passage) -> float:
+def energy_error(flow: PeriodicFlow, flow_map: FlowMap) -> float:
     """Largest imbalance over the largest stored energy, or the dissipated one if it is more."""
-    edges = np.append(passage.time, passage.time[0] + passage.duration)
-    y = np.vstack([passage.y, passage.end])
-    phases = passage.phases
+    edges = np.append(flow_map.time, flow_map.time[0] + flow_map.duration)
+    y = np.vstack([flow_map.y, flow_map.end])
+    phases = flow_map.phases
     stored = _stored(flow, edges, y, np.vstack([phases, phases[-1:]]))
     if flow.reversible:
         potential = stored - y[:, : flow.system.size] @ flow.system.constant_load
         return _relative(float(np.abs(potential - potential[0]).max()), float(stored.max()))
-    work, lost = _work_and_loss(flow, passage)
+    work, lost = _work_and_loss(flow, flow_map)
     return _relative(abs(work - lost - (stored[-1] - stored[0])), max(float(stored.max()), abs(lost)))
 
 
@@ -137,14 +137,14 @@ def _stored(flow: PeriodicFlow, times: Floats, y: Floats, phases: Ints) -> Float
     return np.asarray(energy)
 
 
-def _work_and_loss(flow: PeriodicFlow, passage: Passage) -> tuple[float, float]:
-    """Work in and dissipated energy over a passage, J."""
+def _work_and_loss(flow: PeriodicFlow, flow_map: FlowMap) -> tuple[float, float]:
+    """Work in and dissipated energy over a motion, J."""
     if isinstance(flow, VariationalFlow):
-        orbit = flow.motion(passage)
+        orbit = flow.motion(flow_map)
         lost, work = orbit.segment_integrals(*power_factors(orbit.flow)).sum(axis=0)
         return float(work), float(lost + orbit.event_losses().sum())
-    edges = np.append(passage.time, passage.time[0] + passage.duration)
-    known = _Known(edges, passage.phases, lambda times: flow.states_at(passage, times))
+    edges = np.append(flow_map.time, flow_map.time[0] + flow_map.duration)
+    known = _Known(edges, flow_map.phases, lambda times: flow.states_at(flow_map, times))
     return _by_quadrature(flow, known, flow.fastest)
 
 

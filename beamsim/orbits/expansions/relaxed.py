@@ -85,12 +85,12 @@ def _deviation(w: Floats, orbits: BrakeOrbits, factor: float, omega: Floats, wei
     """The functional at a factor with its gradient, of the shape and the period over their weights (n + 1,)."""
     n, energy, family = orbits.n, orbits.energy, orbits.family
     q, period = w[:n] * weight[:n], float(w[n] * weight[n])
-    passage = family.flow_at(factor)[0].carry(np.append(q, np.zeros(n)), period)
-    miss = np.concatenate([omega * (passage.end[:n] - q), passage.end[n : 2 * n]])
+    flow_map = family.flow_at(factor)[0].flow_map(np.append(q, np.zeros(n)), period)
+    miss = np.concatenate([omega * (flow_map.end[:n] - q), flow_map.end[n : 2 * n]])
     J = np.zeros((2 * n, n + 1))
-    J[:n, :n] = omega[:, None] * (passage.transition[:n, :n] - np.eye(n))
-    J[n:, :n] = passage.transition[n : 2 * n, :n]
-    J[:n, n], J[n:, n] = omega * passage.slope[:n], passage.slope[n : 2 * n]
+    J[:n, :n] = omega[:, None] * (flow_map.transition[:n, :n] - np.eye(n))
+    J[n:, :n] = flow_map.transition[n : 2 * n, :n]
+    J[:n, n], J[n:, n] = omega * flow_map.slope[:n], flow_map.slope[n : 2 * n]
     value, gradient, _ = family.potential(q, factor)
     excess = value / energy - 1.0
     total = float(miss @ miss) / (2 * energy) + excess**2
