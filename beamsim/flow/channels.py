@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -18,6 +18,8 @@ from beamsim.system.equations import ChannelSet, Key, Rows
 from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Complexes, Floats, Ints
 
+Exponentials = tuple[tuple[int, float], ...]
+r"""A window on [0, T] as a sum of :math:`c e^{-i \pi s u / T}`: whole numbers s, and factors c."""
 MARGIN = 18  # half steps of frequency beyond the highest, that windows need
 
 
@@ -105,6 +107,7 @@ class MotionPart:
     rows_of: RowsOf
     highest: float
     before: tuple[MotionPart, MotionPart] | None = None
+    _weighted: dict[Exponentials, Complexes] = field(default_factory=dict, compare=False)
 
     @classmethod
     def of(cls, trajectory: Trajectory, rows_of: RowsOf, span: tuple[float, float], highest: float) -> MotionPart:
@@ -142,15 +145,38 @@ class MotionPart:
         count = int(self.highest / step) + 2 * (MARGIN + NEIGHBOURS)  # twice: every other serves half of the time
         return evenly_spaced_integrals(self.motion, table, step, count)
 
-    def integrals(self, omega: Floats, column: int) -> Complexes:
-        """Fourier integrals (W,) of one of the outputs since the begin; omega (W,) in rad/s, up to the highest."""
+    def weighted(self, window: Exponentials) -> Complexes:
+        """(K, count) Fourier integrals under a window, at the same frequencies but the last, which it needs."""
+        if window not in self._weighted:
+            known, reach = self.known, max(abs(steps) for steps, _ in window)
+            whole = np.concatenate([known[:, reach:0:-1].conj(), known], axis=1)
+            total = np.zeros((known.shape[0], known.shape[1] - reach), dtype=complex)
+            for steps, factor in window:
+                total += factor * whole[:, reach + steps : reach + steps + total.shape[1]]
+            self._weighted[window] = total
+        return self._weighted[window]
+
+    def integrals(self, omega: Floats, column: int, window: Exponentials = ((0, 1.0),)) -> Complexes:
+        """Fourier integrals of one of the outputs.
+
+        Parameters
+        ----------
+        omega : (W,) rad/s, up to the highest.
+        column : of the K outputs.
+        window : that the output is multiplied with.
+
+        Returns
+        -------
+        (W,) since the begin.
+        """
         check_stop()
         position = omega * (self.duration / np.pi)
         whole = np.rint(position)
+        known = self.weighted(window)[column]
         if np.all(np.abs(position - whole) < 1e-9):  # of a step: no interpolation changes these
-            found = self.known[column, np.abs(whole).astype(np.int64)]
+            found = known[np.abs(whole).astype(np.int64)]
         else:
-            found = interpolated(self.known[column], np.abs(position))
+            found = interpolated(known, np.abs(position))
         return np.asarray(np.where(position < 0.0, found.conj(), found))
 
     @cached_property
@@ -188,13 +214,13 @@ class MotionPart:
     def halves(self) -> tuple[MotionPart, MotionPart]:
         """Both halves of the time."""
         early, late = self.divided(2)
-        return early, replace(late, before=(self, early))
+        return early, MotionPart(late.motion, self.rows_of, self.highest, (self, early))
 
     def divided(self, parts: int) -> list[MotionPart]:
         """Equal parts of the time, one after the other."""
         edges = np.linspace(self.begin, self.motion.end, parts + 1)
         cut = [self.motion.between(*map(float, span)) for span in pairwise(edges)]
-        return [replace(self, motion=each, before=None) for each in cut]
+        return [MotionPart(each, self.rows_of, self.highest) for each in cut]
 
 
 def fourier_integrals(motion: Trajectory, table: Complexes, omega: Floats) -> Complexes:

@@ -5,21 +5,26 @@ leaves of a motion. On a segment an output is a sum of functions :math:`\tau^p e
 
 - Functions that are not much faster than the highest frequency, on this segment, are sampled at the nodes of a
   Gauss-Legendre rule. Panels are so short that the rule integrates them times :math:`e^{-i \omega \tau}` to round-off.
-- The integrals of all others follow from their values at both ends, by parts.
+- The integrals of all others follow from their values at both ends, by parts: with :math:`\rho = \lambda - i \omega`
+  that of :math:`\tau^p e^{\rho \tau}` is :math:`e^{\rho \tau} \sum_j (-1)^j p! / (p - j)! \, \tau^{p - j} /
+  \rho^{j + 1}`, j = 0 ... p. Up to the highest frequency a power of :math:`1 / \rho` is a sum of a few
+  :math:`w_q e^{-i \omega s_q}`, so that an end counts as values at times about it.
 
-Both give sums :math:`\sum_i v_i e^{-i k \delta t_i}` over uneven times, which are spread to an even grid, transformed
-there by the fast Fourier transform and divided by the transform of the spreading function. See A. H. Barnett et al.,
-SIAM J. Sci. Comput. 41 (2019) C479.
+All outputs share functions and weights: their values are one product of matrices. Both give sums
+:math:`\sum_i v_i e^{-i k \delta t_i}` over uneven times, which are spread to an even grid, transformed there by the
+fast Fourier transform and divided by the transform of the spreading function. See A. H. Barnett et al., SIAM J. Sci.
+Comput. 41 (2019) C479.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from math import factorial
+from math import perm
 
 import numpy as np
 from scipy.fft import next_fast_len, rfft
+from scipy.special import i0
 
 from beamsim.flow.contact_state import GROWTH, ContactState
 from beamsim.flow.kernels import spread_to_grid
@@ -32,8 +37,10 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 SPREAD = 15  # points of the grid that a value is spread to
 SHARPNESS = 2.3 * SPREAD  # of the spreading function exp(SHARPNESS (sqrt(1 - z^2) - 1)), -1 < z < 1
 OVERSAMPLING = 2  # of the grid
-FAST = 1.5  # times the highest frequency: faster functions are integrated by parts ...
+FAST = 2.0  # times the highest frequency: faster functions are integrated by parts ...
 LONG = 20.0  # ... where a segment is longer than so many of their time constants
+NODES_OF_ENDS, TURN_OF_ENDS = 40, 1.2  # times about an end, and the turn, rad, between two at the highest frequency
+_FITTED = np.cos(np.pi * (np.arange(160) + 0.5) / 160)  # shares of it at which the sums are fitted
 NODES_OF_RULES = (6, 8, 12, 16, 24, 32, 48, 64)
 NEIGHBOURS = 20  # on either side that an integral between two frequencies is interpolated from
 VALUES_AT_ONCE = 2_000_000  # which bounds the memory
@@ -92,7 +99,6 @@ def evenly_spaced_integrals(motion: Trajectory, table: Complexes, step: float, c
     (K, count) :math:`\int x(t) e^{-i k \delta (t - t_0)} dt`, :math:`t_0` being the start of the motion.
     """
     highest, sampled = step * (count - 1), FourierSums(step, count, table.shape[2])
-    by_parts = np.zeros((count, table.shape[2]), dtype=complex)
     for number in visited_states(motion.state):
         state, segments = motion.flow.states[number], np.flatnonzero((motion.state == number) & (motion.length > 0.0))
         coefficients, size = table[number, : state.term_basis.size], np.abs(state.exponent)
@@ -108,8 +114,8 @@ def evenly_spaced_integrals(motion: Trajectory, table: Complexes, step: float, c
                 _sample(motion, state, some, (coefficients, of_terms), fastest, sampled.add)
             fast = np.flatnonzero(~slow[state.term_basis] & coefficients.any(axis=1))
             if fast.size:
-                by_parts += _by_parts(motion, state, some, (coefficients, fast), (step, count))
-    return np.asarray((sampled.totals() + by_parts).T)
+                _sample_ends(motion, state, some, (coefficients, fast), highest, sampled.add)
+    return np.asarray(sampled.totals().T)
 
 
 def interpolated(integrals: Complexes, position: Floats) -> Complexes:
@@ -132,7 +138,7 @@ def interpolated(integrals: Complexes, position: Floats) -> Complexes:
     distance = position[:, None] - number
     sharpness = 0.5 * np.pi * NEIGHBOURS
     inside = np.sqrt(np.maximum(1.0 - (distance / NEIGHBOURS) ** 2, 0.0))
-    weight = np.sinc(distance) * np.i0(sharpness * inside) / np.i0(sharpness)
+    weight = np.sinc(distance) * i0(sharpness * inside) / i0(sharpness)
     known = integrals[np.abs(number)]
     known = np.where(number < 0, known.conj(), known)
     # the phase of the middle of the signal is taken out before and put back after
@@ -216,44 +222,57 @@ def _exponentials(tau: Floats, exponent: Complexes) -> Complexes:
     return np.asarray(np.exp(np.where(turned.real < GROWTH, turned, 0.0)))
 
 
-def _by_parts(
-    motion: Trajectory, state: ContactState, segments: Ints, outputs: tuple[Complexes, Ints],
-    frequencies: tuple[float, int],
-) -> Complexes:  # fmt: skip
-    r"""Integrals of some terms of outputs over segments of one contact state, from their values at both ends.
-
-    With :math:`\rho = \lambda - i \omega` the integral of :math:`\tau^p e^{\rho \tau}` is that of
-    :math:`e^{\rho \tau} \sum_j (-1)^j p! / (p - j)! \, \tau^{p - j} / \rho^{j + 1}`, j = 0 ... p.
+def _sample_ends(
+    motion: Trajectory, state: ContactState, segments: Ints, outputs: tuple[Complexes, Ints], highest: float,
+    add: Callable[[Floats, Floats], None],
+) -> None:  # fmt: skip
+    """Add what integrals by parts make of the values at both ends of segments.
 
     Parameters
     ----------
     motion, state, segments : the motion, a contact state and segments in it.
     outputs : coefficients (T, K) of the terms, and numbers of those that count.
-    frequencies : step, rad/s, and number.
-
-    Returns
-    -------
-    (count, K).
+    highest : rad/s, frequency.
+    add : takes times (n,), s, since the motion began, and values (n, K).
     """
-    (step, count), length, elapsed = frequencies, motion.length[segments], motion.time[segments] - motion.time[0]
-    coefficients, terms = outputs
-    omega, out = step * np.arange(count), np.zeros((count, coefficients.shape[1]), dtype=complex)
-    amplitudes = motion.source_amplitudes(state, segments)
-    for term in terms.tolist():
+    terms, count = outputs[1], outputs[0].shape[1]
+    basis, source = state.term_basis[terms], state.term_source[terms]
+    exponent, power = state.exponent[basis], state.power[basis]
+    around = (np.arange(NODES_OF_ENDS) - 0.5 * (NODES_OF_ENDS - 1)) * (TURN_OF_ENDS / highest)
+    factors = []  # of an order j, by its terms: (-1)^j p! / (p - j)!, then (terms, nodes, K) of values at the nodes
+    for order in range(int(power.max()) + 1):
+        weights = _weights_of_ends(exponent / highest, order) * highest ** -(order + 1.0)
+        size = np.array([(-1.0) ** order * perm(p, order) for p in power.tolist()])
+        factors.append(((size[:, None] * weights)[:, :, None] * outputs[0][terms, None]).reshape(terms.size, -1))
+    at_once = max(1, VALUES_AT_ONCE // (NODES_OF_ENDS * count))
+    for first in range(0, segments.size, at_once):
         check_stop()
-        amplitude, c = amplitudes[:, state.term_source[term]], coefficients[term]
-        exponent, power = state.exponent[state.term_basis[term]], int(state.power[state.term_basis[term]])
-        at_end = amplitude * _exponentials(length, np.array([exponent]))[:, 0]
-        factors = [(-1.0) ** j * factorial(power) / factorial(power - j) for j in range(power + 1)]
-        ends = np.stack([f * length ** (power - j) * at_end for j, f in enumerate(factors)], axis=1)
-        begins = np.zeros_like(ends)
-        begins[:, power] = -factors[power] * amplitude
-        sums = FourierSums(step, count, 2 * (power + 1))
-        sums.add(elapsed + length, ends.view(float))
-        sums.add(elapsed, begins.view(float))
-        real, imaginary = sums.totals().reshape(count, power + 1, 2).transpose(2, 0, 1)
-        orders = -np.arange(1, power + 2)
-        one = ((real + 1j * imaginary) * (exponent - 1j * omega)[:, None] ** orders).sum(axis=1)
-        conjugate = ((real - 1j * imaginary) * (np.conj(exponent) - 1j * omega)[:, None] ** orders).sum(axis=1)
-        out += 0.5 * (np.multiply.outer(one, c) + np.multiply.outer(conjugate, c.conj()))
-    return out
+        some = segments[first : first + at_once]
+        length, elapsed = motion.length[some, None], motion.time[some] - motion.time[0]
+        amplitude = motion.source_amplitudes(state, some)[:, source]
+        at_end = amplitude * _exponentials(length[:, 0], exponent)
+        for begun, sizes in (
+            (elapsed, [-amplitude * (power == order) for order in range(len(factors))]),
+            (elapsed + length[:, 0], [at_end * length ** np.maximum(power - k, 0) for k in range(len(factors))]),
+        ):
+            values = sum((x.real @ f.real - x.imag @ f.imag for x, f in zip(sizes, factors, strict=True)), np.zeros(()))
+            add(np.add.outer(begun, around).ravel(), values.reshape(-1, count))
+
+
+def _weights_of_ends(rate: Complexes, order: int) -> Complexes:
+    r"""(T, nodes) weights :math:`w_q` of rates (T,) and an order j.
+
+    They make :math:`\sum_q w_q e^{-i x s_q} = (\lambda - i x)^{-j - 1}` for frequencies x from -1 to 1.
+    """
+    left, size, right = _fits_of_ends()
+    wanted = (rate - 1j * _FITTED[:, None]) ** -(order + 1)
+    return np.asarray((right @ ((left @ wanted) / size[:, None])).T)
+
+
+@lru_cache(maxsize=1)
+def _fits_of_ends() -> tuple[Complexes, Floats, Complexes]:
+    """Singular vectors and values of the exponentials at the times about an end, those that are not round-off."""
+    place = (np.arange(NODES_OF_ENDS) - 0.5 * (NODES_OF_ENDS - 1)) * TURN_OF_ENDS
+    left, size, right = np.linalg.svd(np.exp(-1j * np.multiply.outer(_FITTED, place)), full_matrices=False)
+    kept = size > 1e-14 * size[0]
+    return left[:, kept].conj().T, size[kept], right[kept].conj().T

@@ -176,3 +176,15 @@ def test_the_line_of_stick_and_slip_is_its_rate(pytestconfig):
     lines = [line for line in result.spectra["block", "absolute_acceleration"].lines if line.kind == "other"]
     orders = np.array([line.frequency_hz for line in lines]) / rate
     np.testing.assert_allclose(orders, np.arange(1, orders.size + 1), rtol=2e-4)
+
+
+@pytest.mark.parametrize("window", ["hann", "decaying"])
+def test_lines_do_not_depend_on_the_size_of_the_motion(window):
+    """Two damped masses, whose lines are not steady, and the same motion a hundred million times smaller."""
+    two = {**two_coupled(10.0, 1.1), "dashpots": [0.9, 0.0, 0.4]}
+    large, small = (
+        lines_of_mass({"chain": two, "run": {"duration": 5.0, "start": {"displacement": [size, 0.0]}}}, window)
+        for size in (1.0, 1e-8)
+    )
+    assert large.shape[0] > 1
+    np.testing.assert_allclose(small, large * [1.0, 1e-8], rtol=1e-7)

@@ -92,22 +92,33 @@ class Remainder:
         place, step, width = np.zeros(2), _STEP, _REACH
         for _ in range(_FINER + 1):
             offset = np.arange(-width, width + 0.5 * step, step)
-            first, second = (each.ravel() for each in np.meshgrid(place[0] + offset, place[1] + offset))
-            if known is not None:
-                first = np.full(second.size, known - middle)
-            apart = np.abs(second - first) >= _NEAREST
-            pairs = np.stack([first[apart], second[apart]], axis=1)
-            shapes = _lobe(self.window, bins[:, None] - pairs[:, None, :])  # (pairs, bins, 2)
-            fitted = shapes @ (np.linalg.pinv(shapes) @ curve[:, None])
-            error = np.linalg.norm(curve - fitted[..., 0], axis=1)
-            best = int(error.argmin())
-            place, step, width = pairs[best], step / 4.0, step
+            firsts = place[0] + offset if known is None else np.array([known - middle])
+            seconds = place[1] + offset
+            one, two = (_lobe(self.window, bins - each[:, None]) for each in (firsts, seconds))
+            remaining = _remaining(curve, one, two)
+            remaining[np.abs(np.subtract.outer(firsts, seconds)) < _NEAREST] = np.inf
+            best = np.unravel_index(int(remaining.argmin()), remaining.shape)
+            place = np.array([firsts[best[0]], seconds[best[1]]])
+            shapes = np.stack([one[best[0]], two[best[1]]], axis=1)
+            step, width = step / 4.0, step
+        fit = np.linalg.lstsq(shapes, curve, rcond=None)[0]
+        error = float(np.linalg.norm(curve - shapes @ fit))
         low, high = (middle + place).tolist()
-        return (low, high), float(error[best]) / float(np.linalg.norm(self.left[line]))
+        return (low, high), error / float(np.linalg.norm(self.left[line]))
+
+
+def _remaining(curve: Complexes, one: Complexes, two: Complexes) -> Floats:
+    """(n, m) squared norms of what least squares with every pair of shapes (n, b) and (m, b) leaves of a curve (b,)."""
+    first = one / np.linalg.norm(one, axis=1, keepdims=True)
+    second = two / np.linalg.norm(two, axis=1, keepdims=True)
+    shared = first.conj() @ second.T
+    on_first = first.conj() @ curve
+    beyond = second.conj() @ curve - shared.conj() * on_first[:, None]  # of the second across the first
+    size = np.maximum(1.0 - np.abs(shared) ** 2, np.finfo(float).tiny)
+    return np.asarray(np.linalg.norm(curve) ** 2 - np.abs(on_first)[:, None] ** 2 - np.abs(beyond) ** 2 / size)
 
 
 def _lobe(window: Window, bins: Floats) -> Complexes:
     """Transform of a window at frequencies in bins, any shape, over that at zero."""
     omega = 2.0 * np.pi * np.asarray(bins, dtype=float)
-    total = float(window.transform(np.zeros(1), 1.0)[0].real)
-    return np.asarray(window.transform(omega.ravel(), 1.0).reshape(omega.shape) / total)
+    return np.asarray(window.transform(omega, 1.0) / window.mean)

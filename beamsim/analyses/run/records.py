@@ -9,21 +9,24 @@ of cosines, whose transforms are known in closed form.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotrs
 
-from beamsim.flow.channels import MotionPart
+from beamsim.flow.channels import Exponentials, MotionPart
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _DIFFERENCE = 1e-3  # of frequencies, over one over the duration, for derivatives by the frequency
 _MOST_STEPS = 24  # to the frequencies of lines
 _AT_REST = 1e-5  # change of a frequency over one over the duration
+_DEPENDENT = 1e-5  # share of a function that the ones before it do not explain
 _NEAREST = 0.5  # of two lines, over one over the duration, that a fit can separate
 
+_RIGHT_ANGLES = np.array([1.0, 0.0, -1.0, 0.0])  # cosines of 0 to 3 of them; that of one less is the sine
 # Coefficients of w(u) = sum_j (-1)^j a_j cos(2 pi j u / T); importing scipy.signal would cost most of a second.
 _COSINE_SUMS = {
     "rectangular": (1.0,),
@@ -59,6 +62,11 @@ class Window:
         a = np.array(_COSINE_SUMS[self.name])
         return a if self.one_sided else a * (-1.0) ** np.arange(a.size)
 
+    @property
+    def mean(self) -> float:
+        """Of the window; its cosines have none."""
+        return float(self.cosines[0])
+
     def turn(self, duration: float) -> float:
         """kappa, rad/s."""
         return float((1.0 if self.one_sided else 2.0) * np.pi / duration)
@@ -78,35 +86,33 @@ class Window:
         out[0] = mean
         return np.asarray(out)
 
-    def weigh(self, integrals: Callable[[Floats], Complexes], omega: Floats, duration: float) -> Complexes:
-        r"""Fourier integrals of a signal under the window, :math:`\int w x e^{-i\omega u} du`.
-
-        Parameters
-        ----------
-        integrals : angular frequencies (F,), rad/s -> the same integrals (F,) without the window.
-        omega : (W,) rad/s.
-        duration : of the window, s.
-
-        Returns
-        -------
-        (W,) in the unit of the signal times s.
-        """
-        shifts, factor = self._exponentials(duration)
-        return np.asarray(factor @ integrals(np.add.outer(shifts, omega).ravel()).reshape(shifts.size, omega.size))
+    @cached_property
+    def exponentials(self) -> Exponentials:
+        r"""The window as a sum of :math:`e^{-i \pi s u / T}`."""
+        each = 1 if self.one_sided else 2
+        sides = [(each * j, 0.5 * c) for j, c in enumerate(self.cosines.tolist()) if j]
+        return ((0, float(self.cosines[0])), *sides, *((-s, c) for s, c in sides))
 
     def transform(self, omega: Floats, duration: float) -> Complexes:
-        r"""(W,) :math:`\int_0^T w e^{-i\omega u} du`."""
-        (shifts, factor), half = self._exponentials(duration), 0.5 * duration
-        sincs = np.sinc(np.add.outer(shifts, omega) * (half / np.pi))
-        return np.asarray(duration * np.exp(-1j * half * omega) * ((factor * np.exp(-1j * half * shifts)) @ sincs))
+        r"""Fourier integrals :math:`\int_0^T w e^{-i\omega u} du` of the window, of the shape of omega, rad/s.
 
-    def _exponentials(self, duration: float) -> tuple[Floats, Floats]:
-        """Angular frequencies, rad/s, and factors, of the window as a sum of exponentials ``e^(-i shift u)``."""
-        j = np.arange(self.cosines.size)
-        shifts = self.turn(duration) * np.concatenate([-j[:0:-1], j])
-        factor = 0.5 * np.concatenate([self.cosines[:0:-1], self.cosines])
-        factor[j.size - 1] *= 2.0
-        return shifts, factor
+        With :math:`x = \omega T / 2 \pi` an exponential of the window contributes
+        :math:`T e^{-i \pi x} (-i)^s \sin(\pi (x + s / 2)) / (\pi (x + s / 2))`. The sine is that of :math:`\pi x`,
+        turned by s right angles: a sine where s is even, a cosine where it is odd.
+        """
+        x = np.asarray(omega, dtype=float) * (duration / (2.0 * np.pi))
+        turns = np.rint(2.0 * x)
+        rest = x - 0.5 * turns  # no more than a quarter, so that sines keep their digits near zero
+        rest[rest == 0.0] = 1e-20  # sin(z) / z is 1 there
+        sine, cosine = np.sin(np.pi * rest), np.cos(np.pi * rest)
+        quarter = turns.astype(np.int64) % 4
+        along, across = _RIGHT_ANGLES[quarter], _RIGHT_ANGLES[quarter - 1]
+        sine, cosine = sine * along + cosine * across, cosine * along - sine * across
+        sums = np.zeros((2, *x.shape))  # over the even and the odd s
+        for steps, factor in self.exponentials:  # (-i)^s and the turned sine have the same signs but for odd s
+            sums[steps % 2] += factor / ((turns + steps) * 0.5 + rest)
+        total = sine * sums[0] - 1j * cosine * sums[1] if self.one_sided else sine * sums[0]
+        return np.asarray((duration / np.pi) * (cosine - 1j * sine) * total)
 
 
 @lru_cache(maxsize=4)
@@ -304,8 +310,8 @@ class MotionRecord:
         """See `SpectrumRecord`; up to the highest frequency."""
         count = int(self.highest_hz * self.duration * (1 + 1e-12)) + 1
         omega = 2.0 * np.pi / self.duration * np.arange(count, dtype=np.float64)
-        total = float(window.transform(np.zeros(1), self.duration)[0].real)
-        seen = window.weigh(lambda nu: self.part.integrals(nu, self.column), omega, self.duration)
+        total = window.mean * self.duration
+        seen = self.part.weighted(window.exponentials)[self.column, : 2 * count : 2]
         mean = float(seen[0].real) / total
         out = (seen - mean * window.transform(omega, self.duration)) * (2.0 / total)
         out[0] = mean
@@ -315,7 +321,7 @@ class MotionRecord:
         """See `SpectrumRecord`; by integrals."""
         omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
         matrix, total = _normal_equations(window, omega.tobytes(), self.duration)
-        moved = window.weigh(lambda nu: self.part.integrals(nu, self.column), np.append(0.0, omega), self.duration)
+        moved = self.part.integrals(np.append(0.0, omega), self.column, window.exponentials)
         return matrix, np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real]) / total
 
     def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
@@ -388,22 +394,47 @@ def _correction(record: SpectrumRecord, frequency_hz: Floats, moving: Ints, wind
     shift, lines = _DIFFERENCE / record.duration, frequency_hz[moving]
     plain = np.concatenate([[shift], frequency_hz, lines + shift, lines - shift])
     matrix, right = record.normal_equations(plain, window)
-    unit = np.eye(right.size)
-    sines, cosines = unit[1 : 1 + plain.size], unit[1 + plain.size :]
-    linear = np.concatenate([unit[:1], sines[:1] / turn, sines[1 : 1 + k], cosines[1 : 1 + k]])  # the second is a slope
-    fit = _solved(linear @ matrix @ linear.T, linear @ right)[2:]
-    by_sine, by_cosine = ((of[1 + k : 1 + k + n] - of[1 + k + n :]) / (2.0 * turn) for of in (sines, cosines))
-    sine, cosine = fit[:k][moving, None], fit[k:][moving, None]
-    functions = [linear, sine * by_sine + cosine * by_cosine]
-    if window.one_sided:
-        functions.append(cosine * by_sine - sine * by_cosine)  # the sinusoids times the time
-    all_of_them = np.concatenate(functions)
-    fit = _solved(all_of_them @ matrix @ all_of_them.T, all_of_them @ right)[2:]
+    sines, cosines = np.split(np.arange(1, right.size), 2)  # places of these functions
+    of_lines = np.concatenate([sines[1 : 1 + k], cosines[1 : 1 + k]])
+    linear = [_multiples([0, sines[0]], [1.0, 1.0 / turn]), _multiples(of_lines, 1.0)]  # the second is a slope
+    fit = _solved(*_combined(matrix, right, linear))[2:]
+    by_frequency = np.concatenate([sines[1 + k :].reshape(2, n), cosines[1 + k :].reshape(2, n)]).T
+    sine, cosine = fit[:k][moving] / (2.0 * turn), fit[k:][moving] / (2.0 * turn)
+    functions = [*linear, (by_frequency, np.stack([sine, -sine, cosine, -cosine], axis=1))]
+    if window.one_sided:  # the sinusoids times the time
+        functions.append((by_frequency, np.stack([cosine, -cosine, -sine, sine], axis=1)))
+    fit = _solved(*_combined(matrix, right, functions))[2:]
+    sine, cosine = 2.0 * turn * sine, 2.0 * turn * cosine
     c, turning = fit[:k][moving] + 1j * fit[k : 2 * k][moving], fit[2 * k : 2 * k + n]
     swelling = fit[2 * k + n :] if window.one_sided else np.zeros(n)
-    by_time = (sine[:, 0] + 1j * cosine[:, 0]) * (1j * turning - swelling)
+    by_time = (sine + 1j * cosine) * (1j * turning - swelling)
     size = np.maximum(np.abs(c) ** 2, np.finfo(float).tiny)
     return np.asarray((np.conj(c) * by_time).imag / size / (2.0 * np.pi))
+
+
+def _multiples(places: Sequence[int] | Ints, factor: float | Sequence[float]) -> tuple[Ints, Floats]:
+    """Functions that are multiples of those at some places, see `_combined`."""
+    number, weight = np.asarray(places)[:, None], np.zeros((len(places), 4))
+    weight[:, 0] = factor
+    return np.repeat(number, 4, axis=1), weight
+
+
+def _combined(matrix: Floats, right: Floats, functions: list[tuple[Ints, Floats]]) -> tuple[Floats, Floats]:
+    """Normal equations of sums of functions, from those (f, f) and (f,) of the functions.
+
+    Parameters
+    ----------
+    matrix, right : of the functions.
+    functions : of each sum the places (g, 4) of its functions, and their weights (g, 4).
+
+    Returns
+    -------
+    (g, g) and (g,).
+    """
+    place, weight = (np.concatenate(part) for part in zip(*functions, strict=True))
+    rows = sum(weight[:, q, None] * matrix[place[:, q]] for q in range(4))
+    both = sum(weight[:, q] * rows[:, place[:, q]] for q in range(4))
+    return np.asarray(both), np.asarray((weight * right[place]).sum(axis=1))
 
 
 def _on_slope(record: SpectrumRecord, frequency_hz: Floats, window: Window) -> tuple[float, Complexes]:
@@ -419,7 +450,11 @@ def _on_slope(record: SpectrumRecord, frequency_hz: Floats, window: Window) -> t
 
 def _solved(matrix: Floats, right: Floats) -> Floats:
     """Solution of normal equations, of least norm where two lines have one frequency."""
-    return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
+    size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    factor, failed = dpotrf(matrix / np.multiply.outer(size, size), lower=1)
+    if failed or float(np.diag(factor).min()) < _DEPENDENT:
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
+    return np.asarray(dpotrs(factor, right / size, lower=1)[0] / size)
 
 
 def _complex(fit: Floats, frequency_hz: Floats, start: float) -> Complexes:
@@ -443,12 +478,10 @@ def _normal_equations(window: Window, omega_bytes: bytes, duration: float) -> tu
     """
     omega = np.frombuffer(omega_bytes)
 
-    def transform(nu: Floats) -> Complexes:
-        return window.transform(nu.ravel(), duration).reshape(nu.shape)
-
-    across, along = transform(np.subtract.outer(omega, omega)), transform(np.add.outer(omega, omega))
-    alone = transform(omega)
-    total = float(transform(np.zeros(1))[0].real)
+    total, k = window.mean * duration, omega.size
+    pairs = np.concatenate([np.subtract.outer(omega, omega), np.add.outer(omega, omega), omega[None]])
+    across, along, alone = np.split(window.transform(pairs, duration), [k, 2 * k])
+    alone = alone[0]
     gram = np.block(
         [
             [np.array([[total]]), -alone.imag[None], alone.real[None]],
