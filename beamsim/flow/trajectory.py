@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from beamsim.flow.moments import (
 from beamsim.flow.state_tables import visited_states
 from beamsim.outcomes import Outcome, OutcomeKind, Where, check_stop
 from beamsim.system.state_equations import RowsOf
-from beamsim.typing import Bools, Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 
 LARGEST = 1e50  # of a state; where it is larger, extremes are searched for in another unit
 SEGMENTS_AT_ONCE = 4096  # whose values at both ends are kept together
@@ -100,6 +100,24 @@ class Trajectory:
         return replace(
             self, event_time=self.event_time[which], event_contact=self.event_contact[which],
             event_before=self.event_before[which], event_phase=self.event_phase[which],
+        )  # fmt: skip
+
+    @classmethod
+    def joined(cls, chunks: Sequence[Trajectory]) -> Trajectory:
+        """Consecutive chunks of a motion under a record, each in a flow on its pieces, as one trajectory."""
+        if len(chunks) == 1:
+            return chunks[0]
+        spans = [not_none(chunk.flow.pieces) for chunk in chunks]
+        first = spans[0][0]
+
+        def column(name: str) -> Any:
+            return np.concatenate([getattr(chunk, name) for chunk in chunks])
+
+        pieces = [chunk.piece + span[0] - first for chunk, span in zip(chunks, spans, strict=True)]
+        columns = ("time", "length", "state", "y", "event_time", "event_contact", "event_before", "event_phase")
+        return replace(
+            chunks[-1], flow=chunks[-1].flow.on_pieces(first, spans[-1][1]), piece=np.concatenate(pieces),
+            **{name: column(name) for name in columns},
         )  # fmt: skip
 
     def sample(self, times: Floats, output_of: RowsOf) -> Floats:

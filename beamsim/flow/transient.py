@@ -1,7 +1,7 @@
-"""The exact transient, without time-stepping error: the march from contact to contact, at once or in stretches.
+"""The exact transient, without time-stepping error: the march from contact to contact, as a whole or chunk by chunk.
 
-The latest stretch and the states at checkpoints are kept. What is asked for later is marched again from the checkpoint
-before it, with the same bits, since a checkpoint is where a piece begins, where a segment begins in any case.
+A chunk is marched once. What is wanted of a motion that does not fit into the memory has to be taken of each chunk when
+it is there.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.kernels import BEGINNING, BUDGET, DONE, NEED_STATE, STUCK, Position, march
 from beamsim.flow.trajectory import Trajectory, too_many_events
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where, check_stop, interruption, never
-from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Bools, Floats, Ints
 
 
@@ -290,18 +289,15 @@ def motion_of(flow: ExactFlow, motion: Motion, log: Log, march: March) -> Trajec
     return trajectory if np.all(np.isfinite(motion.y)) else trajectory.up_to_finite()
 
 
-CHECKPOINT_PIECES = 4096  # between two checkpoints
-
-
-class MotionInStretches(March):
+class MotionInChunks(March):
     """A motion from a state at t = 0 to the end of its flow.
 
     Parameters
     ----------
-    flow : of the whole motion; where it is taken in stretches, on the first pieces of a record of which all its inputs
+    flow : of the whole motion; where it is taken in chunks, on the first pieces of a record of which all its inputs
         are made, see `beamsim.inputs.signal`.
     initial_state : at t = 0.
-    pieces_at_once : of the record in a stretch; by default the whole motion is one.
+    pieces_at_once : of the record in a chunk; by default the whole motion is one.
     max_events, progress, stop : see `beamsim.flow.transient.simulate`.
     """
 
@@ -316,21 +312,18 @@ class MotionInStretches(March):
         stop: Callable[[], bool] = never,
     ) -> None:
         begin = processor_time()
-        told = None if progress is None else lambda time: progress(time / flow.duration)
-        super().__init__(max_events=max_events, progress=told, stop=stop, foresees=True)
-        self.flow, self.one_stretch = flow, pieces_at_once is None
-        self._step, self._pieces, self._at_once = flow.duration, 1, 1  # a motion of one stretch is one piece
+        share = None if progress is None else lambda time: progress(time / flow.duration)
+        super().__init__(max_events=max_events, progress=share, stop=stop, foresees=True)
+        self.flow, self.one_chunk = flow, pieces_at_once is None
+        self._step, self._pieces, self._at_once = flow.duration, 1, 1  # a motion of one chunk is one piece
         if pieces_at_once is not None:
             assert flow.record is not None
-            self._step = flow.record.step
+            self._step, self._at_once = flow.record.step, pieces_at_once
             self._pieces = int(np.ceil(flow.duration / self._step - 1e-9))
-            self._at_once = max(pieces_at_once // CHECKPOINT_PIECES, 1) * CHECKPOINT_PIECES
-        motion, self._begun = start(flow, initial_state)
-        self._checkpoints, self._motion = [motion.copy()], motion
+        self._motion, self._begun = start(flow, initial_state)
         none = np.zeros(flow.system.contacts.count)
         self._shares: list[tuple[float, float, Floats]] = [(0.0, 0.0, none)]  # end, s, length, s, and (m,) in contact
         self._events: list[Log] = []
-        self._latest: Trajectory | None = None
         self.processor_time_s = processor_time() - begin
 
     @property
@@ -344,101 +337,43 @@ class MotionInStretches(March):
         return len(self.flow.visited)
 
     @property
-    def stretch_s(self) -> float:
-        """Length of a stretch, s."""
+    def chunk_s(self) -> float:
+        """Length of a chunk, s."""
         return self._at_once * self._step
 
-    def stretches(self) -> Iterator[Trajectory]:
-        """March, stretch by stretch."""
+    def chunks(self) -> Iterator[Trajectory]:
+        """March, chunk by chunk, once."""
         for first in range(0, self._pieces, self._at_once):
             begin = processor_time()
-            stretch = self._march(first, min(first + self._at_once, self._pieces))
+            chunk = self._march(first, min(first + self._at_once, self._pieces))
             self.processor_time_s += processor_time() - begin
-            self.outcome, self._latest = stretch.outcome, stretch
+            self.outcome = chunk.outcome
             if not self.outcome.complete and self.progress is not None:
                 self.progress(self.flow.duration)  # nothing of the march remains to be done
-            if stretch.length.sum() > 0 or first == 0:
-                yield stretch
+            if chunk.length.sum() > 0 or first == 0:
+                yield chunk
             if not self.outcome.complete:
                 return
 
     def _march(self, first: int, last: int) -> Trajectory:
-        """Go on to the piece ``last``, or to the end of the motion, and keep checkpoints on the way."""
-        flow, motion, duration = self._on_pieces(first, last), self._motion, self.flow.duration
-        stops = [k * self._step for k in range(first + CHECKPOINT_PIECES, last + 1, CHECKPOINT_PIECES)]
-        if last == self._pieces:
-            stops = [*(t for t in stops if t < duration), duration]
-        parts = [self._begun] if first == 0 else []
-        for end in stops:
-            parts.append(self.on(flow, motion, end))
-            if not self.outcome.complete or not np.all(np.isfinite(motion.y)):
-                break
-            self._checkpoints.append(motion.copy())
-        stretch = motion_of(flow, motion.copy(), Log.join(parts), self)
-        if not stretch.outcome.complete:
-            motion.time = stretch.end
-        self._events.append(_events_of(stretch))
-        self._shares.append((stretch.end, float(stretch.length.sum()), stretch.contact_share()))
-        return stretch
-
-    def _on_pieces(self, first: int, last: int) -> ExactFlow:
-        """The flow on some of the pieces, the first of which the motion is to go on with."""
-        if self.one_stretch:
-            return self.flow
-        self._motion.piece = 0
-        return self.flow.on_pieces(first, last + 1)
-
-    def within(self, begin: float, end: float) -> Trajectory:
-        """The segments of a part of the motion; see `beamsim.flow.trajectory.Trajectory.within`.
-
-        Parameters
-        ----------
-        begin, end : s; what is not part of the latest stretch is marched again.
-        """
-        latest = self._latest
-        if latest is None or (not self.one_stretch and (begin < latest.time[0] or end > latest.end)):
-            latest = self._latest = self._again(begin, end)
-        whole = begin <= float(latest.time[0]) and end >= latest.end
-        return latest if whole else latest.within(begin, end)
+        """Go on to the piece ``last``, or to the end of the motion."""
+        flow, motion = self.flow, self._motion
+        if not self.one_chunk:
+            flow, motion.piece = flow.on_pieces(first, last + 1), 0
+        end = self.flow.duration if last == self._pieces else last * self._step
+        log = self.on(flow, motion, end)
+        chunk = motion_of(flow, motion.copy(), Log.join([self._begun, log]) if first == 0 else log, self)
+        if not chunk.outcome.complete:
+            motion.time = chunk.end
+        self._events.append(_events_of(chunk))
+        self._shares.append((chunk.end, float(chunk.length.sum()), chunk.contact_share()))
+        return chunk
 
     def end_with(self, part: Trajectory) -> None:
-        """Forget what was marched after the first part of the latest stretch, since the evaluation ended there."""
-        self.outcome, self._latest, self._motion.time = interruption(at=Where(part.end, "s")), part, part.end
+        """Forget what was marched after the first part of the latest chunk, since the evaluation ended there."""
+        self.outcome, self._motion.time = interruption(at=Where(part.end, "s")), part.end
         self._events[-1] = _events_of(part)
         self._shares[-1] = (part.end, float(part.length.sum()), part.contact_share())
-
-    def again(self) -> Iterator[Trajectory]:
-        """The motion that was reached, stretch by stretch; what is not kept is marched again."""
-        for first in range(0, self._pieces, self._at_once):
-            if first and first * self._step >= self.end:
-                return
-            yield self.within(first * self._step, min((first + self._at_once) * self._step, self.end))
-
-    def _again(self, begin: float, end: float) -> Trajectory:
-        """From the checkpoint before a time to the end of the piece in which another one is."""
-        at = max(int(np.searchsorted([point.time for point in self._checkpoints], begin, side="right")) - 1, 0)
-        first = at * CHECKPOINT_PIECES
-        last = min(max(int(np.ceil(end / self._step - 1e-9)) + 1, first + 1), self._pieces)
-        flow, motion = self.flow.on_pieces(first, last + 1), self._checkpoints[at].copy()
-        motion.piece = 0
-        march = March(max_events=10**9, max_evaluations=10**12)
-        return motion_of(flow, motion, march.on(flow, motion, min(last * self._step, self.end)), march)
-
-    def sample(self, times: Floats, output_of: RowsOf) -> Floats:
-        """Outputs (nt, k) at increasing times; at an event the state after it counts."""
-        count = output_of(self.flow.system.contacts.start).shape[0]
-        out, first = np.empty((times.size, count)), 0
-        while first < times.size:
-            begin = float(times[first])
-            last = max(int(np.searchsorted(times, begin + self.stretch_s, side="right")), first + 1)
-            out[first:last] = self.within(begin, float(times[last - 1])).sample(times[first:last], output_of)
-            first = last
-        return out
-
-    def states_at(self, times: Floats) -> Floats:
-        """(nt, N) the state: (q, q') and the contacts' internal states."""
-        states = [self.within(t, t).states_at(np.array([t])) for t in times]
-        return np.array(states).reshape(times.size, self.flow.size)
 
     @property
     def log_of_events(self) -> Log:
@@ -477,9 +412,9 @@ class MotionInStretches(March):
         return np.asarray(length @ share / max(length.sum(), np.finfo(float).tiny))
 
 
-def _events_of(stretch: Trajectory) -> Log:
+def _events_of(chunk: Trajectory) -> Log:
     """The events alone; no part of an array that holds the segments too, which would keep it."""
-    return Log.sized(0, stretch.y.shape[1], 0)._replace(
-        event_time=stretch.event_time.copy(), event_contact=stretch.event_contact.copy(),
-        event_before=stretch.event_before.copy(), event_phase=stretch.event_phase.copy(),
+    return Log.sized(0, chunk.y.shape[1], 0)._replace(
+        event_time=chunk.event_time.copy(), event_contact=chunk.event_contact.copy(),
+        event_before=chunk.event_before.copy(), event_phase=chunk.event_phase.copy(),
     )  # fmt: skip

@@ -372,7 +372,7 @@ class Run(Schema):
     memory: q.Memory = 2e9
     """Bound on what a run keeps in memory: half of it for the motion between events (which ends when this is full), a
     fifth for the tables of contact states. Histories at the output times come on top. A motion under random input
-    that does not fit is evaluated in stretches, see docs/performance.md."""
+    that does not fit is evaluated in chunks, see docs/performance.md."""
     most_contact_states: Annotated[q.Count, Field(ge=2)] | None = None
     """Contact states whose tables are kept at once; the least recently used makes room. By default those that fit
     into run.memory."""

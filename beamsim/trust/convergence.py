@@ -26,7 +26,7 @@ from beamsim.errors import ScenarioError
 from beamsim.fields import figure_in_words
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.transient import MotionInStretches
+from beamsim.flow.transient import MotionInChunks
 from beamsim.outcomes import Outcome, OutcomeKind, listed
 from beamsim.scenario import Scenario
 from beamsim.typing import Floats, Ints, not_none
@@ -167,7 +167,7 @@ class ContactEvents:
     phase: Ints  # of the contact after the event
 
     @classmethod
-    def of(cls, motion: Trajectory | MotionInStretches | ReferenceTrajectory, snubbers: int) -> Self:
+    def of(cls, motion: Trajectory | MotionInChunks | ReferenceTrajectory, snubbers: int) -> Self:
         """Those of a motion whose first ``snubbers`` contacts are snubbers."""
         these = motion.event_contact < snubbers
         return cls(motion.end, motion.event_time[these], motion.event_contact[these], motion.event_phase[these])

@@ -111,7 +111,7 @@ def _without(result: RunResult, reason: str) -> RunResult:
 
 def _compared(result: RunResult, motion: RunMotion) -> Against:
     exact, stepped = result.summary, figures_of_motion(motion)
-    histories, end = motion.sampled(), motion.marched.end
+    histories, end = not_none(motion.histories), motion.marched.end
     ours, theirs = _events(result.events, end), _events(motion.events, end)
     diverged = min(divergence(ours, theirs), end)
     count = int(np.searchsorted(result.time, diverged, side="right"))

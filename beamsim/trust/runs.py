@@ -30,10 +30,11 @@ import numpy as np
 
 from beamsim.analyses.gapping import finite, gapping_ratios
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
-from beamsim.analyses.run.exact_motion import motion_in_stretches
+from beamsim.analyses.run.exact_motion import motion_in_chunks
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
 from beamsim.analyses.run.linear_prediction import gapping_of_sine
 from beamsim.analyses.run.motion import Histories, RunMotion, output_times
+from beamsim.analyses.run.needed import MOTION_ALONE
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
 from beamsim.analyses.run.records import SampledRecord, SpectrumRecord
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, RunResult, ShockResponse, Spectrum
@@ -155,15 +156,10 @@ class Model:
         dynamics = replace(self.system.dynamics, stiffness=(1.0 + share) * self.system.dynamics.stiffness)
         system, settings = replace(self.system, dynamics=dynamics), self.settings.model_copy(update={"duration": end})
         most = 4 * self.motion.work.events + 1000
-        motion, _ = motion_in_stretches(system, settings, most_events=most)
-        for _ in motion.stretches():
+        motion, _ = motion_in_chunks(system, settings, most_events=most)
+        for _ in motion.chunks():
             pass
         return ContactEvents.of(motion, len(system.snubbers))
-
-    @property
-    def sampled(self) -> Trajectory | Histories:
-        """The motion in closed form, or that from time stepping at its output times."""
-        return self.motion.trajectory or self.motion.sampled()
 
 
 def run(
@@ -235,7 +231,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
         system = build_system(case, shared)
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
-        return Model(motion_of(system, again, output_times(case), None, never))
+        return Model(motion_of(system, again, output_times(case), None, never, MOTION_ALONE))
 
     if keeps_all(scenario, modes):
         changes, lines = _with_lines(derived, unchanged(first.values | derived.reported()))
@@ -273,13 +269,13 @@ def _compared_models(first: Model, second: Model, derived: DerivedValues) -> Con
         before = relative_changes([early], [second.until(diverged)], whole=first.values)
         changes = larger(before, relative_changes(windows, later))
         scatter = relative_changes(windows, later, scatter=True)
-        one, other = (derived.again(m.system, m.sampled, parts) for m in (first, second))
+        one, other = (derived.again(m.system, m.motion.known, parts) for m in (first, second))
         changes |= relative_changes(one, other)
         if parts > 1:
             scatter |= _with_lines(derived, relative_changes(one, other, scatter=True))[0]
     else:
         changes = relative_changes([first.values], [second.values])
-        again = derived.again(second.system, second.sampled)
+        again = derived.again(second.system, second.motion.known)
         changes |= relative_changes([derived.reported()], again)
         scatter = derived.scatter()
     changes, lines = _with_lines(derived, changes)

@@ -8,7 +8,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run import exact_motion
 from beamsim.errors import ScenarioError
-from beamsim.flow import exact, transient
+from beamsim.flow import exact
 from beamsim.inputs import signal
 from beamsim.trust import convergence
 
@@ -29,8 +29,7 @@ def scenario(**run):
 def small_parts():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(signal, "PIECES_OF_A_BLOCK", 700)
-        for module in (transient, exact_motion):
-            patch.setattr(module, "CHECKPOINT_PIECES", 256)
+        patch.setattr(exact_motion, "FEWEST_PIECES", 256)
         patch.setattr(exact_motion, "BYTES_A_PIECE", 12800)
         yield
 
@@ -56,14 +55,16 @@ def counted_pieces():
 
 @pytest.fixture(scope="module")
 def both():
-    """A run that is kept and the same in stretches, with accelerations behind a filter, impacts and fatigue."""
+    """A run that is kept and the same in chunks, with accelerations behind a filter, impacts and fatigue."""
     with counted_pieces() as counts:
         whole = beamsim.run(scenario(memory=1e9, **ASKED))
         assert counts == [PIECES + 2]  # it was kept
         counts.clear()
         parts = beamsim.run(scenario(**ASKED))
-        assert len(counts) > 20
-        assert max(counts) <= PIECES // 2
+        _, *of_chunks, latest = counts  # the first is for the start
+        assert len(of_chunks) > 15
+        assert sum(count - 1 for count in of_chunks) == PIECES + 1  # every piece is in one chunk, and marched once
+        assert latest <= PIECES // 2  # for the spectra
     return whole, parts
 
 
@@ -79,7 +80,7 @@ def histories(result):
     return arrays
 
 
-def test_a_motion_in_stretches_is_that_which_is_kept(both):
+def test_a_motion_in_chunks_is_that_which_is_kept(both):
     whole, parts = both
     assert parts.work.events == whole.work.events > 20
     assert parts.work.segments == whole.work.segments > PIECES
@@ -107,7 +108,7 @@ def test_a_motion_in_stretches_is_that_which_is_kept(both):
     np.testing.assert_allclose(parts.only_body.extreme_shapes, shapes, rtol=0, atol=1e-7 * np.abs(shapes).max())
 
 
-def test_impacts_from_a_time_on_are_the_same_in_stretches():
+def test_impacts_from_a_time_on_are_the_same_in_chunks():
     asked = {"impacts": {}, "from": 0.0517, "sample_rate": 20000.0}
     whole, parts = (beamsim.run(scenario(memory=memory, **asked)).impacts for memory in (1e9, 64e6))
     assert whole.begin.size > 10
@@ -139,7 +140,7 @@ def test_what_needs_the_whole_motion_is_refused():
         beamsim.run(scenario(srs={"from": 20.0, "to": 500.0}))
 
 
-def test_a_filter_impacts_and_fatigue_of_stretches_are_those_of_a_kept_motion(both):
+def test_a_filter_impacts_and_fatigue_of_chunks_are_those_of_a_kept_motion(both):
     whole, parts = both
     for name, probe in whole.probes.items():
         values, scale = probe.low_passed_acceleration, np.abs(probe.low_passed_acceleration).max()

@@ -65,19 +65,20 @@ def undisturbed():
 @pytest.fixture
 def no_grace(monkeypatch):
     """No time to evaluate what was marched, as if the motion were a very long one."""
-    from beamsim.analyses.run import exact_motion
+    from beamsim.analyses.run import exact_motion, observers
 
-    for name, value in {"GRACE_S": -1.0, "KEPT_S": -1.0, "FEWEST_SAMPLES": 10, "FEWEST_SEGMENTS": 8}.items():
+    for name, value in {"GRACE_S": -1.0, "KEPT_S": -1.0, "FEWEST_SEGMENTS": 8}.items():
         monkeypatch.setattr(exact_motion, name, value)
-    monkeypatch.setattr(exact_motion, "VALUES_AT_ONCE", 20_000)
+    for name, value in {"FEWEST_SAMPLES": 10, "VALUES_AT_ONCE": 20_000}.items():
+        monkeypatch.setattr(observers, name, value)
 
 
 @pytest.mark.parametrize(
     ("function", "times", "left_out"),
     [
-        ("with_stretch", 1, None),
-        ("with_stretch", 4, None),
-        ("histories_of", 200, "the histories after"),
+        ("with_chunk", 1, None),
+        ("with_chunk", 4, None),
+        ("record", 200, "the histories after"),
         ("spectra_of", 20, "the spectra"),
         ("summary_of_run", 1, "the level that changes contact"),
         ("aliased_in_histories", 5, "aliasing"),
@@ -104,7 +105,7 @@ def test_a_long_motion_interrupted_anywhere_keeps_a_part_that_is_right(
         compared = beamsim.run(load_scenario(CHAIN, [*SAMPLED, f"run.duration={end!r} s"]))
     else:
         assert part.status.startswith(f"interrupted before {left_out}")
-        assert (count < undisturbed.time.size) == (function == "histories_of")
+        assert (count < undisturbed.time.size) == (function == "record")
     assert part.summary["contacts"] == compared.summary["contacts"]
     for entry in ("peak_displacement_m", "peak_force_n", "contact_share"):
         assert part.summary[entry] == pytest.approx(compared.summary[entry], rel=1e-9)

@@ -24,7 +24,6 @@ from beamsim.analyses.run.aliasing import aliased_in_histories
 from beamsim.analyses.run.exact_motion import exact_motion_of
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
-from beamsim.analyses.run.impacts import impacts_of
 from beamsim.analyses.run.motion import (
     RunMotion,
     Steps,
@@ -44,7 +43,6 @@ from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
 from beamsim.analyses.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.errors import InputFileError, Problem, ScenarioError
-from beamsim.flow.transient import MotionInStretches
 from beamsim.hdf5 import is_as_written, open_hdf5
 from beamsim.input_files import reading
 from beamsim.inputs.statements import InputStatement
@@ -135,7 +133,7 @@ def solved(
     scenario, system = _built(scenario, shared)
     settings, needed, times = not_none(scenario.run), Needed.of(scenario, entries), output_times(scenario)
     motion = motion_of(system, settings, times, progress, stop, needed)
-    sampled = motion.sampled() if needed.everything or needed.statistics else None
+    sampled = motion.histories if needed.everything or needed.statistics else None
     steps = Steps(stop)
     if sampled is not None and sampled.time.size < reached(motion.marched.end, times).size:
         steps.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
@@ -215,7 +213,7 @@ def _asked_for(result: RunResult, motion: RunMotion, needed: Needed, steps: Step
     needed : of it; what a note may follow from is computed in any case.
     steps : of the evaluation.
     """
-    scenario, system, closed_form = result.scenario, motion.system, isinstance(motion.marched, MotionInStretches)
+    scenario, system, closed_form = result.scenario, motion.system, motion.trajectory is not None
     settings = not_none(scenario.run)
     fields: dict[str, Any] = {}
     notes: list[str] = []
@@ -226,23 +224,19 @@ def _asked_for(result: RunResult, motion: RunMotion, needed: Needed, steps: Step
         if random is not None:
             fields |= {"random": random, "outcome": largest_known(result.outcome, random, settings)}
     counted = settings.from_ < motion.marched.end or not settings.from_
-    if needed.everything and settings.impacts is not None and closed_form and counted:
-        fields["impacts"] = steps.computed(
-            "statistics of impacts", lambda: impacts_of(system, motion.parts()), result.impacts
-        )
-    if settings.fatigue is not None and system.stress is not None:
+    if (impacts := motion.impacts) is not None and counted:
+        fields["impacts"] = steps.computed("statistics of impacts", impacts.result, result.impacts)
+    if settings.fatigue is not None and (stresses := motion.stresses) is not None:
         end, extremes = motion.marched.end, motion.extremes[STRESS]
         damage = steps.computed(
-            "the damage of stress", lambda: fatigue_of(system, motion.parts, end, extremes), result.fatigue
+            "the damage of stress", lambda: fatigue_of(system, stresses, end, extremes), result.fatigue
         )
         fields["fatigue"] = damage
         notes += fatigue_warnings(damage, settings.fatigue)
     if settings.srs is not None and needed.has("srs_over_limit"):
-        fields["srs"] = steps.computed(
-            "shock response spectra", lambda: shock_response(system, motion.trajectory or motion.sampled()), None
-        )
+        fields["srs"] = steps.computed("shock response spectra", lambda: shock_response(system, motion.known), None)
     if settings.srs is not None and not closed_form:
-        notes += _coarse_samples(motion.sampled().time, settings.srs)
+        notes += _coarse_samples(not_none(motion.histories).time, settings.srs)
     if settings.srs is not None:
         notes += _coarse_records(system.inputs, settings.srs)
     if settings.sensitivities:

@@ -15,8 +15,10 @@ import numpy as np
 from beamsim.analyses.branch import OrbitMotion
 from beamsim.analyses.run.aliasing import between_samples
 from beamsim.analyses.run.analysis import built_at_orbit, motion_of
+from beamsim.analyses.run.needed import Needed
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.values import FORCE, OPENING
+from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.outcomes import Progress, never
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
@@ -26,7 +28,7 @@ from beamsim.structures.stations import IN_PLANE, StationPart, Stations
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
-from beamsim.typing import Bools, Floats, Ints, not_none
+from beamsim.typing import Bools, Floats, Ints, not_none, of_kind
 
 PLATE_LINES, PLATE_POINTS = 5, 33
 FRAMES = 160
@@ -93,13 +95,14 @@ def frames_of_run(result: RunResult, progress: Progress = None, model: Structura
     system = system or build_system(result.scenario)
     times, slow = instants(result)
     until = {"duration": max(float(times[-1]), 1e-9), "low_pass": None, "srs": None}
-    motion = motion_of(system, settings.model_copy(update=until), times, progress, never)
-    known = motion.sampled()
+    asked = Needed(state_times=between_samples(times))
+    motion = motion_of(system, settings.model_copy(update=until), times, progress, never, asked)
+    known, states, between = not_none(motion.histories), motion.states, None
     times, slow = known.time, slow[: known.time.size]
-    q = np.array([motion.state_at(float(t))[: system.dynamics.size] for t in times])
-    between = None  # of a time-stepped motion: its states are known at the frames alone
-    if motion.trajectory is not None:
-        between = np.array([motion.state_at(float(t))[: system.dynamics.size] for t in between_frames(times)])
+    if states is None:  # of a time-stepped motion they are known at the frames alone
+        q = of_kind(ReferenceTrajectory, motion.marched).y[:, : system.dynamics.size]
+    else:
+        q, between = (states[first : 2 * times.size - 1 : 2, : system.dynamics.size] for first in (0, 1))
     none = np.zeros((times.size, 0))
     forces, openings = (known.of(key) if system.snubbers else none for key in (FORCE, OPENING))
     return frames_at(system, (times, slow), q, forces, openings, between)

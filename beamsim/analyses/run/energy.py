@@ -45,14 +45,14 @@ def stored_energy(system: PiecewiseLinearSystem, y: Floats, penetration: Floats,
 
 
 class EnergyBalance:
-    """How far energies are from balance, of a motion that is given stretch by stretch."""
+    """How far energies are from balance, of a motion that is given chunk by chunk."""
 
     def __init__(self) -> None:
         self._imbalance = self._exchanged = self._largest_stored = 0.0  # J, at the end of the latest
         self._worst: list[tuple[float, float | None]] = []  # of each its largest imbalance, and when it is lost, s
 
     def add(self, times: Floats, history: EnergyHistory, exchanged: float) -> None:
-        """Include the next stretch.
+        """Include the next chunk.
 
         Parameters
         ----------
@@ -109,7 +109,7 @@ def energies(
 
     Parameters
     ----------
-    trajectory : the motion, or a stretch of it.
+    trajectory : the motion, or a chunk of it.
     times : (nt,) increasing, s, not before ``begin``.
     factors : `power_factors` of its flow.
     begin : s, from when on work and dissipation are added up.

@@ -1,27 +1,31 @@
-"""The motion of a run in closed form, marched and evaluated stretch by stretch."""
+"""The motion of a run in closed form, marched and evaluated chunk by chunk, each once."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import suppress
 from copy import copy as copied
 from copy import deepcopy
-from functools import partial
+from dataclasses import dataclass
 
-import numpy as np
-
-from beamsim.analyses.run.energy import EnergyBalance, energies, energies_of_segments, power_factors
+from beamsim.analyses.run.energy import EnergyBalance, energies_of_segments
+from beamsim.analyses.run.fatigue import StressObserver
 from beamsim.analyses.run.filters import LowPassed, filtered
-from beamsim.analyses.run.impacts import friction_contacts
-from beamsim.analyses.run.motion import COMPONENTS, Histories, RunMotion, memory_of, reached, with_limit
+from beamsim.analyses.run.impacts import ImpactObserver, friction_contacts
+from beamsim.analyses.run.motion import RunMotion, memory_of, with_limit
 from beamsim.analyses.run.needed import EVERYTHING, Needed
-from beamsim.analyses.run.result import EnergyHistory
+from beamsim.analyses.run.observers import (
+    HistoryRecorder,
+    LatestPart,
+    PlateStress,
+    StatesAtExtremes,
+    StatesAtTimes,
+)
 from beamsim.analyses.values import (
     ACCELERATION,
     STRESS,
     Extreme,
-    extreme_times,
+    Extremes,
     outer,
 )
 from beamsim.errors import Problem, ScenarioError, locating
@@ -29,36 +33,34 @@ from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow, states_in_memory
 from beamsim.flow.trajectory import Trajectory
-from beamsim.flow.transient import CHECKPOINT_PIECES, MotionInStretches
+from beamsim.flow.transient import MotionInChunks
 from beamsim.inputs.signal import StreamedSignal, common_record
-from beamsim.outcomes import Interrupted, never, stopped_by
+from beamsim.outcomes import Interrupted, Stop, never, stopped_by
 from beamsim.scenario.run import Run
-from beamsim.system.equations import ChannelSet, Key
+from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
 BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
-STRETCH_SHARE = 0.064  # of the memory, for the pieces of a stretch
+CHUNK_SHARE = 0.064  # of the memory, for the pieces of a chunk
+FEWEST_PIECES = 4096  # in a chunk
 COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
 SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
-VALUES_AT_ONCE = 2**22  # outputs and states at the times that are computed together
-_STRESSES_AT_ONCE = 256  # samples
-SAMPLES_TO_SEED_STRESS = 2000  # values from which the search for the largest stress of every station starts
 MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
 TABLES_SHARE, MOTION_SHARE = 0.2, 0.5  # of it: tables of contact states, the motion between events
 
 
-def motion_in_stretches(
+def motion_in_chunks(
     system: StructuralSystem,
     settings: Run,
     *,
     most_events: int | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] = never,
-) -> tuple[MotionInStretches, str]:
+) -> tuple[MotionInChunks, str]:
     """The motion of a run, to be marched, and the setting that limits its events.
 
-    It is one stretch where its input has no more pieces than the motion between them has room for in the memory.
+    It is one chunk where its input has no more pieces than the motion between them has room for in the memory.
 
     Parameters
     ----------
@@ -74,19 +76,19 @@ def motion_in_stretches(
     Raises
     ------
     ScenarioError
-        If a motion of one stretch has an input of too many pieces.
+        If a motion of one chunk has an input of too many pieces.
     """
     record, at_once = common_record(system.forcing.signal), None  # of which all loads are made
     pieces = 0 if record is None else record.pieces
     if pieces * BYTES_A_PIECE > MOTION_SHARE * settings.memory:
-        at_once = max(int(STRETCH_SHARE * settings.memory / BYTES_A_PIECE), CHECKPOINT_PIECES)
+        at_once = max(int(CHUNK_SHARE * settings.memory / BYTES_A_PIECE), FEWEST_PIECES)
     flow = exact_flow(
         system, settings.duration, settings.most_contact_states, settings.memory,
         None if at_once is None else (0, min(at_once, pieces)),
     )  # fmt: skip
     room = events_in_memory(flow, settings.memory)
     most = min(settings.max_events, room) if most_events is None else most_events
-    motion = MotionInStretches(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
+    motion = MotionInChunks(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
     return motion, "run.max_events" if settings.max_events <= room else "run.memory"
 
 
@@ -114,19 +116,19 @@ def exact_motion_of(
     stop: Callable[[], bool],
     needed: Needed = EVERYTHING,
 ) -> RunMotion:
-    """The motion in closed form, with its figures, evaluated and forgotten stretch by stretch.
+    """The motion in closed form: every chunk is marched, evaluated once and forgotten.
 
     Parameters
     ----------
     system, settings : of the run.
     times : (nt,) s, at which it is asked for.
     progress, stop : see `beamsim.flow.transient.simulate`.
-    needed : which extremes are searched for.
+    needed : what is taken of it.
 
     Returns
     -------
     RunMotion
-        Up to where it ended; its histories are evaluated when they are asked for.
+        Up to where it ended.
 
     Raises
     ------
@@ -134,131 +136,105 @@ def exact_motion_of(
         Where something is asked for that needs the whole motion, which does not fit into the memory; where the input
         has too many pieces, or the filter of the accelerations would need too many panels.
     """
-    motion, limit = motion_in_stretches(system, settings, progress=progress, stop=stop)
-    if not motion.one_stretch:
+    motion, limit = motion_in_chunks(system, settings, progress=progress, stop=stop)
+    if not motion.one_chunk:
         _refuse_what_needs_all(system, settings)
-    figures, overdue = StretchFigures(system, settings, motion.flow, times, needed), Overdue(stop)
+    values, overdue = ChunkValues(system, settings, motion.flow, times, needed), Overdue(stop)
+    observed = _Observers.of(system, settings, motion, times, needed, stop)
     with locating({"duration": "run.duration"}):
-        for stretch in motion.stretches():
+        for chunk in motion.chunks():
+            part = chunk
             try:
                 with stopped_by(overdue):
-                    figures = figures.with_stretch(stretch)
+                    values = values.with_chunk(chunk)
             except Interrupted:
-                figures, part = figures.with_beginning(stretch)
+                values, part = values.with_beginning(chunk)
                 motion.end_with(part)
-    at = extreme_times(figures.extremes)
-    order = np.argsort(at)
+            observed.add(part, values.extremes)
     return RunMotion(
         system=system,
         method="exact",
-        outcome=figures.balance.checked(with_limit(motion.outcome, limit)),
-        sampled=lambda: histories_of(motion, system.channels.without(STRESS), times, stop),
-        balance=figures.balance,
+        outcome=values.balance.checked(with_limit(motion.outcome, limit)),
+        balance=values.balance,
         marched=motion,
-        extremes=figures.extremes,
-        extreme_states=motion.states_at(at[order])[np.argsort(order)],
-        state_at=lambda time: motion.states_at(np.array([time]))[0],
-        openings_at=lambda time: motion.sample(np.array([time]), lambda of: motion.flow.at(of).openings)[0],
+        extremes=values.extremes,
+        extreme_states=observed.at_extremes.states,
         contact_share=motion.contact_share(),
-        low_passed=None if figures.low_passed is None else figures.low_passed.values,
-        last=lambda: motion.within(_last_begin(motion, settings), motion.end),
-        parts=motion.again,
-        von_mises=partial(_von_mises, system, motion, times),
+        histories=observed.histories.result(),
+        at_contact=observed.at_extremes.at_contact,
+        states=observed.states.result(),
+        low_passed=None if values.low_passed is None else values.low_passed.values,
+        trajectory=observed.latest.result(),
+        impacts=observed.impacts,
+        stresses=observed.stresses,
+        plates=observed.plates,
         memory=memory_of(motion.flow, settings),
-        compared_s=None if motion.one_stretch else COMPARED_SHARE * _kept_s(motion, settings),
-        warnings=() if motion.one_stretch else (_forgotten(motion, settings),),
+        compared_s=None if motion.one_chunk else COMPARED_SHARE * _kept_s(motion, settings),
+        warnings=() if motion.one_chunk else (_forgotten(motion, settings),),
     )
 
 
-def _kept_s(motion: MotionInStretches, settings: Run) -> float:
+@dataclass(frozen=True)
+class _Observers:
+    """What is taken of each chunk beside the values of the motion."""
+
+    histories: HistoryRecorder
+    at_extremes: StatesAtExtremes
+    states: StatesAtTimes
+    latest: LatestPart
+    impacts: ImpactObserver | None
+    stresses: StressObserver | None
+    plates: PlateStress | None
+
+    @classmethod
+    def of(
+        cls, system: StructuralSystem, settings: Run, motion: MotionInChunks, times: Floats, needed: Needed, stop: Stop
+    ) -> _Observers:
+        """Those of a run; without histories there is a sample at the start of the motion."""
+        flow, channels = motion.flow, system.channels.without(STRESS)
+        impacts = needed.derived and needed.everything and settings.impacts is not None
+        stresses = needed.derived and settings.fatigue is not None and system.stress is not None
+        return cls(
+            HistoryRecorder(flow, channels, times if needed.histories else times[:1], Overdue(stop)),
+            StatesAtExtremes(system, flow.size),
+            StatesAtTimes(needed.state_times, flow.size),
+            LatestPart(_latest_s(motion, settings)),
+            ImpactObserver(system, stop) if impacts else None,
+            StressObserver(system, stop) if stresses else None,
+            PlateStress(system, times, stop) if needed.derived and needed.everything else None,
+        )
+
+    def add(self, chunk: Trajectory, extremes: Extremes) -> None:
+        """Show the next chunk to all; extremes are those of the motion up to its end."""
+        self.at_extremes.add(chunk, extremes)
+        for each in (self.histories, self.states, self.latest, self.impacts, self.stresses, self.plates):
+            if each is not None:
+                each.add(chunk)
+
+
+def _kept_s(motion: MotionInChunks, settings: Run) -> float:
     """Length of a motion under this input that would fit into the memory, s."""
     return settings.memory / BYTES_A_PIECE * not_none(motion.flow.record).step
 
 
-def _last_begin(motion: MotionInStretches, settings: Run) -> float:
-    """Where the part of the motion begins of which there are spectra, s; all of one stretch."""
-    if motion.one_stretch:
-        return 0.0
+def _latest_s(motion: MotionInChunks, settings: Run) -> float:
+    """Length of the last part of the motion, of which there are spectra, s; infinite of a motion of one chunk."""
+    if motion.one_chunk:
+        return math.inf
     room = SPECTRUM_SHARE * _kept_s(motion, settings)
-    return max(motion.end - min(room, settings.spectrum.last or room), 0.0)
+    return min(room, settings.spectrum.last or room)
 
 
-def _forgotten(motion: MotionInStretches, settings: Run) -> str:
+def _forgotten(motion: MotionInChunks, settings: Run) -> str:
     """What becomes of a motion that does not fit into the memory."""
-    kept = f"the motion is kept {motion.stretch_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
+    kept = f"the motion is kept {motion.chunk_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
     if motion.outcome.interrupted:
         return kept
-    last = motion.end - _last_begin(motion, settings)
-    kept += f"; spectra and rms_* are those of the last {last:.3g} s"
+    kept += f"; spectra and rms_* are those of the last {min(_latest_s(motion, settings), motion.end):.3g} s"
     if settings.convergence != "off":
         compared = COMPARED_SHARE * _kept_s(motion, settings)
         kept += f", a finer model is compared on the first {compared:.3g} s"
     return kept
-
-
-def _von_mises(system: StructuralSystem, motion: MotionInStretches, times: Floats) -> dict[str, Floats]:
-    """(nx,) largest von Mises stress at the surface of every plate at its stations, of the samples, Pa."""
-    stress, plates = system.stress, {body.body for body in system.bodies if body.moments == COMPONENTS}
-    if stress is None or not plates:
-        return {}
-    alone = len(stress.stations.parts) == 1
-    named = {stress.bodies[0] if alone else part.body: part.stations for part in stress.stations}
-    parts = {name: stations for name, stations in named.items() if name in plates}
-    times, of_all = reached(motion.end, times), Observed(motion.flow, system.channels.of_keys(STRESS)).linear
-    few = times[:: max(1, times.size // SAMPLES_TO_SEED_STRESS)]
-    squares = {name: np.zeros((part.stop - part.start) // COMPONENTS) for name, part in parts.items()}
-    for first in range(0, few.size, _STRESSES_AT_ONCE):
-        sampled = motion.sample(few[first : first + _STRESSES_AT_ONCE], of_all)
-        for name, part in parts.items():
-            x, y, shear = np.moveaxis(sampled[:, part].reshape(sampled.shape[0], COMPONENTS, -1), 1, 0)
-            squares[name] = np.maximum(squares[name], (x**2 - x * y + y**2 + 3 * shear**2).max(axis=0))
-    return {name: np.sqrt(largest) for name, largest in squares.items()}
-
-
-def histories_of(
-    motion: MotionInStretches, channels: ChannelSet, times: Floats, stop: Callable[[], bool] = never
-) -> Histories:
-    """A motion in closed form at output times, stretch by stretch.
-
-    Parameters
-    ----------
-    motion : as far as it was marched.
-    channels : that are sampled.
-    times : (nt,) increasing, s; those after the end of the motion are left out.
-    stop : asked now and then whether to end.
-
-    Returns
-    -------
-    Histories
-        At the times up to which they were evaluated within `GRACE_S` after an interruption, `FEWEST_SAMPLES` at least.
-    """
-    flow, observed = motion.flow, Observed(motion.flow, channels)
-    times = reached(motion.end, times)
-    columns, contacts = channels.order.size, flow.system.contacts
-    values = np.empty((columns, times.size)).T  # each column in one piece
-    touching = np.empty((contacts.count, times.size), dtype=bool).T
-    energy, work = np.empty((3, times.size)), np.zeros(2)
-    factors, at_once = power_factors(flow), max(VALUES_AT_ONCE // (columns + flow.size), 1)
-    first = filled = 0
-    with suppress(Interrupted), stopped_by(Overdue(stop)):
-        for stretch in motion.again():
-            begin, last = float(stretch.time[0]), reached(stretch.end, times).size
-            for number in range(first, max(last, first + 1), at_once):
-                part = slice(number, min(number + at_once, last))
-                at = np.minimum(times[part], stretch.end)
-                values[part] = observed.values(stretch, at)
-                touching[part] = contacts.touching(stretch.phases_at(at))
-                end = at[-1:] if part.stop < last else [stretch.end]
-                found = energies(stretch, np.append(at, end), factors, begin, work)
-                energy[:, part] = found.work_in[:-1], found.dissipated[:-1], found.stored[:-1]
-                begin, work = float(end[0]), np.array([found.dissipated[-1], found.work_in[-1]])
-                filled = part.stop
-            first = last
-    if not filled < times.size:
-        return Histories(times, channels, values, touching, EnergyHistory(*energy))
-    if not filled:
-        return histories_of(motion, channels, times[:FEWEST_SAMPLES])
-    return Histories(times[:filled], channels, values[:filled], touching[:filled], EnergyHistory(*energy[:, :filled]))
 
 
 GRACE_S = 0.7
@@ -266,8 +242,7 @@ GRACE_S = 0.7
 as a whole; the same again for its histories."""
 KEPT_S = 0.25
 """Processor time after that in which the first part of a longer motion is evaluated, which is kept."""
-FEWEST_SEGMENTS, FEWEST_SAMPLES = 64, 1000
-"""Of a motion, which are evaluated whatever time that takes."""
+FEWEST_SEGMENTS = 64  # of a motion, that are evaluated whatever time that takes
 
 
 class Overdue:
@@ -289,8 +264,8 @@ class Overdue:
         return processor_time() - self._since > GRACE_S
 
 
-class StretchFigures:
-    """What a run reports of a motion that is given stretch by stretch: peaks and energy balance.
+class ChunkValues:
+    """What a run reports of a motion that is given chunk by chunk: peaks and energy balance.
 
     Parameters
     ----------
@@ -318,33 +293,33 @@ class StretchFigures:
         largest_alone = STRESS if STRESS in channels.places and not needed.every_station else None
         self._observed = Observed(flow, channels, largest_alone)
 
-    def with_stretch(self, stretch: Trajectory) -> StretchFigures:
-        """The same with the next stretch; these stay as they are if that is interrupted."""
+    def with_chunk(self, chunk: Trajectory) -> ChunkValues:
+        """The same with the next chunk; these stay as they are if that is interrupted."""
         copy = copied(self)
         copy.balance, copy.low_passed = (
             deepcopy(self.balance),
             None if self.low_passed is None else self.low_passed.copy(),
         )
-        copy._add(stretch)
+        copy._add(chunk)
         return copy
 
-    def with_beginning(self, stretch: Trajectory) -> tuple[StretchFigures, Trajectory]:
-        """The same with as much of the next stretch as is evaluated in `KEPT_S`, and that part of the stretch."""
+    def with_beginning(self, chunk: Trajectory) -> tuple[ChunkValues, Trajectory]:
+        """The same with as much of the next chunk as is evaluated in `KEPT_S`, and that part of the chunk."""
         begin, segments = processor_time(), FEWEST_SEGMENTS
         while True:
-            part = stretch.only(slice(0, segments))
-            kept = self.with_stretch(part)
-            if segments >= stretch.segments or processor_time() - begin > KEPT_S:
+            part = chunk.only(slice(0, segments))
+            kept = self.with_chunk(part)
+            if segments >= chunk.segments or processor_time() - begin > KEPT_S:
                 return kept, part
             segments *= 2
 
-    def _add(self, stretch: Trajectory) -> None:
-        """Include the next stretch."""
-        balance = energies_of_segments(stretch)
-        found = self._observed.extremes(stretch)
+    def _add(self, chunk: Trajectory) -> None:
+        """Include the next chunk."""
+        balance = energies_of_segments(chunk)
+        found = self._observed.extremes(chunk)
         if (low := self.low_passed) is not None:
             hz, through = low.frequency_hz, low.filter
-            low.add(stretch.end, lambda times: filtered(stretch, self._accelerations, hz, times, through))
+            low.add(chunk.end, lambda times: filtered(chunk, self._accelerations, hz, times, through))
         self.balance.add(*balance)
         self.extremes = {name: outer(self.extremes.get(name), each) for name, each in found.items()}
         if low is not None and low.extremes is not None:

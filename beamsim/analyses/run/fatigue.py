@@ -7,50 +7,98 @@ extremes. With an S-N line of exponent :math:`m \ge 1` the damage of a station i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from beamsim.analyses.rainflow import damage, distinct_cycles, equivalent_range, reversals
+from beamsim.analyses.run.chunks import ChunkObserver
 from beamsim.analyses.run.impacts import BLOCKS, LEAST, jackknife
 from beamsim.analyses.run.result import Fatigue, Rainflow
 from beamsim.analyses.values import STRESS, Extreme
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.trajectory import Trajectory
+from beamsim.outcomes import Interrupted, Stop
 from beamsim.scenario.run import StressLife
 from beamsim.structures.stations import COMPONENTS
-from beamsim.system.equations import Rows
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
 
-COUNTED_AT_ONCE = 8  # stations; a motion that is not kept is marched again for each group
+COUNTED_AT_ONCE = 8  # stations, after the one whose bound is largest
 SAME_DAMAGE = 1e-9  # relative; of stations with the same damage the first one is reported
 
-Parts = Callable[[], Iterable[Trajectory]]
+
+class StressObserver(ChunkObserver):
+    """What the fatigue of bodies is counted from: the variation of the stresses, and between what they rise and fall.
+
+    Of the latest chunk turning points are found when they are asked for, since few stations have to be counted.
+
+    Parameters
+    ----------
+    system : with stresses.
+    stop : see `ChunkObserver`.
+    """
+
+    def __init__(self, system: StructuralSystem, stop: Stop) -> None:
+        super().__init__(stop)
+        self._rows = system.channels.of_keys(STRESS).linear
+        self._variation, self._turns = np.zeros(self._rows.count), [list[Floats]() for _ in range(self._rows.count)]
+
+    def evaluate(self, chunk: Trajectory) -> None:
+        """See `ChunkObserver`."""
+        self._variation = self._variation + self._variation_of(chunk)
+        for station, turns in enumerate(self._turns):
+            turns.append(self._turns_of(chunk, station))
+
+    def variation(self) -> Floats:
+        """(nx,) Pa, bounds on the total variation at all stations."""
+        return self._variation if self._latest is None else self._variation + self._variation_of(self._latest)
+
+    def turns(self, station: int) -> Floats:
+        """Values between which the stress at a station rises and falls, Pa."""
+        latest = [] if self._latest is None else [self._turns_of(self._latest, station)]
+        return np.concatenate([*self._turns[station], *latest])
+
+    def check_complete(self) -> None:
+        """Raise `Interrupted` if a part of the motion is not evaluated."""
+        if self._interrupted:
+            raise Interrupted
+
+    def _variation_of(self, chunk: Trajectory) -> Floats:
+        return chunk.variation(outputs_of(chunk.flow, self._rows))
+
+    def _turns_of(self, chunk: Trajectory, station: int) -> Floats:
+        one = outputs_of(chunk.flow, self._rows.some(np.array([station])))
+        return reversals(chunk.turning_points(one, np.arange(chunk.time.size)).value)
 
 
-def fatigue_of(system: StructuralSystem, parts: Parts, end: float, extremes: Extreme) -> dict[str, Fatigue]:
+def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, extremes: Extreme) -> dict[str, Fatigue]:
     """Fatigue of each body at its station with the largest damage; of a plate also over the components of the stress.
 
     Parameters
     ----------
     system : with stresses.
-    parts : the motion, part after part.
+    stresses : of the motion.
     end : of the motion, s.
     extremes : (4, nx) of the stress at every station, Pa.
 
     Returns
     -------
     By body.
+
+    Raises
+    ------
+    Interrupted
+        If a part of the motion is not evaluated.
     """
+    stresses.check_complete()
     settings = not_none(not_none(system.scenario.run).fatigue)
-    stress, rows = not_none(system.stress), system.channels.of_keys(STRESS).linear
-    variation = sum((part.variation(outputs_of(part.flow, rows)) for part in parts()), np.zeros(rows.count))
+    stress, variation = not_none(system.stress), stresses.variation()
     fatigue, limit, across = {}, settings.endurance_limit or 0.0, stress.stations.across
     components = {body.body: COMPONENTS[: body.moments] for body in system.bodies if body.moments > 1}
     for name in dict.fromkeys(stress.bodies):
         stations = np.flatnonzero(np.array(stress.bodies) == name)
-        station, turns = _worst(rows, stations, parts, (extremes[2] - extremes[0], variation), settings)
+        station, turns = _worst(stations, stresses, (extremes[2] - extremes[0], variation), settings)
         cycles, number = distinct_cycles(turns), int(np.searchsorted(stations, station))
         done = damage(cycles, settings.stress_range, settings.cycles, settings.exponent, limit)
         of_body = components.get(name)
@@ -71,15 +119,14 @@ def fatigue_of(system: StructuralSystem, parts: Parts, end: float, extremes: Ext
 
 
 def _worst(
-    rows: Rows, stations: Ints, parts: Parts, known: tuple[Floats, Floats], settings: StressLife
+    stations: Ints, stresses: StressObserver, known: tuple[Floats, Floats], settings: StressLife
 ) -> tuple[int, Floats]:
     """The station of a body with the largest damage, and the turning points of its stress, Pa.
 
     Parameters
     ----------
-    rows : (nx,) stresses of all stations.
     stations : those of the body.
-    parts : of the motion.
+    stresses : of the motion.
     known : (nx,) differences of the extremes and bounds on the total variations, Pa.
     settings : the life that is counted in.
 
@@ -90,8 +137,8 @@ def _worst(
     ranges, variation = (values[stations] for values in known)
     unit, exponent, limit = float(ranges.max()), settings.exponent, settings.endurance_limit or 0.0
     if not limit < unit < np.inf:
-        station = stations[[int(ranges.argmax())]]
-        return int(station[0]), _turns(rows, station, parts)[0]
+        station = int(stations[ranges.argmax()])
+        return station, stresses.turns(station)
     bounds = np.where(ranges > limit, (ranges / unit) ** (exponent - 1.0) * variation / (2.0 * unit), -1.0)
     order, found = np.argsort(-bounds, kind="stable"), dict[int, tuple[float, Floats]]()
     first, count = 0, 1
@@ -101,24 +148,14 @@ def _worst(
         group = group[bounds[group] >= max((1.0 - SAME_DAMAGE) * largest, 0.0)]
         if not group.size:
             break
-        for k, turns in zip(group.tolist(), _turns(rows, stations[group], parts), strict=True):
+        for k in group.tolist():
+            turns = stresses.turns(int(stations[k]))
             found[k] = damage(distinct_cycles(turns), unit, 1.0, exponent, limit), turns
         largest = max(done for done, _ in found.values())
         found = {k: each for k, each in found.items() if each[0] >= (1.0 - SAME_DAMAGE) * largest}
         first, count = first + count, COUNTED_AT_ONCE
     worst = min(found)
     return int(stations[worst]), found[worst][1]
-
-
-def _turns(rows: Rows, stations: Ints, parts: Parts) -> list[Floats]:
-    """Values between which the stress at each of some stations rises and falls, Pa."""
-    turns: list[list[Floats]] = [[] for _ in stations]
-    for part in parts():
-        segments = np.arange(part.time.size)
-        for values, station in zip(turns, stations, strict=True):
-            one = outputs_of(part.flow, rows.some(np.array([station])))
-            values.append(reversals(part.turning_points(one, segments).value))
-    return [np.concatenate(values) for values in turns]
 
 
 def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[str, float]:

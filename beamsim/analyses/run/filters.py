@@ -310,11 +310,11 @@ def filtered(
 
     Parameters
     ----------
-    trajectory : the motion, or its next stretch.
+    trajectory : the motion, or its next chunk.
     output_of : k outputs.
     frequency_hz : of the filter.
     times : (nt,) increasing, s, at which the values are to be right to 1e-9; elsewhere to 1e-5 at least.
-    before : the filter, led through the stretches before; only inputs with powers of time are taken in stretches.
+    before : the filter, led through the chunks before; only inputs with powers of time are taken in chunks.
 
     Returns
     -------

@@ -14,19 +14,21 @@ Of random inputs the figures have intervals (`jackknife`), from blocks with many
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from beamsim.analyses.rainflow import distinct_cycles, reversals
+from beamsim.analyses.run.chunks import ChunkObserver
 from beamsim.analyses.run.result import FigureInterval, Impacts, Rainflow, SnubberImpacts
 from beamsim.contacts.laws import PRESSING
 from beamsim.contacts.sliders import STICK
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
+from beamsim.outcomes import Stop
 from beamsim.scenario.connections import FrictionBase, OfHinge
 from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import SnubberInfo, StructuralSystem
@@ -40,28 +42,46 @@ LEAST = 40  # impacts, or slides, in these for an interval
 Sums = Mapping[str, Floats]  # (BLOCKS,) by name
 
 
-def impacts_of(system: StructuralSystem, parts: Iterable[Trajectory]) -> Impacts:
+class ImpactObserver(ChunkObserver):
     """Impacts at all snubbers from ``run.from`` on, as ``run.impacts`` counts them.
 
     Parameters
     ----------
     system : whose snubbers are looked at.
-    parts : the motion, part after part.
-
-    Returns
-    -------
-    Impacts
+    stop : see `ChunkObserver`.
     """
+
+    def __init__(self, system: StructuralSystem, stop: Stop) -> None:
+        super().__init__(stop)
+        self._system, self._run = system, not_none(system.scenario.run)
+        self._end, self._of_chunks = self._run.from_, list[list[_Contacts]]()
+
+    def evaluate(self, chunk: Trajectory) -> None:
+        """See `ChunkObserver`."""
+        begin = self._run.from_
+        if chunk.end > begin or not begin:
+            later = chunk.between(begin, chunk.end) if begin > chunk.time[0] else chunk
+            self._of_chunks.append([_contacts(later, j) for j in range(len(self._system.snubbers))])
+            self._end = chunk.end
+
+    def result(self) -> Impacts:
+        """Of a motion that goes on after ``run.from``.
+
+        Raises
+        ------
+        Interrupted
+            If a part of the motion is not evaluated.
+        """
+        self.finish()
+        return _counted(self._system, self._of_chunks, self._end)
+
+
+def _counted(system: StructuralSystem, of_chunks: Sequence[Sequence[_Contacts]], end: float) -> Impacts:
+    """Impacts of contacts by chunk and snubber, up to the end of the motion, s."""
     run = not_none(system.scenario.run)
     settings, begin, stationary = not_none(run.impacts), run.from_, system.scenario.excitation.stationary
-    end, of_parts = begin, []
-    for part in parts:
-        if part.end > begin or not begin:
-            later = part.between(begin, part.end) if begin > part.time[0] else part
-            of_parts.append([_contacts(later, j) for j in range(len(system.snubbers))])
-            end = part.end
     each, statistics = [], {}
-    for snubber, of_snubber in zip(system.snubbers, zip(*of_parts, strict=True), strict=True):
+    for snubber, of_snubber in zip(system.snubbers, zip(*of_chunks, strict=True), strict=True):
         contacts = _joined(of_snubber)
         every = _impacts(contacts, settings.minimum_rest)
         counted = every.taken(every.peak_force >= settings.force_threshold)

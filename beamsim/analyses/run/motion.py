@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -41,7 +41,7 @@ from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
-from beamsim.flow.transient import MotionInStretches
+from beamsim.flow.transient import MotionInChunks
 from beamsim.inputs.measured import highest_excited_hz
 from beamsim.outcomes import Interrupted, Outcome, Stop, check_stop, stopped_by
 from beamsim.scenario import Scenario
@@ -50,6 +50,11 @@ from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
 from beamsim.typing import Bools, Floats, not_none
+
+if TYPE_CHECKING:
+    from beamsim.analyses.run.fatigue import StressObserver
+    from beamsim.analyses.run.impacts import ImpactObserver
+    from beamsim.analyses.run.observers import PlateStress
 
 Value = TypeVar("Value")
 
@@ -71,6 +76,14 @@ class Histories:
     def of(self, key: Key) -> Floats:
         """(nt, k) of the channels of a section and quantity."""
         return np.asarray(self.values[:, self.channels.places[key]])
+
+
+class AtContact(NamedTuple):
+    """A motion at a time."""
+
+    time: float  # s
+    state: Floats  # (2n or more,)
+    opening: Floats  # (snubbers or more,) m, distances to the faces as they are then
 
 
 @dataclass
@@ -145,27 +158,32 @@ class RunMotion:
 
     system: StructuralSystem
     method: str
-    marched: MotionInStretches | ReferenceTrajectory
+    marched: MotionInChunks | ReferenceTrajectory
     outcome: Outcome
-    sampled: Callable[[], Histories]  # what it is at the output times
     balance: EnergyBalance
     extremes: Extremes
     extreme_states: Floats  # (2, 2n) at `extreme_times`
-    state_at: Callable[[float], Floats]  # (2n or more,) at a time; of a time-stepped motion at the nearest output time
-    openings_at: Callable[[float], Floats]  # (snubbers or more,) m, likewise; distances to the faces as they are then
     contact_share: Floats
+    histories: Histories | None = None  # at the output times
+    at_contact: AtContact | None = None  # at the largest contact force
+    states: Floats | None = None  # (nt, 2n or more) at the times that were asked for; of a time-stepped motion none
     low_passed: Floats | None = None  # (nt or more, probes) acceleration behind the filter, where there is one
-    last: Callable[[], Trajectory | None] = lambda: None  # see `trajectory`
-    parts: Callable[[], Iterable[Trajectory]] = tuple  # all of it, one after the other
-    von_mises: Callable[[], dict[str, Floats]] = dict  # (nx,) Pa, largest of the samples, by plate
+    trajectory: Trajectory | None = None  # of the closed form, its last part where not all is kept
+    impacts: ImpactObserver | None = None
+    stresses: StressObserver | None = None
+    plates: PlateStress | None = None
     memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
     compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
     warnings: tuple[str, ...] = ()
 
-    @cached_property
-    def trajectory(self) -> Trajectory | None:
-        """That of the closed form, its last part where not all is kept."""
-        return self.last()
+    @property
+    def known(self) -> Trajectory | Histories:
+        """That of the closed form, or from time stepping at the output times."""
+        return self.trajectory or not_none(self.histories)
+
+    def von_mises(self) -> dict[str, Floats]:
+        """(nx,) Pa, largest of the samples, by plate; none of a time-stepped motion."""
+        return {} if self.plates is None else self.plates.result()
 
     @cached_property
     def work(self) -> Work:
@@ -339,21 +357,36 @@ def _friction(motion: RunMotion, histories: Histories, steps: Steps) -> dict[str
     }
 
 
-def contact_instant(motion: RunMotion) -> ContactInstant | None:
-    """The motion when a contact force is largest, for the sketch of several bodies; None without contact."""
-    system = motion.system
+class LargestContact(NamedTuple):
+    """The largest contact force of a motion."""
+
+    snubber: int
+    force: float  # N
+    time: float  # s
+
+
+def largest_contact(system: StructuralSystem, extremes: Extremes) -> LargestContact | None:
+    """That of a structure of several bodies, of which there is a sketch; None without contact."""
     if len(system.bodies) < 2 or not system.snubbers:
         return None
-    forces, times = by_magnitude(system.channels.of_keys(FORCE).channels, motion.extremes[FORCE])[2:]
+    forces, times = by_magnitude(system.channels.of_keys(FORCE).channels, extremes[FORCE])[2:]
     forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # moments have no place in the sketch
     at = int(forces.argmax())
-    if not forces[at] > 0.0:
+    return LargestContact(at, float(forces[at]), float(times[at])) if forces[at] > 0.0 else None
+
+
+def contact_instant(motion: RunMotion) -> ContactInstant | None:
+    """The motion when a contact force is largest, for the sketch of several bodies; None without contact."""
+    system, at, contact = motion.system, motion.at_contact, largest_contact(motion.system, motion.extremes)
+    if contact is None or at is None:
         return None
-    coordinates = motion.state_at(float(times[at]))[: system.dynamics.size]
-    supports = system.with_supports([place for body in system.bodies for place in body.places], times[[at]])[0]
-    openings = motion.openings_at(float(times[at]))[: len(system.snubbers)]
-    instant = ContactInstant(float(times[at]), system.snubbers[at].name, float(forces[at]), coordinates)
-    return replace(instant, supports=supports if supports.any() else None, opening=openings)
+    time, places = np.array([contact.time]), [place for body in system.bodies for place in body.places]
+    supports = system.with_supports(places, time)[0]
+    instant = ContactInstant(
+        contact.time, system.snubbers[contact.snubber].name, contact.force, at.state[: system.dynamics.size]
+    )  # fmt: skip
+    opening = at.opening[: len(system.snubbers)]
+    return replace(instant, supports=supports if supports.any() else None, opening=opening)
 
 
 def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, OutputHistory]:

@@ -6,13 +6,15 @@ How a run is judged does not depend on it: outcome, warnings and margins are the
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
+
+import numpy as np
 
 from beamsim.analyses.values import ALWAYS_THERE, BY_ENTRY, PENETRATION, VALUES, limited, searched
 from beamsim.scenario import Scenario
 from beamsim.system.equations import ChannelSet
-from beamsim.typing import not_none
+from beamsim.typing import Floats, not_none
 
 STRESS_ENTRIES = ("largest_bending_stress_pa", "largest_bending_stress_position_m")
 ROOT_MEAN_SQUARES = tuple(entry for entry, value in BY_ENTRY.items() if value.quantity and entry.startswith("rms_"))
@@ -29,12 +31,16 @@ class Needed:
     statistics : whether the statistics of a stationary response are.
     root_mean_squares : whether those of any other response, which belong to its spectra, are.
     every_station : whether the largest stress of every station is, not only the largest of all.
+    derived : whether what is taken of the motion while it is marched is: histories, impacts, fatigue, plates.
+    state_times : (nt,) s, increasing, at which states are; none by default.
     """
 
     entries: frozenset[str] | None = None
     statistics: bool = True
     root_mean_squares: bool = True
     every_station: bool = True
+    derived: bool = True
+    state_times: Floats = field(default_factory=lambda: np.zeros(0), compare=False)
 
     @classmethod
     def of(cls, scenario: Scenario, entries: Collection[str] | None = None) -> Self:
@@ -67,6 +73,11 @@ class Needed:
         """Whether nothing is left out."""
         return self.entries is None
 
+    @property
+    def histories(self) -> bool:
+        """Whether histories are."""
+        return self.derived and (self.everything or self.statistics)
+
     def has(self, *entries: str) -> bool:
         """Whether one of some entries of the summary is needed."""
         return self.entries is None or not self.entries.isdisjoint(entries)
@@ -81,3 +92,4 @@ class Needed:
 
 
 EVERYTHING = Needed()
+MOTION_ALONE = Needed(derived=False)

@@ -75,7 +75,7 @@ def spectra_of(motion: RunMotion) -> dict[tuple[str, str], Spectrum]:
     channels, trajectory = spectral(system), motion.trajectory
     labels = [(channel.name, channel.quantity, channel.unit) for channel in channels.channels]
     if trajectory is None or trajectory.end <= 0.0:
-        histories = motion.sampled()
+        histories = not_none(motion.histories)
         samples = np.hstack([histories.of(key) for key in channels.places]).T
         pairs = zip(labels, samples, strict=True)
         return {of[:2]: spectrum(histories.time, x, settings, excitation_hz, *of) for of, x in pairs}
@@ -109,7 +109,7 @@ def coverage_notes(motion: RunMotion) -> list[str]:
     if not spectral(system).channels:
         return []
     if trajectory is None or trajectory.end <= 0.0:
-        time = motion.sampled().time
+        time = not_none(motion.histories).time
         rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
         if rate >= 2.0 * highest or trajectory is not None:
             return []

@@ -10,9 +10,9 @@ import numpy as np
 from beamsim.analyses.run.energy import EnergyBalance, power_factors, stored_energy
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
-from beamsim.analyses.run.motion import Histories, RunMotion, with_limit
+from beamsim.analyses.run.motion import AtContact, Histories, RunMotion, largest_contact, with_limit
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, searched
+from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, Extremes, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
@@ -74,21 +74,32 @@ def stepped_motion_of(
     balance = EnergyBalance()
     balance.add(at, energy, float(np.abs(np.diff(trajectory.work_in)).sum()))
     histories = Histories(at, sampled.channels, values, flow.system.contacts.touching(trajectory.phases), energy)
+    extremes = outputs.extremes(trajectory)
     return RunMotion(
         system=system,
         method=f"reference ({method})",
         outcome=balance.checked(with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
-        sampled=lambda: histories,
+        histories=histories,
         balance=balance,
         marched=trajectory,
-        extremes=outputs.extremes(trajectory),
+        extremes=extremes,
         extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
-        state_at=lambda time: trajectory.y[np.abs(at - time).argmin()],
-        openings_at=lambda time: histories.of(OPENING)[np.abs(at - time).argmin()],
+        at_contact=_at_contact(system, extremes, trajectory, histories),
         contact_share=trajectory.contact_share,
         low_passed=None if outputs.low is None else outputs.low.values,
         warnings=tuple(warnings),
     )
+
+
+def _at_contact(
+    system: StructuralSystem, extremes: Extremes, trajectory: ReferenceTrajectory, histories: Histories
+) -> AtContact | None:
+    """The motion at the output time next to the largest contact force."""
+    contact = largest_contact(system, extremes)
+    if contact is None:
+        return None
+    nearest = int(np.abs(trajectory.time - contact.time).argmin())
+    return AtContact(contact.time, trajectory.y[nearest], histories.of(OPENING)[nearest])
 
 
 def _time_stepping(system: StructuralSystem, flow: ExactFlow, settings: Run) -> TimeStepping:
