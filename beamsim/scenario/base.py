@@ -11,7 +11,7 @@ import inspect
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -563,6 +563,18 @@ def unknown(path: Path, name: str, kind: str, known: Iterable[str], otherwise: s
         plural = kind.removesuffix("y") + ("ies" if kind.endswith("y") else "s")
         remedy = suggestion(name, names, f"the {plural} are") if names else otherwise or f"there is no {kind}"
         yield problem(path, f"= {name} is an unknown {kind}", remedy)
+
+
+def named_twice(lists: Sequence[tuple[Path, Sequence[Any]]]) -> Problems:
+    """Names that are not unique within lists, which are given by their paths."""
+    first: dict[str, Path] = {}
+    for path, items in lists:
+        for index, item in enumerate(items):
+            if item.name in first:
+                other = path_text(first[item.name])
+                message = f"= {item.name} is already the name of {other}"
+                yield problem((*path, index, "name"), message, "choose another name")
+            first.setdefault(item.name, (*path, index))
 
 
 def single_line(value: object) -> str:

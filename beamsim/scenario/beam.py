@@ -567,14 +567,11 @@ class BeamBody(Body):
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """Nothing left to move; points beyond the ends."""
         yield from super().problems(scenario, at)
-        inside = [x for x in self.mass_points if 0.0 < x < self.length]
-        alone = self.elements == 1 and len(self.stretches) == 1 and not self.nodes
-        if alone and self.supports.kinds == ("clamped", "clamped") and not inside:
-            yield problem(
-                (*at, "elements"),
-                "= 1 leaves no degree of freedom between two clamped ends",
-                "use 2 or more",
-            )
+        if self.elements == 1 and self.supports.kinds == ("clamped", "clamped"):
+            inside = any(0.0 < x < self.length for x in self.mass_points)
+            if not inside and len(self.stretches) == 1 and not self.nodes:
+                message = "= 1 leaves no degree of freedom between two clamped ends"
+                yield problem((*at, "elements"), message, "use 2 or more")
         for index, x in enumerate(self.nodes):
             yield from self.position_problems(at, (*at, "nodes", index), x, "")
 

@@ -471,6 +471,10 @@ class IdentifyStiffness(Schema):
             )
         self._modes()
         self._uncertainties()
+        if self.update:
+            self._check_update()
+
+    def _check_update(self) -> None:
         free = [item for item in self.update if item.prior is None]
         if len(free) < len(self.update) and self.uncertainty == 0.0:
             raise Unfit(
@@ -478,7 +482,7 @@ class IdentifyStiffness(Schema):
                 "write for example uncertainty: 0.3 %",
                 ("uncertainty",),
             )
-        if self.update and len(free) > len(self.measured_without):
+        if len(free) > len(self.measured_without):
             given = counted(len(self.measured_without), "measured frequency", "measured frequencies")
             raise Unfit(
                 f"asks for {len(free)} unknowns without prior from {given}",

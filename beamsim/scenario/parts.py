@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field
 
-from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Variants, Whole, path_text, problem, walk
+from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Variants, Whole, named_twice, walk
 from beamsim.scenario.beam import AnyBeam
 from beamsim.scenario.body import NUMBERED, AtPlace, Body, Located, Probe, WrittenPosition
 from beamsim.scenario.chain import Chain
@@ -105,9 +105,7 @@ class ScenarioParts(Schema):
         of_run = () if self.run is None else self.run.outputs
         shown = [(("probes",), self.probes), (("outputs",), self.outputs), (("run", "outputs"), of_run)]
         for lists in (acting, shown, [(("joints",), self.joints)]):
-            yield from _named_twice(lists)
-        for index, joint in enumerate(self.joints):
-            yield from _named_twice([(("joints", index, "stops"), getattr(joint, "stops", ()))])
+            yield from named_twice(lists)
 
     def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
         """Joints between points that lie apart."""
@@ -136,24 +134,28 @@ class ScenarioParts(Schema):
     def sample_rate_up_to(self, highest: float) -> float:
         """Sample rate of a run's output, Hz, as it is written or chosen from the excitation and the structure.
 
+        Parameters
+        ----------
+        highest : frequency of the excitation, Hz.
+        """
+        assert self.run is not None
+        if self.run.sample_rate is not None:
+            return self.run.sample_rate
+        return self._chosen_sample_rate(highest, self.run.duration)
+
+    def _chosen_sample_rate(self, highest: float, duration: float) -> float:
+        """Sample rate, Hz, of a run of a duration, s, under an excitation up to a frequency, Hz.
+
         100 samples a period of the excitation, more if the structure or a short run needs it. With a single frequency
         the samples of a period are a whole number, so that spectra of whole periods have no leakage. Long runs at high
         frequency have two million samples, or 20 a period where these are more. A random input has 10 samples, or a
         multiple of that, in a period of its highest frequency: half as many as its own spline, whose pieces they fit.
         A record that is made for a spectrum has as many.
-
-        Parameters
-        ----------
-        highest : frequency of the excitation, Hz.
         """
-        run = self.run
-        assert run is not None
-        if run.sample_rate is not None:
-            return run.sample_rate
         random = self._banded and highest > 0.0
-        rate = max((10.0 if random else 100.0) * highest, 50.0 * self._rough_frequency_hz, 2000.0 / run.duration)
+        rate = max((10.0 if random else 100.0) * highest, 50.0 * self._rough_frequency_hz, 2000.0 / duration)
         # 2e6: samples that are many without being asked for
-        rate = min(rate, max(2e6 / run.duration, (10.0 if random else 20.0) * highest))
+        rate = min(rate, max(2e6 / duration, (10.0 if random else 20.0) * highest))
         units = (10.0 * highest,) if random else self.excitation.frequencies_hz
         return math.ceil(rate / units[0] * (1.0 - 1e-12)) * units[0] if len(units) == 1 else _round_number(rate)
 
@@ -388,18 +390,6 @@ class ScenarioParts(Schema):
             point = self.all_bodies[place.body or self.default_body].point_of(place)
             named = "_".join(f"{p:g}" for p in (point if isinstance(point, tuple) else (point,)))
         return named if place.body is None else f"{place.body}_{named}"
-
-
-def _named_twice(lists: Sequence[tuple[Path, Sequence[Any]]]) -> Problems:
-    """Names that are not unique within lists, which are given by their paths."""
-    first: dict[str, Path] = {}
-    for path, items in lists:
-        for index, item in enumerate(items):
-            if item.name in first:
-                other = path_text(first[item.name])
-                message = f"= {item.name} is already the name of {other}"
-                yield problem((*path, index, "name"), message, "choose another name")
-            first.setdefault(item.name, (*path, index))
 
 
 def _on(body: str | None, place: AtPlace) -> AtPlace:

@@ -11,6 +11,7 @@ from jsonschema import Draft202012Validator
 from beamsim.errors import ScenarioError
 from beamsim.kinds import TemplateKind
 from beamsim.scenario import load_scenario, template, units
+from beamsim.scenario.base import path_text, walk
 from beamsim.scenario.body import AtPlace
 from beamsim.scenario.excitation import HalfSine
 from beamsim.scenario.jsonschema import json_schema
@@ -23,6 +24,27 @@ EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
 BASE = (EXAMPLES / "one_sided_65hz.yaml").read_text()
 BEAM = "beam: {length: 1, width: 0.02, thickness: 0.02, youngs_modulus: 70e9, density: 2700}\n"
 CHAIN = "chain: {masses: [1, 1], springs: [1, 1, 1]}\n"
+
+
+def test_only_sections_that_are_written_are_compared_with_the_others():
+    """Defaults of a section are right, and are not asked whether they are."""
+    asked = {path_text(at) for at, _ in walk(load_scenario(CHAIN + "run: {duration: 1}\n"))}
+    assert asked == {"", "chain", "run"}
+    more = CHAIN + "run: {duration: 1, spectrum: {last: 2}}\nlimits: {peak_force: 1 N}\n"
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(more)
+    assert {problem.path for problem in caught.value.problems} == {"run.spectrum.last", "limits.peak_force"}
+
+
+def test_stops_of_a_hinge_have_names_of_their_own():
+    stops = [{"name": "end", "angle": f"{angle} deg", "stiffness": 100} for angle in (5, -5)]
+    ends = [{"body": "a", "position": 1}, {"body": "b", "position": 0}]
+    beam = yaml.safe_load(BEAM)["beam"] | {"kind": "beam"}
+    case = {"bodies": {"a": beam, "b": beam}, "joints": [{"kind": "hinge", "between": ends, "stops": stops}]}
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(case)
+    assert "stops[1].name = end is already the name of joints[0].stops[0]" in str(caught.value)
+    assert len(load_scenario(case, {"joints[0].stops[1].name": "other end"}).all_snubbers) == 2
 
 
 def test_half_of_what_a_bending_stress_needs_is_doubted():
