@@ -11,20 +11,20 @@ A result is a frozen dataclass made with `declared`; each of its fields is given
     @declared
     class RunResult(Result):
         time: Floats = axis("s", "time")
-        probes: dict[str, ProbeHistory] = named("probes", ProbeHistory)
+        probes: dict[str, ProbeHistory] = members("", ProbeHistory, "probe")
 
-There are four kinds of declarations: an array along axes (`Dataset`), a number or text of a group (`Attribute`), a
-table whose rows are dataclasses (`Table`), and dataclasses in groups of their own (`Group` one, `Members` several).
-The function says how a field is stored, and its arguments what it means. `beamsim.store.flat` turns a result into flat
-items and back, from which result files and exports are made; `docs/result_files.md` lists the declarations. This module
+There are four kinds of declarations: an array along axes (`Dataset`), a number or text of a dataclass (`Attribute`), a
+table whose rows are dataclasses (`Table`), and dataclasses (`Group` one, `Members` several along a dimension). The
+function says how a field is stored, and its arguments what it means. `beamsim.store.layout` says where each is in a
+result file, `beamsim.store.datasets` writes and reads them; `docs/result_files.md` lists the declarations. This module
 knows neither files nor analyses.
 
-Texts (names, units, meanings) may hold ``{field}``, which stands for the value of that field of the same dataclass or
-of one that contains it: ``dataset("{unit}", "level")`` has the unit that the result's field ``unit`` says. An axis is
-looked for in the dataset's own group first, then in the groups around it.
+Units and meanings may hold ``{field}``, which stands for the value of that field of the same dataclass or of one that
+contains it: ``dataset("{unit}", "level")`` has the unit that the result's field ``unit`` says. An axis is looked for
+among the fields of the same dataclass first, then of those around it.
 
-Fields that are None are left out of the file. A field that a file lacks gets its default, so that a file written before
-the field was added still opens. Fields without a declaration are not stored.
+Fields that are None are left out of the file. A field that a file lacks gets its default. Fields without a declaration
+are not stored.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ import dataclasses
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import GenericAlias
@@ -115,6 +115,7 @@ class Counter(NamedTuple):
     meaning: str
     start: int = 1
     labels: tuple[Any, ...] = ()
+    shared: bool = False  # whether it is the same in all members, so that they are stacked instead of put end to end
 
 
 Number = float | None
@@ -305,19 +306,15 @@ def described(cls: Any, entry: Entry) -> Entry:
     return entry._replace(unit=declaration.unit, meaning=declaration.meaning)
 
 
-class Axes(NamedTuple):
-    """Axes that are known when the result is made.
+class Folded(NamedTuple):
+    """The axes of a design, which a file stores as one: that of the cases."""
 
-    A dataset that is called like one of them is that axis, a dimension scale.
-    """
-
-    field: str  # of the result: their names
-    called: str  # for people
-    auxiliary: str = ""  # field with the names of the CF auxiliary coordinates of what is along them
+    shape: str  # of the result: the field with its shape
+    cases: Counter
     more: Counter | None = None  # the axis of a last dimension, where an array has one more
 
 
-Along = tuple[str | Counter, ...] | Axes  # names of axes, axes that only count, or axes named by a field
+Along = tuple[str | Counter, ...] | Folded  # names of axes, axes that only count, or the axes of a design
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -327,65 +324,65 @@ class Dataset:
     unit: str
     meaning: str
     along: Along | None = None  # by default those of the class, see `declared`
-    name: str = ""  # in the file, with the way there; the field's own by default; "." where it takes the group's place
+    name: str = ""  # of the variable; the field's own by default
     scale: bool = False
-    per: str | None = None  # folder with a group for each name
+    shared: bool = False  # of a scale: whether it is the same in all members
+    rows: str = "sample"  # of a scale: dimension of what is along it, where that differs from member to member
+    per: str | None = None  # dimension whose coordinate has the names
     flags: tuple[str, str] | None = None  # what the values of a truth value mean
+    names: str = ""  # of numbers from 0: the coordinate whose values they number, ``histories/snubber``
     imaginary: str = ""  # meaning of the imaginary part where it is not that of the real part
-    phase: str = ""  # meaning of the phase of complex numbers that are stored as amplitude and phase
 
 
 @dataclass(frozen=True, kw_only=True)
 class Attribute:
-    """A number or text that belongs to a whole group."""
+    """A number or text that belongs to a whole dataclass: an attribute, or a value along the dimension of members."""
 
     unit: str
     meaning: str
     name: str = ""
-    at: str = ""  # the group or dataset that carries it, where it is not that of the dataclass
     codec: Codec | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """What a group is called by, which is read from its name."""
+    """What a member is called by: its value of the coordinate."""
 
     meaning: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """A dataclass in a group; in the group around it where the path is empty."""
+    """A dataclass in a dataset of its own; in that around it where the path is empty."""
 
     path: str
     of: Any  # its class
+    prefix: str = ""  # of the names of its variables
 
 
 @dataclass(frozen=True, kw_only=True)
 class Members:
-    """Dataclasses, each in a group of its own: a mapping or a tuple.
+    """Dataclasses of a mapping or a tuple, stacked along a dimension whose coordinate has their keys or numbers.
 
-    An attribute of the group around them, called as the field, lists their keys in order.
+    An attribute of the dataset around them, called as the field, lists their keys in order.
     """
 
-    folder: str
+    folder: str  # dataset that has them; that around them where it is empty
     of: Any  # their class
-    pattern: str = "{}"  # name of a member's group, with {} for its key
-    called: str = ""  # the same for people, where the key's own name does not say it
+    dim: str  # the dimension
+    prefix: str = ""  # of the names of their variables
+    rows: str = ""  # dataset of what they have along axes that differ from member to member
     by: tuple[str, ...] = ()  # fields of a tuple's member that are its key, instead of its `key` field or its number
-    way: Callable[[Any], tuple[str, ...]] | None = None  # of a key: the groups to it, instead of the pattern
-    start: int = 0  # of the numbers of a tuple's members
-    labelled: bool = False  # with attributes ``name`` and ``index``
+    split: str = ""  # the one of these that ends the names of the variables, while the first is the coordinate
 
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Dataclasses as the rows of a table, their fields as columns."""
+    """Dataclasses as the rows of a table, their fields as columns; a table without rows is not stored."""
 
     path: str
     of: Any  # the class of a row
     rows: Counter | None = None  # None where a column is the axis
-    empty: bool = True  # whether a table without rows is written
 
 
 Declaration = Dataset | Attribute | Key | Group | Members | Table
@@ -402,8 +399,8 @@ def dataset(
 ) -> Any:
     """An array along axes, with the options of `Dataset`.
 
-    Complex numbers are two datasets, ``…_real`` and ``…_imag``; with `phase`, amplitude and ``…_phase_deg``. Truth
-    values have `flags`, the meanings of false and true.
+    Complex numbers are two variables, ``…_real`` and ``…_imag``. Truth values have `flags`, the meanings of false and
+    true.
 
     Parameters
     ----------
@@ -435,12 +432,12 @@ def axis(unit: str, meaning: str, *, default: Any = _REQUIRED, **options: Any) -
 
 
 def per_probe(unit: str, meaning: str, **options: Any) -> Any:
-    """An array (or a number, which becomes an attribute) for each probe, ``probes/<name>/<field>``."""
-    return _field(Dataset(unit=unit, meaning=meaning, per="probes", **options))
+    """An array or a number for each probe: along the dimension ``probe``."""
+    return _field(Dataset(unit=unit, meaning=meaning, per="probe", **options))
 
 
 def per_snubber(unit: str, meaning: str, *, default_factory: Any = _REQUIRED, **options: Any) -> Any:
-    """An array (or a number, which becomes an attribute) for each snubber, ``snubbers/<name>/<field>``.
+    """An array or a number for each snubber: along the dimension ``snubber``.
 
     Parameters
     ----------
@@ -452,7 +449,7 @@ def per_snubber(unit: str, meaning: str, *, default_factory: Any = _REQUIRED, **
     -------
     dataclasses.Field
     """
-    return _field(Dataset(unit=unit, meaning=meaning, per="snubbers", **options), default_factory=default_factory)
+    return _field(Dataset(unit=unit, meaning=meaning, per="snubber", **options), default_factory=default_factory)
 
 
 def attribute(
@@ -474,50 +471,37 @@ def attribute(
 
 
 def key(meaning: str) -> Any:
-    """The name or number that the group is called by."""
+    """The name or number that a member is called by."""
     return _field(Key(meaning=meaning))
 
 
-def group(path: str, of: Any, *, default: Any = _REQUIRED) -> Any:
-    """A dataclass in the group ``path``.
+def group(path: str, of: Any, *, prefix: str = "", default: Any = _REQUIRED) -> Any:
+    """A dataclass in a dataset of its own; see `Group`.
 
     Parameters
     ----------
-    path : of the group below the one around it; empty for that one.
+    path : of the dataset, after that of the dataclass around it; empty for the same one.
     of : class of the dataclass.
+    prefix : of the names of its variables.
     default : as of `dataclasses.field`.
 
     Returns
     -------
     dataclasses.Field
     """
-    return _field(Group(path=path, of=of), default)
+    return _field(Group(path=path, of=of, prefix=prefix), default)
 
 
-def named(folder: str, of: Any, *, default_factory: Any = _REQUIRED, **options: Any) -> Any:
-    """A dataclass for each name, ``<folder>/<name>`` with the attributes ``name`` and ``index``; see `Members`.
-
-    Parameters
-    ----------
-    folder : group that holds those of the names.
-    of : class of the dataclasses.
-    default_factory : as of `dataclasses.field`.
-    options : fields of `Members`.
-
-    Returns
-    -------
-    dataclasses.Field
-    """
-    return _field(Members(folder=folder, of=of, labelled=True, **options), default_factory=default_factory)
-
-
-def members(folder: str, of: Any, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any) -> Any:
-    """A dataclass for each key of a mapping or member of a tuple, ``<folder>/<key>``; see `Members`.
+def members(
+    folder: str, of: Any, dim: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
+) -> Any:
+    """Dataclasses of a mapping or a tuple along a dimension; see `Members`.
 
     Parameters
     ----------
-    folder : group that holds those of the members.
+    folder : dataset that has them, after that of the dataclass around them; empty for the same one.
     of : class of the dataclasses.
+    dim : the dimension.
     default, default_factory : as of `dataclasses.field`.
     options : fields of `Members`.
 
@@ -525,47 +509,45 @@ def members(folder: str, of: Any, *, default: Any = _REQUIRED, default_factory: 
     -------
     dataclasses.Field
     """
-    return _field(Members(folder=folder, of=of, **options), default, default_factory)
+    return _field(Members(folder=folder, of=of, dim=dim, **options), default, default_factory)
 
 
-def table(path: str, of: Any, rows: Counter | None = None, *, default: Any = _REQUIRED, **options: Any) -> Any:
+def table(path: str, of: Any, rows: Counter | None = None, *, default: Any = _REQUIRED) -> Any:
     """A tuple of dataclasses as a table: counted by ``rows``, or by the field of a row that is an `axis`.
 
     Parameters
     ----------
-    path : of the table.
+    path : of the table's dataset, after that of the dataclass around it.
     of : class of a row.
     rows : the axis along which rows are counted; None where a column is the axis.
     default : as of `dataclasses.field`.
-    options : fields of `Table`.
 
     Returns
     -------
     dataclasses.Field
     """
-    return _field(Table(path=path, of=of, rows=rows, **options), default)
+    return _field(Table(path=path, of=of, rows=rows), default)
 
 
-def ending(meaning: str, *, at: str = "", default: Any = _REQUIRED) -> Any:
-    """An `Outcome`: attributes ``status`` (text), ``outcome`` (code) and ``outcome_numbers`` (JSON).
+def ending(meaning: str, *, default: Any = _REQUIRED) -> Any:
+    """An `Outcome`: ``status`` (text), ``outcome`` (code) and ``outcome_numbers`` (JSON).
 
     Parameters
     ----------
     meaning : what ended.
-    at : group or dataset that carries the attributes, where it is not that of the dataclass.
     default : as of `dataclasses.field`.
 
     Returns
     -------
     dataclasses.Field
     """
-    return _field(Attribute(unit="", meaning=meaning, name="status", at=at, codec=OUTCOME), default)
+    return _field(Attribute(unit="", meaning=meaning, name="status", codec=OUTCOME), default)
 
 
 @dataclass_transform(
     frozen_default=True,
     field_specifiers=(
-        dataset, axis, per_probe, per_snubber, attribute, ending, key, group, named, members, table,
+        dataset, axis, per_probe, per_snubber, attribute, ending, key, group, members, table,
         dataclasses.field,
     ),
 )  # fmt: skip
@@ -651,7 +633,7 @@ class Member(NamedTuple):
 
     @property
     def stored_name(self) -> str:
-        """Name in the file; may hold ``{field}``."""
+        """Name in the file, without a prefix."""
         return getattr(self.declaration, "name", "") or self.name
 
     @property
@@ -683,6 +665,7 @@ def _members_of(cls: Any) -> tuple[Member, ...]:
         for name, value in vars(base).items():
             declaration = getattr(getattr(value, "fget", None), "__declared__", None)
             if declaration is not None:
+                members = [member for member in members if member.name != name]
                 members.append(Member(name, _placed(declaration, along), "", True, None))
     return tuple(members)
 
@@ -694,52 +677,9 @@ def _placed(declaration: Declaration, along: Along) -> Declaration:
     return declaration
 
 
-def names_in(cls: Any, group: str) -> frozenset[str]:
-    """Names that the declared fields of a class, and the axes of these, take in a group of a result file.
-
-    What is stored there under a name that a user gave must be called otherwise.
-
-    Parameters
-    ----------
-    cls : class of the result.
-    group : path of the group without the first slash, ``designs``.
-    """
-    taken = (place.removeprefix(f"{group}/") for place in _places(cls, "") if place.startswith(f"{group}/"))
-    return frozenset(place.partition("/")[0] for place in taken)
-
-
-def _places(cls: Any, home: str) -> Iterator[str]:
-    """Paths of the declared fields of a class in a group, with their axes; of fields by name that of their folder."""
-
-    def at(*names: str) -> str:
-        return "/".join(name.strip("/") for name in (home, *names) if name not in ("", "."))
-
-    for member in members_of(cls):
-        match member.declaration:
-            case Dataset() as declared:
-                yield at(member.stored_name) if declared.per is None else at(declared.per)
-                along = declared.along or ()
-                counters = (along.more,) if isinstance(along, Axes) else along
-                yield from (at(axis.name) for axis in counters if isinstance(axis, Counter))
-            case Group() as declared:
-                yield from _places(declared.of, at(declared.path))
-            case Members() as declared:
-                yield at(declared.folder)
-                if is_array(declared.of):  # whose axes that only count are in the folder
-                    yield from _places(declared.of, at(declared.folder))
-            case Table() as declared:
-                yield from _places(declared.of, at(declared.path))
-                yield from [] if declared.rows is None else [at(declared.path, declared.rows.name)]
-
-
 def key_of(cls: Any) -> str:
     """The field of a dataclass that is its `key`; empty where it has none."""
     return next((member.name for member in members_of(cls) if isinstance(member.declaration, Key)), "")
-
-
-def is_array(cls: Any) -> bool:
-    """Whether a dataclass is an array with attributes, not a group."""
-    return any(getattr(member.declaration, "name", "") == "." for member in members_of(cls))
 
 
 def _default(field: Any) -> Callable[[], Any] | None:

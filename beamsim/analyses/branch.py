@@ -17,7 +17,7 @@ from beamsim.fields import (
     ending,
     group,
     key,
-    named,
+    members,
     per_probe,
     per_snubber,
     stored,
@@ -29,7 +29,7 @@ from beamsim.typing import Bools, Complexes, Floats
 
 _POINT = (Counter("point", "number of the point along the branch"),)
 LARGEST_EVEN = 1e-7  # share of even harmonics of motions that are symmetric but for round-off
-_COORDINATES = (*_POINT, "coordinate")
+_COORDINATES = (*_POINT, Counter("coordinate", "number of the coordinate"))
 
 
 @declared
@@ -81,7 +81,7 @@ class OrbitMotion:
     displacement: dict[str, Floats] = per_probe("m", "displacement")
     velocity: dict[str, Floats] = per_probe("m/s", "velocity")
     force: dict[str, Floats] = per_snubber("N", "contact force, positive when it pushes")
-    stations: Floats = dataset("m", "deflection at the stations", along=("time", "position"), name="displacement")
+    stations: Floats = dataset("m", "deflection at the stations", along=("time", "position"), name="deflection")
     harmonics: dict[str, Complexes] = per_probe(  # (21,) amplitude of e^{i k omega t}, zero to peak
         "m", "amplitude of cos(order x phase)", along=(Counter("order", "order of the harmonic", 0),), name="harmonic",
         imaginary="minus the amplitude of sin(order x phase)",
@@ -123,11 +123,11 @@ class ChannelExtremes:
     name: str = key("name of the probe or snubber")
     quantity: str  # "displacement", "absolute_acceleration", "force", ...
     unit: str
-    maximum: Floats = dataset("{unit}", "largest {quantity:words} of a cycle or period", name="max_{quantity}")
-    minimum: Floats = dataset("{unit}", "smallest {quantity:words} of a cycle or period", name="min_{quantity}")
+    maximum: Floats = dataset("{unit}", "largest {quantity} of a cycle or period", name="max")
+    minimum: Floats = dataset("{unit}", "smallest {quantity} of a cycle or period", name="min")
 
     @property
-    @stored(dataset("{unit}", "largest magnitude of the {quantity:words} in a cycle or period", name="peak_{quantity}"))
+    @stored(dataset("{unit}", "largest magnitude of the {quantity} in a cycle or period", name="peak"))
     def peak(self) -> Floats:
         """(np,) largest absolute value."""
         return np.maximum(np.abs(self.maximum), np.abs(self.minimum))
@@ -158,8 +158,8 @@ class BranchResult:
     outcome: Outcome = ending("how the branch ended")
     frequency_hz: Floats = dataset("Hz", "frequency of the excitation, or of a free motion")
     parameter: Floats = dataset("{unit}", "{parameter_meaning}")
-    unit: str = attribute("", "unit of the parameter", name="units", at="parameter")
-    parameter_meaning: str = attribute("", "what the parameter is", name="long_name", at="parameter")
+    unit: str = attribute("", "unit of the parameter", name="parameter_unit")
+    parameter_meaning: str = attribute("", "what the parameter is", name="parameter_meaning")
     residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion")
     coordinates: Floats = dataset(
         "kg^0.5 m", "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
@@ -195,7 +195,7 @@ class MotionBranch(BranchResult):
         "1", "Floquet multipliers", along=(*_POINT, Counter("multiplier", "number of the Floquet multiplier"))
     )
     special: tuple[SpecialPointResult, ...] = table(
-        "special_points", SpecialPointResult, Counter("event", "number of the special point")
+        "/special_points", SpecialPointResult, Counter("event", "number of the special point")
     )
     energy_error: Floats | None = dataset(
         "1",
@@ -211,13 +211,18 @@ class ResponseBranch(MotionBranch, AlongCurve):
     kind: str = attribute("", "response", default="response")
     level: float = attribute("{level_unit}", "level of the excitation; NaN if it is the parameter")
     period_multiple: int = attribute("1", "periods of the excitation in one of the motion")
-    probes: tuple[ChannelExtremes, ...] = named("probes", ChannelExtremes, by=("name", "quantity", "unit"))
-    snubbers: tuple[ChannelExtremes, ...] = named("snubbers", ChannelExtremes, by=("name", "quantity", "unit"))
+    probes: tuple[ChannelExtremes, ...] = members(
+        "", ChannelExtremes, "probe", by=("name", "quantity", "unit"), split="quantity"
+    )
+    snubbers: tuple[ChannelExtremes, ...] = members(
+        "", ChannelExtremes, "snubber", by=("name", "quantity", "unit"), split="quantity"
+    )
     harmonics: dict[str, Complexes] = per_probe(  # (np, 6)
-        "m", "amplitude of cos(order x phase)", along=(*_POINT, "order"), name="harmonic_displacement",
+        "m", "amplitude of cos(order x phase)", along=(*_POINT, Counter("harmonic", "order times period_multiple", 0)),
+        name="harmonic_displacement",
         imaginary="minus that of sin(order x phase)",
     )  # fmt: skip
-    outputs: dict[str, OutputExtremes] = named("outputs", OutputExtremes, default_factory=dict)
+    outputs: dict[str, OutputExtremes] = members("", OutputExtremes, "output", prefix="output_", default_factory=dict)
     neglected_harmonics: Floats | None = dataset(
         "1", "size of the neglected harmonics relative to the motion", default=None
     )
@@ -228,7 +233,6 @@ class ResponseBranch(MotionBranch, AlongCurve):
         return self.parameter, self.stable
 
     @property
-    @stored(axis("1", "frequency over excitation frequency"))
     def order(self) -> Floats | None:
         """Orders of `harmonics`."""
         if not self.harmonics:

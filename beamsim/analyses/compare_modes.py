@@ -50,6 +50,7 @@ MODE_PAIR = record(dict.fromkeys(("number", "measured_hz", "predicted", "predict
 class ModeComparison(Result):
     """Result of ``beamsim compare-modes``."""
 
+    DATASET = "modes"
     SUMMARY = (
         Entry("pairs", "", "by measured mode: number, measured_hz, predicted (0 where no mode fits), predicted_hz, "
                  "difference (relative, of the prediction), mac", form=list_of(MODE_PAIR)),

@@ -109,6 +109,7 @@ def _versions() -> dict[str, str]:
 class Result:
     """Base of the results of all commands: scenario, outcome, summary, warnings and provenance."""
 
+    DATASET: ClassVar[str] = "result"  # of the file, with the arrays of the result itself
     SUMMARY: ClassVar[tuple[Entry, ...]] = ()  # possible entries of the summary, in the order of the printed table
 
     scenario: Scenario  # as it was written

@@ -76,11 +76,6 @@ def _checked(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], Stru
 
         check_cases(plan_designs(scenario))
     if scenario.run is not None:
-        # of a study no run is stored; names are in a group with fields in these two alone
-        if scenario.study is None and (scenario.run.srs is not None or scenario.excitation.stationary):
-            from beamsim.analyses.run.names import refuse_names_of_fields  # and with it the results of runs
-
-            refuse_names_of_fields(scenario)
         system = build_system(scenario)
         return system.files, [*scenario.warnings, *system.warnings], system
     files: Sequence[FileSummary] = ()

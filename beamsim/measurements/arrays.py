@@ -50,7 +50,7 @@ class _Array:
 
 
 def read_hdf5(path: Path) -> list[MeasuredSignal]:
-    """The arrays of an HDF5 or netCDF-4 file, named by their path.
+    """The arrays of an HDF5 or netCDF-4 file, named by their path, and the rows of those with a coordinate of texts.
 
     The axis of each is its dimension scale, else the time or frequency of as many values in the nearest enclosing
     group.
@@ -62,9 +62,15 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
     """
     file = open_hdf5(path)
     datasets: dict[str, h5py.Dataset] = {}
+    labels: dict[str, tuple[str, ...]] = {}  # of the rows of an array, by its name
 
     def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and _is_channel(name, item):
+        if not isinstance(item, h5py.Dataset):
+            return
+        of_rows = _labels_of_rows(item)
+        if of_rows:
+            labels[name] = of_rows
+        if of_rows or _is_channel(name, item):
             datasets[name] = item
 
     with file:
@@ -72,8 +78,29 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
             return read_matlab(path)
         file.visititems(visit)
         demand_memory(path, 3 * sum(map(values_size, datasets.values())), "for its channels")
-        arrays = {name: _unpacked(name, item) for name, item in datasets.items()}
-    return [_signal(name, label_of(name), arrays, path) for name in arrays]
+        arrays = {name: _unpacked(name, item) for name, item in datasets.items() if name not in labels}
+        called = {name: label_of(name) for name in arrays}
+        for name, of_rows in labels.items():
+            whole = _unpacked(name, datasets[name])
+            folder, _, last = name.rpartition("/")
+            for label, values in zip(of_rows, whole.values.reshape(len(of_rows), -1), strict=True):
+                own = f"{folder}/{label}/{last}"
+                arrays[own], called[own] = replace(whole, values=values), f"{label} {last}"
+    return [_signal(name, called[name], arrays, path) for name in arrays]
+
+
+def _labels_of_rows(item: h5py.Dataset) -> tuple[str, ...]:
+    """Texts of the coordinate along the first of two axes, where the other has numbers: each row is a channel."""
+    if item.shape is None or len(item.shape) != 2 or item.shape[1] < 2 or item.dtype.kind not in "iufc":
+        return ()
+    texts, numbers = (scale_along(item, axis) for axis in (0, 1))
+    if texts is None or numbers is None or (*texts.shape, *numbers.shape) != item.shape:
+        return ()
+    if h5py.check_string_dtype(texts.dtype) is None or numbers.dtype.kind not in "iuf":
+        return ()
+    demand_memory(item.file.filename, values_size(texts), "for the names of its channels")
+    labels = tuple(map(str, texts.asstr(errors="replace")[()]))
+    return labels if len(set(labels)) == len(labels) else ()
 
 
 def read_matlab(path: Path) -> list[MeasuredSignal]:
@@ -175,9 +202,16 @@ def _unpacked(name: str, item: h5py.Dataset) -> _Array:
         )
     values[_outside(raw, values, given)] = np.nan
     words = " ".join(text_of_attribute(given.get(key, "")) for key in ("long_name", "standard_name", "description"))
-    scale = scale_along(item, 0 if item.shape[0] == item.size else int(np.argmax(item.shape)))
+    scale = scale_along(item, _channel_axis(item))
     of_scale = "" if scale is None or not _is_channel("", scale) else str(scale.name).lstrip("/")
     return _Array(values, unit, words, of_scale, tuple(scaling), fault)
+
+
+def _channel_axis(item: h5py.Dataset) -> int:
+    """The axis that a channel is along: the last of several channels, else the only one that is longer than 1."""
+    if _labels_of_rows(item):
+        return 1
+    return 0 if item.shape[0] == item.size else int(np.argmax(item.shape))
 
 
 def _missing(raw: Any, given: Mapping[str, Any]) -> Any:

@@ -89,10 +89,10 @@ def counts_samples(heading: str, values: Floats | Complexes) -> bool:
 def label_of(name: str) -> str:
     """Name of the channel of a data set.
 
-    >>> label_of("probes/tip/velocity"), label_of("outputs/foot/value")
-    ('tip velocity', 'foot')
+    >>> label_of("histories/base_acceleration"), label_of("/bench/arm")
+    ('histories base_acceleration', 'bench arm')
     """
-    return re.sub(r"^(probes|snubbers|spectra|outputs)/|/value$", "", name.strip("/")).replace("/", " ")
+    return name.strip("/").replace("/", " ")
 
 
 class MeasurementError(BeamsimError):

@@ -516,7 +516,7 @@ class TextType(FieldType):
         text = printable(str(value), LONGEST_NAME if self.name else LONGEST_TEXT)
         if self.name and not re.fullmatch(r"\w(?:[\w .+-]*[\w+-])?", text):
             raise UnitError(
-                "is not a usable name", "use letters, digits, spaces and - _ + . (it names datasets and columns)"
+                "is not a usable name", "use letters, digits, spaces and - _ + . (it names responses and columns)"
             )
         return text
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,28 +16,34 @@ from beamsim.analyses.result import Result
 from beamsim.fields import (
     OUTCOME,
     Attribute,
-    Axes,
-    Counter,
     Dataset,
+    Folded,
     Group,
+    Key,
     Member,
     Members,
     Table,
     described,
-    filled,
-    is_array,
-    key_of,
     members_of,
 )
 from beamsim.kinds import KINDS, named
-from beamsim.store.flat import joined
+from beamsim.store.layout import (
+    Place,
+    Spot,
+    by_name,
+    column_spot,
+    members_place,
+    places_in,
+    root_place,
+    spot,
+    table_place,
+)
 
 MARK = "<!-- made by python -m beamsim.store.describe; do not edit below -->"
-_OF_DATASETS = ("units", "long_name")
 
 
 class Row(NamedTuple):
-    """One dataset or attribute."""
+    """One variable or attribute."""
 
     name: str
     unit: str
@@ -46,7 +52,7 @@ class Row(NamedTuple):
 
 
 class Section(NamedTuple):
-    """One group of a file."""
+    """One dataset of a file, a group below the root."""
 
     path: str
     text: str
@@ -54,29 +60,17 @@ class Section(NamedTuple):
 
 
 def documentation() -> str:
-    """All kinds of result files, group by group, as Markdown."""
+    """All kinds of result files, dataset by dataset, as Markdown."""
     parts = [_root()]
-    known: dict[Any, str] = {}
     for name, kind in KINDS.items():
         cls = named(kind.result)
         called = kind.called.removeprefix("the result of ")
         parts.append(f"## {name}: {called}\n")
-        parts += [_markdown(section) for section in _merged(sections_of(cls, name, known))]
+        parts += [_markdown(section) for section in sections_of(cls)]
         summary = [Row(e.name, e.unit, "attribute", e.meaning) for e in (described(cls, e) for e in cls.SUMMARY)]
         if summary:
             parts.append(_markdown(Section("/summary", "The printed summary, also with `--json`.", summary)))
     return "\n".join(parts)
-
-
-def _merged(sections: Iterable[Section]) -> list[Section]:
-    """Sections, with the rows of several dataclasses in one group combined."""
-    merged: dict[str, Section] = {}
-    for section in sections:
-        if section.path in merged and section.rows:
-            merged[section.path].rows.extend(section.rows)
-        else:
-            merged.setdefault(section.path, section)
-    return list(merged.values())
 
 
 def _root() -> str:
@@ -86,111 +80,102 @@ def _root() -> str:
         Row("command", "", "attribute", "command that wrote the file"),
         Row("scenario", "", "attribute", "the case as written, YAML in SI units; sufficient to run it again"),
     ]
-    common = next(iter(sections_of(Result)))
+    common = next(section for section in sections_of(Result) if section.path == "/")
     return "## Every file\n\n" + _markdown(Section("/", "Attributes of every file.", rows + common.rows))
 
 
-def sections_of(cls: type, kind: str = "", known: dict[Any, str] | None = None) -> Iterator[Section]:
-    """The groups that the class of a result declares.
+def sections_of(cls: Any) -> list[Section]:
+    """The datasets that the class of a result declares.
 
     Parameters
     ----------
     cls : the class.
-    kind : of the result; named where a later section refers to a class that is described here.
-    known : where a class has been described; classes described here are added.
 
-    Yields
-    ------
-    Section
-        That of the root first.
+    Returns
+    -------
+    list of Section
+        That of the root first, without what every file has.
     """
     inherited = {member.name for member in members_of(Result)} if cls is not Result else set()
-    yield from _sections(cls, "/", {}, {} if known is None else known, inherited, kind)
+    sections: dict[str, Section] = {}
+    for of, place in places_in(cls, root_place(cls)):
+        about = inspect.cleandoc(of.__doc__ or "").partition("\n\n")[0].replace("\n", " ")
+        for member in members_of(of):
+            if of is cls and member.name in inherited:
+                continue
+            for path, row in _rows(member, place):
+                rows_of = path if path == "/" or path == f"/{place.dataset}" else ""
+                text = about if rows_of else "The rows of all members, one member after the other."
+                section = sections.setdefault(path, Section(path, _safe(text), []))
+                if row not in section.rows:
+                    section.rows.append(row)
+    return sorted(sections.values(), key=lambda section: section.path != "/")
 
 
-def _sections(
-    cls: Any, path: str, given: Mapping[str, Any], known: dict[Any, str], left_out: set[str], kind: str
-) -> Iterator[Section]:
-    """The section of a class, then those of the groups in it."""
-    rows: list[Row] = []
-    inner: list[tuple[Any, str, Mapping[str, Any]]] = []
-    for member in members_of(cls):
-        if member.name not in left_out:
-            rows += [
-                Row(_spoken(name, given, "<{}>"), *(_spoken(text, given) for text in others))
-                for name, *others in _rows(member, given.get("link", ""))
-            ]
-            inner += _inner(member, path, given)
-    text = inspect.cleandoc(cls.__doc__ or "").partition("\n\n")[0].replace("\n", " ")
-    if rows:
-        yield Section(path, _safe(text), rows)
-    for inner_class, below, more in inner:
-        if inner_class in known and not more:
-            yield Section(below, f"As {known[inner_class].removesuffix(f' of {kind}')}.", [])
-        else:
-            known.setdefault(inner_class, f"`{below}` of {kind}")
-            yield from _sections(inner_class, below, more, known, set(), kind)
-
-
-def _rows(member: Member, on: str) -> Iterator[Row]:
-    """The datasets and attributes of a field; ``on`` is the dataset that a dataclass is, where it is one."""
+def _rows(member: Member, place: Place) -> Iterator[tuple[str, Row]]:
+    """The variables and attributes of a field, each with the path of its dataset."""
     match member.declaration:
         case Dataset() as d:
-            name = on if d.name == "." else member.stored_name
-            axes = "attribute" if d.per is not None and member.scalar else "is an axis" if d.scale else _axes(d.along)
-            where = [] if d.per is None else [d.per, "<name>"]
-            for part, unit, meaning in _parts(name, d, member):
-                yield Row("/".join(filter(None, (*where, part))), unit, axes, meaning)
-        case Attribute() as d if member.stored_name not in _OF_DATASETS:
-            owner = f"attribute of {d.at or on}" if d.at or on else "attribute"
-            yield Row(member.stored_name, d.unit, owner, d.meaning)
-            if d.codec is OUTCOME:
-                yield Row("outcome", "", owner, "code of how it ended")
-                yield Row(
-                    "outcome_numbers", "", owner, "its kind, sentence, remedy, place, numbers and parts, JSON object"
-                )
-        case Group(path="") as d:
-            for below in members_of(d.of):
-                yield from _rows(below, "")
+            at = spot(member, place if d.per is None else by_name(place, d))
+            if d.per is not None:
+                yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", f"keys of {at.name}, JSON")
+            yield from _of_spot(at, d, member, place)
+            if isinstance(d.along, Folded) and d.along.more is not None:
+                yield from _of_spot(spot(member, place, True, f"_by_{d.along.more.name}"), d, member, place)
+        case Attribute() as d:
+            yield from _attributes(member, d, place)
+        case Group() as d if place.dims:
+            text = f"labels of those that have {d.path or d.prefix}, JSON list"
+            yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", text)
         case Members() as d:
-            yield Row(member.name, "", "attribute", f"the keys of {_place(member, d)} in order, JSON list")
+            text = "keys in order, JSON: a list of each of what has them, or one where all have the same"
+            yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", text)
+            of = members_place(place, d)
+            meaning = next((m.declaration.meaning for m in members_of(d.of) if isinstance(m.declaration, Key)), "key")
+            yield f"/{of.dataset}", Row(d.dim, "1", "is an axis", meaning)
         case Table() as d:
-            columns = members_of(d.of)
-            axis = d.rows.name if d.rows else next(c.stored_name for c in columns if c.declaration.scale)
-            for column in columns:
-                along = " × ".join(filter(None, (axis, _axes(column.declaration.along))))
-                for name, unit, meaning in _parts(column.stored_name, column.declaration, column):
-                    place = "/".join(filter(None, (d.path, name)))
-                    yield Row(place, unit, "is an axis" if column.declaration.scale else along, meaning)
+            below = table_place(place, member.name, d)
+            for column in members_of(d.of):
+                yield from _of_spot(column_spot(column, below), column.declaration, column, below)
 
 
-def _inner(member: Member, path: str, given: Mapping[str, Any]) -> Iterator[tuple[Any, str, Mapping[str, Any]]]:
-    """Classes of the groups of a field, their paths, and what of them is given."""
-    match member.declaration:
-        case Group(path="") as d:
-            for below in members_of(d.of):
-                yield from _inner(below, path, given)
-        case Group() as d:
-            on = {"link": d.path} if is_array(d.of) else {}
-            yield d.of, joined(path, d.path), on
-        case Members() as d:
-            on = {"link": d.called} if is_array(d.of) else {}
-            yield d.of, joined(path, _place(member, d)), on
+def _attributes(member: Member, declared: Attribute, place: Place) -> Iterator[tuple[str, Row]]:
+    """The attributes of a field; of members they are variables along their dimension."""
+    home = f"/{place.dataset}" if place.dims else place.attributes
+    along = " × ".join(place.dims) or "attribute"
+    name = f"{place.prefix}{{}}{_ending(place)}"
+    yield home, Row(name.format(member.stored_name), _spoken(declared.unit), along, _spoken(declared.meaning))
+    if declared.codec is OUTCOME:
+        numbers = "its kind, sentence, remedy, place, numbers and parts, JSON object"
+        yield home, Row(name.format("outcome"), "", along, "code of how it ended")
+        yield home, Row(name.format("outcome_numbers"), "", along, numbers)
 
 
-def _place(member: Member, declared: Members) -> str:
-    """Path of the groups of a field, with the keys in angle brackets."""
-    key = key_of(declared.of)
-    name = "<name>" if declared.labelled else f"<{key or ('name' if member.type.startswith('dict[str') else 'n')}>"
-    return "/".join(filter(None, (declared.folder, declared.called or declared.pattern.replace("{}", name))))
+def _of_spot(at: Spot, declared: Dataset, member: Member, place: Place) -> Iterator[tuple[str, Row]]:
+    """The variables of a field, and what says whose their rows are."""
+    axes = "is an axis" if at.scale else " × ".join((*at.kept, *(axis.dim for axis in at.axes))) or "a number"
+    if at.whose is not None:
+        yield f"/{at.dataset}", Row(at.whose.dim, "1", "is an axis", "number of the row")
+        for dim in at.whose.place.dims:
+            meaning = f"number of the {dim}, from 0, in {at.whose.place.dataset}"
+            yield f"/{at.dataset}", Row(dim, "1", at.whose.dim, meaning)
+        counts = at.whose.counts.rpartition("/")
+        number_of_rows = f"number of rows in {at.dataset}"
+        yield counts[0], Row(counts[2], "1", " × ".join(at.whose.place.dims), number_of_rows)
+    for axis in at.axes:
+        if axis.counter is not None and not axis.table:
+            yield f"/{at.dataset}", Row(axis.name, "1", "is an axis", axis.counter.meaning)
+    for name, unit, meaning in _parts(at.name + _ending(place), declared, member):
+        yield f"/{at.dataset}", Row(name, _spoken(unit), axes, _spoken(meaning))
+
+
+def _ending(place: Place) -> str:
+    return f"_<{place.split}>" if place.split else ""
 
 
 def _parts(name: str, declared: Dataset, member: Member) -> Iterator[tuple[str, str, str]]:
-    """Name, unit and meaning of the dataset, or of the two datasets of complex numbers."""
-    if declared.phase:
-        yield name, declared.unit, declared.meaning
-        yield f"{name}_phase_deg", "degree", declared.phase
-    elif "Complexes" in member.type and declared.imaginary:
+    """Name, unit and meaning of the variable, or of the two variables of complex numbers."""
+    if "Complexes" in member.type and declared.imaginary:
         yield f"{name}_real", declared.unit, declared.meaning
         yield f"{name}_imag", declared.unit, declared.imaginary
     elif "Complexes" in member.type:
@@ -200,16 +185,9 @@ def _parts(name: str, declared: Dataset, member: Member) -> Iterator[tuple[str, 
         yield name, declared.unit, declared.meaning + flags
 
 
-def _axes(along: Any) -> str:
-    if isinstance(along, Axes):
-        return f"{along.called}; {along.more.name}" if along.more else along.called
-    return " × ".join(item.name if isinstance(item, Counter) else item for item in along)
-
-
-def _spoken(text: str, given: Mapping[str, Any], unknown: str = "*{}*") -> str:
-    """A text with known fields filled in and other fields replaced by their names."""
-    known = {name: given.get(name, unknown.format(name)) for name in re.findall(r"\{(\w+)", text)}
-    return filled(text, (known,))
+def _spoken(text: str) -> str:
+    """A text with fields that are replaced by their names."""
+    return re.sub(r"\{(\w+)\}", r"*\1*", text)
 
 
 def _markdown(section: Section) -> str:

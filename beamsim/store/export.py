@@ -1,7 +1,6 @@
 """Result files for other programs: folders of CSV tables, universal files, MATLAB files; tables of pandas.
 
-All of them are made from the items of a result (`beamsim.store.flat`): arrays along the same axes are the columns of
-one table, groups are structs.
+All of them are made from the datasets of a result (`beamsim.store.datasets`).
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,7 +20,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.result import Result
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
-from beamsim.store.flat import Items, items_of, joined, last, parent
+from beamsim.store.datasets import ABSENT, NAMES, OF_EACH, Item, Items, items_of, last, parent, part_of
 from beamsim.store.results import (
     decode_summary,
     open_with_items,
@@ -37,7 +35,6 @@ if TYPE_CHECKING:
     import xarray
 
 ROWS_AT_ONCE = 2**16  # of a table that are turned into text together
-OF_SIGNALS = ("/random", "/srs")  # groups in which each signal has a group of its name
 _UNITS = {"degree": "deg", "kg^-0.5": "per_sqrt_kg", "kg^0.5 m": "m_sqrt_kg"}  # at the ends of stored names
 
 
@@ -132,24 +129,63 @@ def _flat_part(array: Any, first: int, end: int) -> NDArray[Any]:
 
 
 def tables_of(items: Items) -> list[ExportTable]:
-    """All arrays except scales, as tables in the order of the items."""
-    tables: dict[tuple[Any, ...], ExportTable] = {}
+    """All variables of all datasets, as tables in the order of the items.
+
+    Variables along the same axes are columns of one table, those of members with names a column for each name.
+    """
+    tables: dict[tuple[str, ...], ExportTable] = {}
     for path, item in items.items():
         if item.array is None or item.scale:
             continue
-        axes = [_axis(items, item.axes, k, size) for k, size in enumerate(item.array.shape)]
-        group = _owner(path, item.axes)
-        key = (group, *(item.axes[k] if item.axes else (axis.header, axis.values.size) for k, axis in enumerate(axes)))
-        along = f"by_{'_and_'.join(_name(items, axis, k) for k, axis in enumerate(item.axes or [''] * len(axes)))}"
-        name = "_".join(filter(None, (group.strip("/").replace("/", "_"), along if axes else "values")))
-        name = "time_histories" if item.axes == ("/time",) else name
-        table = tables.setdefault(key, ExportTable(name, axes, []))
-        title = header(_spelt(items, group, path), item.unit)
-        while title in {column.header for column in (*table.axes, *table.columns)}:
-            title += "_2"
-        values = np.array(item.attributes["names"])[item.values] if _is_index(items, path) else item.array
-        table.columns.append(Column(title, item.unit, item.meaning, values))
+        rows = [axis for axis in item.axes if not is_text(items, axis)] or list(item.axes)
+        key = (parent(path), *rows)
+        name = parent(path).strip("/") + ("_by_" + "_and_".join(map(last, rows)) if rows else "_values")
+        table = tables.setdefault(key, ExportTable(name, [_axis(items[axis], axis) for axis in rows], []))
+        for labels, values, unit in columns_of(items, path, rows):
+            title = header(" ".join((*labels, last(path))), unit)
+            while title in {column.header for column in (*table.axes, *table.columns)}:
+                title += "_2"
+            table.columns.append(Column(title, unit, item.meaning, values))
     return list(tables.values())
+
+
+def is_text(items: Items, axis: str) -> bool:
+    """Whether the values of an axis are texts."""
+    return bool(axis) and items[axis].array.dtype == object
+
+
+def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[tuple[str, ...], Any, str]]:
+    """Parts of a variable, one for each combination of values along the axes that are not rows.
+
+    Parameters
+    ----------
+    items : of a result.
+    path : of the variable.
+    rows : those of its axes that are kept.
+
+    Yields
+    ------
+    tuple
+        These values, the part (names in place of their numbers) and its unit, empty where that differs along it.
+    """
+    item = items[path]
+    across = [axis for axis in item.axes if axis not in rows]
+    sizes = [items[axis].array.size for axis in across]
+    of_each = json.loads(str(item.attributes.get(OF_EACH, "[]")))
+    absent = set(json.loads(str(item.attributes.get(ABSENT, "[]"))))
+    count = int(np.prod(sizes, dtype=int))
+    for flat, numbers in enumerate(np.ndindex(*sizes)):
+        known = dict(zip(across, numbers, strict=True))
+        units = {unit for unit in (of_each[flat::count] if of_each else [item.unit]) if unit}
+        if across and flat in absent and len(of_each or absent) <= count:
+            continue
+        index = tuple(known.get(axis, slice(None)) for axis in item.axes)
+        values = part_of(item.array, index) if across else item.array
+        names = items.get(f"/{item.attributes.get(NAMES)}")
+        if names is not None:
+            values = names.values[np.asarray(values)]
+        labels = tuple(str(items[axis].values[k]) for axis, k in known.items())
+        yield labels, values, units.pop() if len(units) == 1 else ""
 
 
 def header(name: str, unit: str) -> str:
@@ -165,45 +201,9 @@ def header(name: str, unit: str) -> str:
     return f"{name.removesuffix(f'_{suffix}')} ({unit})"
 
 
-def _name(items: Items, axis: str, k: int) -> str:
-    return last(axis) or ("index" if k == 0 else f"index_{k + 1}")
-
-
-def _axis(items: Items, axes: Sequence[str], k: int, size: int) -> Column:
-    """The axis of one dimension; one without a scale is numbered from 1."""
-    if not axes or not axes[k]:
-        return Column(_name(items, "", k), "1", "number along this dimension", np.arange(1, size + 1))
-    scale = items[axes[k]]
-    return Column(header(last(axes[k]), scale.unit), scale.unit, scale.meaning, scale.array)
-
-
-def _owner(path: str, axes: Sequence[str]) -> str:
-    """Group of the table of an array: that of the innermost of its scales around it, else its own."""
-    homes = [parent(axis) for axis in axes if axis]
-    above = [home for home in homes if home == "/" or f"{parent(path)}/".startswith(f"{home}/")]
-    return max(above, key=len) if above else parent(path)
-
-
-def _spelt(items: Items, group: str, path: str) -> str:
-    """The way from the group of a table to an array, ``probe_tip_displacement``: folders of names in the singular.
-
-    Names are as they were given, those of signals too, which have no folder of their own.
-    """
-    words, here, given = [], group, group in OF_SIGNALS
-    parts = path.removeprefix(group).strip("/").split("/")
-    for folder, inner in pairwise(parts):
-        here = joined(here, folder)
-        place = items[joined(here, inner)]
-        of_names = not given and place.array is None and "name" in place.attributes
-        words.append(folder.removesuffix("s") if of_names else folder)
-        given = of_names
-    return "_".join((*words, parts[-1]))
-
-
-def _is_index(items: Items, path: str) -> bool:
-    """Whether an array has the indices of names that are its attribute."""
-    item = items[path]
-    return "names" in item.attributes and np.issubdtype(item.array.dtype, np.integer)
+def _axis(scale: Item, path: str) -> Column:
+    """The axis of one dimension."""
+    return Column(header(last(path), scale.unit), scale.unit, scale.meaning, scale.array)
 
 
 def _export_csv(result: Any, items: Items, folder: Path) -> list[Path]:
@@ -273,28 +273,28 @@ def _flat(values: Any, item: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
-    """Structs as the groups of the file; a group's ``attributes``, and the ``units`` of its arrays, in structs too.
+    """A struct for each dataset, with structs ``attributes``, ``units`` and ``dimensions`` of its variables.
 
-    Pairs of arrays ``…_real`` and ``…_imag`` become one complex array. Snubbers of events are numbered from 1.
+    Pairs of variables ``…_real`` and ``…_imag`` become one complex array. What numbers others begins at 1.
     """
     from scipy.io import savemat
 
     root: dict[str, Any] = {}
-    structs = {"/": root}
     for path, item in items.items():
         if path in ("/", "/summary"):
             continue
-        home, name = structs[parent(path)], last(path)
         if item.array is None:
-            structs[path] = home[name] = {"attributes": _native(item.attributes)} if item.attributes else {}
+            root[last(path)] = {"attributes": _native(item.attributes)} if item.attributes else {}
             continue
+        home, name = root[last(parent(path))], last(path)
         stem = name.removesuffix("_real").removesuffix("_imag")
-        beside = {part: items.get(joined(parent(path), f"{stem}_{part}")) for part in ("real", "imag")}
-        values: Any = item.values + 1 if path == "/events/snubber" else item.values
-        if beside["real"] is not None and beside["imag"] is not None and name != stem:
-            name, values = stem, beside["real"].values + 1j * beside["imag"].values
+        pair = {part: items.get(f"{parent(path)}/{stem}_{part}") for part in ("real", "imag")}
+        values: Any = item.values + 1 if NAMES in item.attributes else item.values
+        if pair["real"] is not None and pair["imag"] is not None and name != stem:
+            name, values = stem, pair["real"].values + 1j * pair["imag"].values
         home[name] = str(values[()]) if values.dtype == object and not values.shape else values
         home.setdefault("units", {})[name] = item.unit
+        home.setdefault("dimensions", {})[name] = [last(axis) for axis in item.axes]
     info = {k: v for k, v in _native(items["/"].attributes).items() if k not in ("provenance", "input_files")}
     root["info"] = info | {"warnings": np.array(json.loads(info["warnings"]), dtype=object)}
     root["summary"] = decode_summary(items["/summary"].attributes)
@@ -385,7 +385,7 @@ def data_tree(result: Result) -> xarray.DataTree:
     _imported("h5netcdf")
     with tempfile.TemporaryDirectory() as folder:
         path = write_result(result, Path(folder) / "result.h5")
-        with xr.open_datatree(path, engine="h5netcdf", phony_dims="sort") as tree:
+        with xr.open_datatree(path, engine="h5netcdf") as tree:
             return tree.load()  # type: ignore[no-any-return]
 
 

@@ -1,6 +1,6 @@
 """Writing and reading of result files.
 
-The fields of the result declare what is stored, see `beamsim.fields`, and `beamsim.store.flat` makes items of them.
+The fields of the result declare what is stored, see `beamsim.fields`; `beamsim.store.datasets` makes variables of them.
 Files are written completely or not at all. ``/summary`` has no datasets, only attributes under the names of the
 summary. Numbers and texts are native attributes; everything else (per-probe values, lists, truth values, nothing) is a
 JSON text, and the attribute ``json_encoded`` lists the names of those, separated by spaces. A NaN is ``null`` in JSON:
@@ -32,17 +32,17 @@ from beamsim.errors import BeamsimError, InputFileError, NotWrittenError, Result
 from beamsim.fields import OUTCOME, by_name, demand_summary, made_of, plain, record
 from beamsim.files import Content, destination, partial_file, put_in_place, remove_own, temporary_file
 from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, seal, values_size
-from beamsim.input_files import FileState, state_of
+from beamsim.input_files import FileState, demand_memory, state_of
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.scenario import Scenario
 from beamsim.scenario.loading import stored_scenario
 from beamsim.scenario.scenario import SolvedFiles
-from beamsim.store.flat import Item, Items, Reader, items_of, last
+from beamsim.store.datasets import InParts, Item, Items, Reader, items_of, last
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 CHECKSUM = "checksum"
 JSON_ENCODED = "json_encoded"
 _CONTRADICTION = "its contents contradict each other"
@@ -332,7 +332,7 @@ def _kind(file: Any, path: Path | str) -> str:
             f"{SCHEMA_VERSION}; open it with that version or run its scenario again"
         )
     if command == "sweep":
-        return "designs" if "designs" in file else kind if isinstance(kind, str) and kind in KINDS else "sweep"
+        return "designs" if "cases" in file else kind if isinstance(kind, str) and kind in KINDS else "sweep"
     if command not in KINDS:
         raise ResultFileError(f"{path}: written by `beamsim {command}`, which is unknown to this version")
     return str(command)
@@ -405,11 +405,15 @@ def _reserve(path: Path, size: int) -> None:
 
 def _create(file: h5py.File, place: str, item: Item) -> None:
     """Make the group or dataset of an item."""
-    values = item.values
-    if values is None:
+    if item.array is None:
         owner = file.require_group(place)
+    elif isinstance(item.array, InParts):
+        kind = np.dtype(np.uint8) if item.array.dtype == np.bool_ else item.array.dtype
+        owner = file.create_dataset(place, item.array.shape, kind, fillvalue=item.array.fill, **_checksum(item.array))
+        for index, values in item.array.parts:
+            owner[index] = values
     else:
-        array = np.asarray(values)
+        array = np.asarray(item.array)
         if array.dtype.kind in "OU":
             array = array.astype(TEXT)
         array = array.view(np.uint8) if array.dtype == np.bool_ else array
@@ -423,12 +427,19 @@ def _create(file: h5py.File, place: str, item: Item) -> None:
 def _checksum(array: Any) -> dict[str, Any]:
     """Options with which HDF5 stores a checksum of every chunk of an array; none where it cannot.
 
-    It has none for single numbers, nothing, and text. Chunks are equal parts, so that none is padded much.
+    It has none for single numbers, nothing, and text. Chunks are equal parts along the last axes: none is
+    padded much, and what belongs to one member is read alone.
     """
     if not array.ndim or not array.size or array.dtype.kind == "O":
         return {}
-    rows = -(-array.shape[0] // -(-array.nbytes // CHUNK_BYTES))
-    return {"fletcher32": True, "chunks": (rows, *array.shape[1:])}
+    chunks, room = [1] * array.ndim, max(CHUNK_BYTES // array.dtype.itemsize, 1)
+    for axis in reversed(range(array.ndim)):
+        size = array.shape[axis]
+        chunks[axis] = -(-size // -(-size // room))
+        room //= chunks[axis]
+        if chunks[axis] < size or not room:
+            break
+    return {"fletcher32": True, "chunks": tuple(chunks)}
 
 
 def read_items(file: h5py.File) -> Items:
@@ -490,6 +501,7 @@ class StoredArray(NamedTuple):
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     state: FileState  # of the file
+    within: tuple[Any, ...] = ()  # numbers and ranges along the axes of the dataset, of a part of it
 
     @property
     def ndim(self) -> int:
@@ -506,13 +518,28 @@ class StoredArray(NamedTuple):
         """Bytes that the values take in memory."""
         return self.size * self.dtype.itemsize
 
+    def part(self, index: tuple[Any, ...]) -> StoredArray:
+        """A part of the whole array.
+
+        Parameters
+        ----------
+        index : a number or a range for each axis.
+        """
+        ranges = ((each, size) for each, size in zip(index, self.shape, strict=True) if isinstance(each, slice))
+        return self._replace(shape=tuple(len(range(*each.indices(size))) for each, size in ranges), within=index)
+
     def __getitem__(self, index: Any) -> Any:
+        if self.within:
+            return np.asarray(self)[index]
         with self._opened() as dataset:
             return np.asarray(dataset[index]).view(self.dtype)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         with self._opened() as dataset:
-            return np.asarray(read_array(dataset).view(self.dtype), dtype)
+            if not self.within:
+                return np.asarray(read_array(dataset).view(self.dtype), dtype)
+            demand_memory(self.path, self.nbytes, f"for the values of {self.name}")
+            return np.asarray(np.asarray(dataset[self.within]).view(self.dtype), dtype)
 
     @contextmanager
     def _opened(self) -> Iterator[h5py.Dataset]:
@@ -615,6 +642,6 @@ def stored_result(path: Path | str, kind: str = "", *, open_files: bool = False)
 
 def _check_times(items: Items) -> None:
     """Raise a ValueError where the times of a result are not those from a start to an end, as a run writes them."""
-    times = items["/time"].array if "/time" in items else np.zeros(1)
+    times = items["/histories/time"].array if "/histories/time" in items else np.zeros(1)
     if not 0.0 <= times[0] <= times[-1] < np.inf:
         raise ValueError("its times are not those of a run")

@@ -15,6 +15,7 @@ coordinates are in no data set 15, and the header names their bodies.
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -28,13 +29,33 @@ from beamsim.files import replacing
 from beamsim.matrix_files import DIRECTIONS
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
-from beamsim.store.flat import Item, Items, joined, last, parent
+from beamsim.store.datasets import ABSENT, NAMES, Item, Items, last, parent, part_of
 from beamsim.structures.places import DEFLECTION
 from beamsim.structures.stations import NODES, Stations
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Floats, Ints
 
 Coordinates = tuple[float, float, float]  # m
+
+ORDERS = ("order", "harmonic")
+"""Dimensions along which the functions of a variable are those of one harmonic after the other."""
+
+OF_CHANNELS = {
+    "/spectra/amplitude": ("/signals", "spectrum"),
+    "/channels_predicted_spectrum_frequency/amplitude": ("/channels_predicted_spectrum", "predicted spectrum"),
+    "/channels_measured_spectrum_frequency/amplitude": ("/channels_measured_spectrum", "measured spectrum"),
+    "/channels_predicted_time/predicted_history": ("/channels", "predicted"),
+    "/channels_measured_time/measured_history": ("/channels", "measured"),
+}
+"""Variables whose quantity is that of a signal or channel, with the dataset of these and words for the label."""
+
+
+class Whose(NamedTuple):
+    """A member that rows belong to."""
+
+    called: str
+    number: int = 0
+
 
 _STATISTICS = ("peak_", "max_", "min_", "rms_", "mean_", "harmonic_")
 
@@ -54,23 +75,18 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
     placed = _placed(stations, heights)
     nodes = _nodes(result.scenario, stations, placed, heights)
     upside_down = {s.name for s in result.scenario.all_snubbers if getattr(s, "side", "") == "above"}
-    if "/base" in items:
+    if "/histories/base_acceleration" in items:
         nodes["base", "base"] = (0.0, 0.0, 0.0)
     own = _own_numbers(stations)
     first = 1 + max((int(numbers.max(initial=0)) for numbers in own.values()), default=0)
     root = items["/"].attributes
     source = Source(result.title, result.created, f"beamsim {root['beamsim_version']} {root['command']}")
     records = []
-    for path, item in items.items():
-        if item.array is None or item.scale:
-            continue
-        name = _name(items, path)
-        for function in _functions(items, path, name):
-            place = (_kind_of_place(path, function.quantity), name)
-            if place in nodes and function.x.size > 1:
-                node = list(nodes).index(place) + first
-                turned = function.quantity == "force" and name in upside_down
-                records.append(record_58(source, function, name, node, -3 if turned else 3))
+    for kind, name, function in _functions(items):
+        if (kind, name) in nodes and function.x.size > 1:
+            node = list(nodes).index((kind, name)) + first
+            turned = function.quantity == "force" and name in upside_down
+            records.append(record_58(source, function, name, node, -3 if turned else 3))
     if not records:
         return []
     number = first + len(nodes) + np.arange(stations.position.size)
@@ -206,84 +222,124 @@ def _lines(number: Ints, x: Floats, y: Floats) -> list[Ints]:
     return [line for line in (*along, *across) if line.size > 1]
 
 
-def _kind_of_place(path: str, quantity: str) -> str:
-    """Whether an array belongs to a probe, a snubber, the base or, in a chain, a spring."""
-    folders = path.split("/")[:-1]
-    for kind in ("base", "spring", "friction", "snubber", "probe"):
-        if kind in folders or f"{kind}s" in folders:
-            return kind
-    return "snubber" if quantity in ("force", "penetration") else "probe"
+def _functions(items: Items) -> Iterator[tuple[str, str, Function]]:
+    """All functions of time or frequency, each with the kind and the name of the place that has it."""
+    for path, item in items.items():
+        name = last(path)
+        if item.array is None or item.scale or item.array.dtype.kind != "f" or name.endswith("_imag"):
+            continue
+        dataset = last(parent(path))
+        if path in OF_CHANNELS:
+            yield from _of_channels(items, path)
+            continue
+        name = name.removesuffix("_real")
+        section = "snubber" if name.startswith("snubber_") else "base" if name.startswith("base_") else ""
+        plain = name.removeprefix(f"{section}_")
+        quantity = next((plain.removeprefix(start) for start in _STATISTICS if plain.startswith(start)), plain)
+        dims = [last(axis) for axis in item.axes]
+        places = [dim for dim in dims if dim in ("probe", "snubber")]
+        along = [dim for dim in dims if dim not in (*places, *ORDERS)]
+        numbered = next((dim for dim in dims if dim in ORDERS), None)
+        if quantity not in ORDINATES or len(along) != 1 or len(places) != (section != "base"):
+            continue
+        axis = item.axes[dims.index(along[0])]
+        for of, labels in _names_at(items, item, dims, places):
+            kind = section or places[0]
+            numbers = [None] if numbered is None else items[f"/{dataset}/{numbered}"].values
+            for k, number in enumerate(numbers):
+                index = tuple(labels.get(dim, k if dim == numbered else slice(None)) for dim in dims)
+                y = _values(items, path, index)
+                for whose, x, rows, of_time in _abscissae(items, axis):
+                    text = " ".join(filter(None, (whose.called, of, plain.replace("_", " "))))
+                    if numbered is not None:
+                        text += f" order {number / (_periods(items, whose) if numbered == 'harmonic' else 1):g}"
+                    if dataset == "linear":
+                        over = _input(items)
+                        function = FREQUENCY_RESPONSE if over else GENERAL
+                        yield kind, of, Function(quantity, item.unit, f"linear {text}", x, y, function, over)
+                    else:
+                        way = TIME_RESPONSE if of_time else GENERAL
+                        yield kind, of, Function(quantity, item.unit, text, x, y[rows], way)
 
 
-def _name(items: Items, path: str) -> str:
-    """Name of the probe or snubber of an array, from the attributes of the groups around it."""
-    group = parent(path)
-    if group == "/base":
-        return "base"
-    while group != "/":
-        for key in ("name", "place", "probe"):
-            if key in items[group].attributes:
-                return str(items[group].attributes[key])
-        group = parent(group)
-    return ""
+def _periods(items: Items, whose: Whose) -> int:
+    """Periods of the excitation in one of a branch."""
+    return int(items["/branches/period_multiple"].values[whose.number])
 
 
-def _label(path: str, name: str, quantity: str) -> str:
-    """First line of a record: place and quantity for a run, else the path of the array."""
-    folder, *below = path.strip("/").split("/")
-    if folder == "spectra":
-        return f"{name} {quantity} spectrum".replace("_", " ")
-    if folder in ("probes", "snubbers", "base"):
-        return f"{name} {below[-1].replace('_', ' ')}"
-    return path.strip("/").replace("/", " ").replace("_", " ").removesuffix(" real")
-
-
-def _functions(items: Items, path: str, place: str) -> Iterator[Function]:
-    """Functions in an array: one, one for each order of harmonics, or none."""
-    item, stem = items[path], path.removesuffix("_real").removesuffix("_imag")
-    parts = [items.get(f"{stem}_{part}") for part in ("real", "imag")] if stem != path else []
-    complex_pair = [part for part in parts if part is not None]
-    if item.array.dtype.kind != "f" or (len(complex_pair) == 2 and item is parts[1]):
+def _names_at(
+    items: Items, item: Item, dims: Sequence[str], places: Sequence[str]
+) -> Iterator[tuple[str, dict[str, int]]]:
+    """Names of the places that have a variable, each with its number along their dimension; the base without one."""
+    if not places:
+        yield "base", {}
         return
-    name = last(stem if len(complex_pair) == 2 else path)
-    about = items[parent(path)].attributes
-    if name == "amplitude" and "quantity" in about:
-        quantity = str(about["quantity"])
-    else:
-        quantity = next((name.removeprefix(s) for s in _STATISTICS if name.startswith(s)), name)
-    if quantity not in ORDINATES:
-        return
-    text, names = _label(path, place, quantity), [last(axis) for axis in item.axes]
-    y = complex_pair[0].values + 1j * complex_pair[1].values if len(complex_pair) == 2 else item.values
-    if names == ["time"]:
-        yield Function(quantity, item.unit, text, items[item.axes[0]].values, y)
-        return
-    frequencies = {k: x for k, axis in enumerate(item.axes) if (x := _frequency(items, axis)) is not None}
-    if len(frequencies) != 1:
-        return
-    (along, x), *_ = frequencies.items()
-    if y.ndim == 1:
-        over = _input(items) if path.startswith("/linear/") else ""
-        yield Function(quantity, item.unit, text, x, y, FREQUENCY_RESPONSE if over else GENERAL, over)
-    elif y.ndim == 2 and "order" in names:
-        for order, values in zip(items[item.axes[1 - along]].values, np.moveaxis(y, along, 1), strict=True):
-            yield Function(quantity, item.unit, f"{text} order {order:g}", x, values, GENERAL)
+    absent = json.loads(str(item.attributes.get(ABSENT, "[]")))
+    for k, label in enumerate(items[item.axes[dims.index(places[0])]].values):
+        if k not in absent:
+            yield str(label), {places[0]: k}
 
 
-def _frequency(items: Items, axis: str) -> Floats | None:
-    """Frequencies along an axis: its own values, or those of ``frequency_hz`` beside it, along a branch."""
-    if not axis:
-        return None
-    if last(axis) == "frequency_hz":
-        return np.asarray(items[axis].values)
-    beside: Item | None = items.get(joined(parent(axis), "frequency_hz"))
-    return np.asarray(beside.values) if beside is not None and beside.axes == (axis,) else None
+def _values(items: Items, path: str, index: tuple[Any, ...]) -> NDArray[Any]:
+    """A part of a variable, complex where it has an imaginary part."""
+    values = np.asarray(part_of(items[path].array, index))
+    imaginary = items.get(f"{path.removesuffix('_real')}_imag") if path.endswith("_real") else None
+    return values if imaginary is None else values + 1j * np.asarray(part_of(imaginary.array, index))
+
+
+def _abscissae(items: Items, axis: str) -> Iterator[tuple[Whose, Floats, slice, bool]]:
+    """Times or frequencies along an axis: whose, the values, their rows, and whether they are times.
+
+    Along the rows of several members they are those of one after the other.
+    """
+    dataset = parent(axis)
+    for name in ("time", "predicted_time", "measured_time", "frequency_hz"):
+        item = items.get(f"{dataset}/{name}")
+        if item is None or item.values.dtype.kind != "f":
+            continue
+        if item.scale and f"{dataset}/{name}" == axis:
+            yield Whose(""), item.values, slice(None), name == "time"
+            return
+        if item.axes == (axis,) and (name != "time" or f"{dataset}/frequency_hz" not in items):
+            for whose, rows in members_along(items, axis):
+                yield whose, item.values[rows], rows, name != "frequency_hz"
+            return
+
+
+def members_along(items: Items, axis: str) -> Iterator[tuple[Whose, slice]]:
+    """The members whose rows are along an axis, one after the other, and their rows."""
+    numbered = [(path, item) for path, item in items.items() if item.axes == (axis,) and NAMES in item.attributes]
+    if not numbered:
+        return
+    path, item = numbered[0]
+    numbers, coordinate = item.values, items[f"/{item.attributes[NAMES]}"].values
+    borders = np.flatnonzero(np.diff(numbers)) + 1
+    for begin, end in zip([0, *borders], [*borders, numbers.size], strict=True):
+        if end > begin:
+            number = int(numbers[begin])
+            label = coordinate[number]
+            called = str(label) if isinstance(label, str) else f"{last(path)} {label}"
+            yield Whose(called, number), slice(int(begin), int(end))
+
+
+def _of_channels(items: Items, path: str) -> Iterator[tuple[str, str, Function]]:
+    """Histories and amplitude spectra of several quantities, one after the other."""
+    about, text = OF_CHANNELS[path]
+    columns = {last(place): item.values for place, item in items.items() if parent(place) == about}
+    (axis,), values = items[path].axes, items[path].values
+    for whose, x, rows, of_time in _abscissae(items, axis):
+        name = str(columns["place" if "place" in columns else "probe"][whose.number])
+        quantity, unit = (str(columns[key][whose.number]) for key in ("quantity", "unit"))
+        if quantity in ORDINATES:
+            kind = "snubber" if quantity in ("force", "penetration") else "probe"
+            label = f"{name} {quantity} {text}".replace("_", " ")
+            yield kind, name, Function(quantity, unit, label, x, values[rows], TIME_RESPONSE if of_time else GENERAL)
 
 
 def _input(items: Items) -> str:
     """Input of the linear response of a sweep: a force, force per length or pressure, or acceleration of the base."""
-    curves = (str(item.attributes["quantity"]) for item in items.values() if "direction" in item.attributes)
-    quantity = next(curves, "")
+    quantities = items["/curves/quantity"].values if "/curves/quantity" in items else []
+    quantity = next(map(str, quantities), "")
     return quantity if quantity in LOAD_CODES else "acceleration"
 
 

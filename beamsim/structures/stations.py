@@ -45,12 +45,12 @@ class Stations:
     """The stations of all bodies, body after body."""
 
     position: Floats = axis("{unit}", "{meaning}")  # (nx,) on each body's own axis
-    unit: str = attribute("", "m along a beam, 1 where masses are numbered", name="units", at="position")
-    meaning: str = attribute("", "what the position is", name="long_name", at="position")
+    unit: str = attribute("", "m along a beam, 1 where masses are numbered", name="position_unit")
+    meaning: str = attribute("", "what the position is", name="position_meaning")
     # of several bodies only
-    body: Ints | None = dataset("1", "number of the body, from 0, as in names", default=None)
-    names: tuple[str, ...] | None = attribute("", "names of the bodies", at="body", default=None)
-    axes: tuple[str, ...] | None = attribute("", "what the position is on each", at="body", default=None)
+    body: Ints | None = dataset("1", "number of the body, from 0", name="body_number", default=None)
+    names: tuple[str, ...] | None = attribute("", "names of the bodies", name="position_bodies", default=None)
+    axes: tuple[str, ...] | None = attribute("", "what the position is on each", name="position_axes", default=None)
     # where a body is a plate
     across: Floats | None = dataset(
         "m", "position on the plate from its bottom edge; NaN on other bodies", default=None
@@ -58,13 +58,13 @@ class Stations:
     # where the table of an imported body gives them
     points: Floats | None = dataset(
         "m", "place of the nodes of imported bodies, NaN where they have none; NaN on other bodies",
-        along=("position", Counter("coordinate", "coordinate of the place", labels=("x", "y", "z"))), default=None,
+        along=("position", Counter("direction", "coordinate of the place", labels=("x", "y", "z"))), default=None,
     )  # fmt: skip
 
     # where also the stiffness of an imported body tells what is joined
     lines: Ints | None = dataset(
         "1", "stations, from 0, between which lines are drawn: their nodes belong to one element",
-        along=(Counter("line", "number of the line"), Counter("end", "end of the line")), default=None,
+        along=(Counter("drawn_line", "number of the line"), Counter("end", "end of the line")), default=None,
     )  # fmt: skip
 
     @classmethod

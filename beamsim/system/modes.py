@@ -70,12 +70,12 @@ class ModeTable:
     probe_bound: float | None = attribute("1", "the same of the receptance between these and the probes", default=None)
     # by body, of several bodies only
     kinetic_energy_share: dict[str, Floats] = dataset(
-        "1", "share of a mode's kinetic energy in this body", per="bodies", default_factory=dict
+        "1", "share of a mode's kinetic energy in this body", per="body", default_factory=dict
     )
     strain_energy_share: dict[str, Floats] = dataset(
         "1",
         "share of a mode's strain energy in this body, the rest being in springs of joints; NaN for rigid-body modes",
-        per="bodies",
+        per="body",
         default_factory=dict,
     )
     # None where there is no equilibrium, or where contacts hold, are pressed by others, or soften beside it

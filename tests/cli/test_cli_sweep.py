@@ -74,18 +74,20 @@ def test_sweep_writes_prints_and_draws(here, kind):
     with h5py.File("case.h5") as file:
         assert file.attrs["command"] == "sweep"
         assert file.attrs["status"] == "complete"
-        group = file["down_0"]
+        group = file["cycles"]
+        assert file["curves/curve"].asstr()[()].tolist() == ["up_0", "down_0"]
+        cycles = group["frequency_hz"].size
         for name in ("peak_displacement", "max_displacement", "rms_displacement", "peak_absolute_acceleration"):
-            data = group[f"probes/first/{name}"]
-            assert data.shape == group["frequency_hz"].shape
+            data = group[name]
+            assert data.shape == (1, cycles)
             assert data.attrs["units"]
-            assert data.dims[0].keys() == ["frequency_hz"]
-        assert group["snubbers/stop/peak_force"].shape == group["frequency_hz"].shape
-        assert group["probes/first/harmonic_displacement_real"].shape == (5, group["frequency_hz"].size)
+            assert [scale.name for scale in (data.dims[0][0], data.dims[1][0])] == ["/cycles/probe", "/cycles/cycle"]
+        assert group["peak_force"].shape == (1, cycles)
+        assert group["harmonic_displacement_real"].shape == (1, 5, cycles)
     pictures = {path.name for path in Path().glob("*.png")}
     assert {"case_response_0.png", "case_waterfall.png", "case_contact.png", "case_contact_levels.png"} <= pictures
     assert ("case_steady_states.png" in pictures) is (kind == "stepped")
-    with xarray.open_dataset("case.h5", group="up_0", engine="h5netcdf") as data:
+    with xarray.open_dataset("case.h5", group="cycles", engine="h5netcdf") as data:
         assert data["frequency_hz"].attrs["units"] == "Hz"
     again = invoke("plot", "case.h5", "-o", "again")
     assert again.exit_code == 0, again.output
@@ -119,7 +121,8 @@ def test_profile_and_notch(here):
                 "sweep.notches=[{from: 0.3, to: 0.35, level: 0.05 N}]")  # fmt: skip
     assert done.exit_code == 0, done.output
     with h5py.File("case.h5") as file:
-        f, a = file["up_0/frequency_hz"][()], file["up_0/excitation_amplitude"][()]
+        up = file["cycles/curve"][()] == file["curves/curve"].asstr()[()].tolist().index("up_0")
+        f, a = (file[f"cycles/{name}"][up] for name in ("frequency_hz", "excitation_amplitude"))
     np.testing.assert_allclose(a, np.where(f < 0.2, 0.2, np.where((f >= 0.3) & (f < 0.35), 0.05, 0.4)))
 
 

@@ -17,11 +17,11 @@ probes: [{name: mass, mass: 1}]
 run: {duration: 0.4 s, convergence: off, spectrum: {last: 0.2 s}}
 """
 KINDS = {  # command, sections, a curve
-    "run": ("run", "", "probes/mass/displacement"),
-    "base": ("run", "", "base/displacement"),
+    "run": ("run", "", "histories/displacement"),
+    "base": ("run", "", "histories/base_displacement"),
     "sweep": (
         "sweep", "sweep: {kind: swept_sine, from: 9 Hz, to: 10 Hz, rate: 2 Hz/s, direction: up}",
-        "up_0/probes/mass/max_displacement",
+        "cycles/max_displacement",
     ),
 }  # fmt: skip
 
@@ -128,6 +128,6 @@ def test_behind_a_filter_a_short_pulse_is_an_impulse(tmp_path):
 
 def test_the_python_function_refuses_it_too(folder, tmp_path):
     damaged = Path(shutil.copy(result_of("run", folder), tmp_path / "case.h5"))
-    flip_a_bit(damaged, "probes/mass/displacement")
-    with pytest.raises(ResultFileError, match="/probes/mass/displacement cannot be read"):
+    flip_a_bit(damaged, "histories/displacement")
+    with pytest.raises(ResultFileError, match="/histories/displacement cannot be read"):
         beamsim.open_result(damaged)

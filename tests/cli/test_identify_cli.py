@@ -117,7 +117,7 @@ def test_nonlinear_parameters_from_a_file(tmp_path, history):
     assert (tmp_path / "out_harmonics.png").is_file()
     with h5py.File(tmp_path / "out.h5") as file:
         assert file["nonlinear/parameter"].asstr()[()].tolist() == ["snubbers.tip.stiffness", "snubbers.tip.gap"]
-        assert file["nonlinear/tests/1/measured_real"].shape == (5,)
+        assert file["nonlinear_tests_order/measured_real"].shape == (5,)
 
 
 @pytest.fixture(scope="module")

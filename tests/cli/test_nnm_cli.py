@@ -52,15 +52,16 @@ def test_nnm_writes_a_file_and_pictures(tmp_path):
     assert all(Path(f).is_file() for f in summary["files"])
     with h5py.File(tmp_path / "nnm_chain_mass_5.h5") as file:
         assert file.attrs["command"] == "nnm"
-        branch = file["branches/0"]
+        branch, motion = file["points"], file["branches_motion_time"]
         assert branch["frequency_hz"].attrs["units"] == "Hz"
         assert branch["initial_displacement"].shape == (summary["points"], 6)
-        assert branch["initial_displacement"].dims[1][0] == file["position"]
-        motion = branch["motion/probes/fifth/displacement"][:]
-        assert motion[0] == pytest.approx(motion[-1], abs=1e-9)
-        assert branch["motion/probes/fifth/velocity"][0] == 0.0
+        assert branch["initial_displacement"].dims[1][0] == branch["position"]
+        fifth = motion["probe"].asstr()[()].tolist().index("fifth")
+        displacement = motion["displacement"][fifth]
+        assert displacement[0] == pytest.approx(displacement[-1], abs=1e-9)
+        assert motion["velocity"][fifth, 0] == 0.0
         assert load_scenario(file.attrs["scenario"]).nnm.mode == 4
-        for group in (file, branch):
+        for group in (motion, branch):
             for item in group.values():
                 if isinstance(item, h5py.Dataset):
                     assert item.attrs["long_name"]

@@ -231,10 +231,10 @@ def test_command(tmp_path):
     assert level["found"]
     assert level["periods"] == 6
     with h5py.File(tmp_path / "nnm_forced_backbone.h5") as file:
-        predicted = file["phase_resonance/predicted"]
+        predicted = file["phase_resonance_predicted"]
         assert predicted["level"].attrs["units"] == "m/s^2"
         assert predicted["level"].dims[0][0] == predicted["point"]
-        assert file["phase_resonance/levels/0/held/shapes"].dims[1][0] == file["position"]
+        assert (held := file["phase_resonance_levels_held_instants"])["shapes"].dims[1][0] == held["position"]
     m = open_result(tmp_path / "nnm_forced_backbone.h5").phase_resonance.motions[0]
     assert m.frequency_hz == level["frequency_hz"]
     assert m.curve.stable.dtype == bool

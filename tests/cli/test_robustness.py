@@ -13,7 +13,7 @@ import pytest
 import beamsim
 from beamsim.errors import ResultFileError
 from beamsim.store import results as result_files
-from beamsim.store.flat import Item
+from beamsim.store.datasets import Item
 from tests.helpers.commands import invoke
 
 CASE = """

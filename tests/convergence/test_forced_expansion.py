@@ -103,7 +103,7 @@ def test_command(tmp_path):
     names = {Path(f).name for f in summary["files"]}
     assert {"ms_forced_oscillator_multiple_scales_mass.png", "ms_forced_oscillator_multiple_scales_orders.png"} <= names
     with h5py.File(tmp_path / "ms_forced_oscillator.h5") as file:
-        assert file["multiple_scales/0/difference"].dims[0][0] == file["multiple_scales/0/factor"]
+        assert file["multiple_scales_factor/difference"].dims[0][0] == file["multiple_scales_factor/sample"]
     (stored,) = open_result(tmp_path / "ms_forced_oscillator.h5").expansion
     assert stored.first["mass"].max() == level["largest_first_order_m"]["mass"]
     assert stored.stability_agrees.all()

@@ -18,7 +18,7 @@ import numpy as np
 
 from beamsim.errors import BeamsimError
 from beamsim.hdf5 import seal
-from beamsim.store.flat import Item, parent
+from beamsim.store.datasets import Item, parent
 from beamsim.store.results import CHECKSUM, JSON_ENCODED, checksum, open_result, read_items, write_items
 from tests.helpers.commands import invoke
 
@@ -270,7 +270,7 @@ RECORD = (
     CHAIN
     + """
 excitation:
-  {kind: sampled, applied_to: base, quantity: acceleration, file: RESULT, column: probes/one/absolute_acceleration}
+  {kind: sampled, applied_to: base, quantity: acceleration, file: RESULT, column: histories/one/absolute_acceleration}
 run: {duration: 1.0, convergence: off}
 """
 )

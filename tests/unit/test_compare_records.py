@@ -164,7 +164,7 @@ def test_files_of_results_are_compared_with_themselves(boom, tmp_path):
     """Channels of an HDF5 file and of a table that the package wrote: of probes, stops of hinges and outputs."""
     path = beamsim.write_result(boom[0], tmp_path / "boom.h5")
     invoke("export", path, "-o", tmp_path / "boom.csv")
-    for file in (path, tmp_path / "boom_csv" / "time_histories.csv"):
+    for file in (path, tmp_path / "boom_csv" / "histories_by_time.csv"):
         pairs = pair_channels(boom[0], file)
         assert {(place, quantity) for place, quantity, _ in pairs} == {
             ("tip", "absolute_acceleration"), ("tip", "displacement"), ("tip", "absolute_displacement"),

@@ -251,10 +251,10 @@ def test_an_orbit_of_a_damaged_file_is_refused(tmp_path):
     (tmp_path / "case.yaml").write_text(case)
 
     def edit(file):
-        file["branches/0/parameter"][0] = 7.0
+        file["points/parameter"][0] = 7.0
 
     def remove(file):
-        del file["branches/0/parameter"]
+        del file["points/parameter"]
 
     for change, sealed, message in ((edit, False, "was changed after"), (remove, True, "cannot be read as a result")):
         (tmp_path / "stored.h5").write_bytes(gzip.decompress(stored.read_bytes()))

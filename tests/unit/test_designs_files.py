@@ -84,17 +84,24 @@ def test_xarray_sees_parameters_as_coordinates(tmp_path):
     xarray = pytest.importorskip("xarray")
     result = fabricated("map")
     path = write_result(result, tmp_path / "study.h5")
-    with xarray.open_dataset(path, group="designs", engine="h5netcdf") as data:
-        assert data["bending_stress"].dims == ("snubbers.tip.stiffness", "snubbers.tip.gap")
-        np.testing.assert_array_equal(data["snubbers.tip.gap"], [0.0, 1e-4, 3e-4])
-        assert data["closed_frequencies_hz"].dims[-1] == "mode"
-        assert data["bending_stress"].attrs["units"] == "Pa"
-        picked = data["bending_stress"].sel({"snubbers.tip.gap": 1e-4}).values
+    with xarray.open_dataset(path, group="cases", engine="h5netcdf") as data:
+        stress, gap = (
+            data["value"].sel(response="bending_stress"),
+            data["parameter_value"].sel(parameter="snubbers.tip.gap"),
+        )
+        assert stress.dims == gap.dims == ("case",)
+        np.testing.assert_array_equal(np.unique(gap), [0.0, 1e-4, 3e-4])
+        assert data["value_by_mode"].dims == ("response", "case", "mode")
+        assert data["unit"].sel(response="bending_stress") == "Pa"
+        picked = stress.values[gap.values == 1e-4]
     np.testing.assert_array_equal(picked, result.responses["bending_stress"].values[:, 1])
-    path = write_result(fabricated("sample"), tmp_path / "sample.h5")
-    with xarray.open_dataset(path, group="designs", engine="h5netcdf") as data:
-        assert data["bending_stress"].dims == ("case",)
-        assert {"beam.thickness", "snubbers.tip.gap", "case"} <= set(data["bending_stress"].coords)
+    sample = fabricated("sample")
+    path = write_result(sample, tmp_path / "sample.h5")
+    with xarray.open_dataset(path, group="cases", engine="h5netcdf") as data:
+        assert {"beam.thickness", "snubbers.tip.gap"} <= set(data["parameter"].values)
+        for coordinate in sample.coordinates:
+            values = data["parameter_value"].sel(parameter=coordinate.path)
+            np.testing.assert_array_equal(values, coordinate.values)
 
 
 # --- pictures ---------------------------------------------------------------------------------------------------------

@@ -36,7 +36,7 @@ def along_time(path):
     """By name, the arrays along the time of a run, the time included."""
     with h5py.File(path) as file:
         items = results.read_items(file)
-    return {name: np.array(item.values) for name, item in items.items() if item.axes == ("/time",) or name == "/time"}
+    return {name: np.array(item.values) for name, item in items.items() if "/histories/time" in (name, *item.axes)}
 
 
 def test_histories_are_the_same_in_one_piece_and_in_parts(monkeypatch, tmp_path):
@@ -44,28 +44,28 @@ def test_histories_are_the_same_in_one_piece_and_in_parts(monkeypatch, tmp_path)
     monkeypatch.setattr(observers, "VALUES_AT_ONCE", 2**17)
     write_result(long_run(), tmp_path / "parts.h5")
     stored = along_time(tmp_path / "parts.h5")
-    fields = {f"/probes/{name}": probe for name, probe in whole.probes.items()}
-    fields |= {"/snubbers/tip": whole.snubbers["tip"], "/energy": whole.energy}
-    columns = {name: path for name in stored if (path := name.rpartition("/")[0]) in fields}
-    assert len(columns) > 10
-    for name, path in columns.items():
-        values = getattr(fields[path], name.rpartition("/")[2])
-        np.testing.assert_allclose(stored[name], values, rtol=0, atol=1e-12 * np.abs(values).max(), err_msg=name)
-    np.testing.assert_array_equal(stored["/time"], np.arange(100_001) / RATE)
-    np.testing.assert_array_equal(stored["/base/acceleration"], whole.base_acceleration)
+    probes = ("displacement", "velocity", "absolute_displacement", "absolute_acceleration")
+    expected = {name: [getattr(probe, name) for probe in whole.probes.values()] for name in probes}
+    expected |= {f"snubber_{name}": [getattr(whole.snubbers["tip"], name)] for name in ("force", "penetration")}
+    expected |= {f"energy_{name}": getattr(whole.energy, name) for name in ("work_in", "dissipated", "stored")}
+    for name, values in expected.items():
+        size = np.abs(values).max(axis=-1, keepdims=True)
+        np.testing.assert_allclose(stored[f"/histories/{name}"] / size, values / size, rtol=0, atol=1e-12, err_msg=name)
+    np.testing.assert_array_equal(stored["/histories/time"], np.arange(100_001) / RATE)
+    np.testing.assert_array_equal(stored["/histories/base_acceleration"], whole.base_acceleration)
 
 
 def test_tables_in_parts_hold_every_sample(small_parts, tmp_path):
     path = tmp_path / "long.h5"
     write_result(long_run(**{"run.duration": "0.15 s", "run.spectrum.last": "0.1 s"}), path)
     export_result(path, tmp_path / "csv", "csv")
-    with open(tmp_path / "csv" / "time_histories.csv", encoding="utf-8") as stream:
+    with open(tmp_path / "csv" / "histories_by_time.csv", encoding="utf-8") as stream:
         names = stream.readline().strip().split(",")
         rows = np.loadtxt(stream, delimiter=",")
     stored = along_time(path)
-    np.testing.assert_array_equal(rows[:, names.index("time (s)")], stored["/time"])
-    np.testing.assert_array_equal(rows[:, names.index("snubber_tip_force (N)")], stored["/snubbers/tip/force"])
-    np.testing.assert_array_equal(rows[:, names.index("snubber_tip_closed")], stored["/snubbers/tip/closed"])
+    np.testing.assert_array_equal(rows[:, names.index("time (s)")], stored["/histories/time"])
+    for heading, name in (("tip snubber_force (N)", "snubber_force"), ("tip snubber_closed", "snubber_closed")):
+        np.testing.assert_array_equal(rows[:, names.index(heading)], stored[f"/histories/{name}"][0])
 
 
 def test_the_bound_on_memory_is_in_the_summary_and_ends_a_motion_that_exceeds_it(monkeypatch):

@@ -95,7 +95,7 @@ def test_the_saved_level_gives_the_same_response_as_a_given_profile(notched, tmp
     assert [limit.name for limit in stored.limits] == list(SWEEP["notch_to"])
     done = invoke("export", tmp_path / "notched.h5", "--format", "csv", "-o", tmp_path)
     assert done.exit_code == 0, done.output
-    (table,) = tmp_path.rglob("up_0_notching_by_frequency_hz.csv")
+    (table,) = tmp_path.rglob("curves_notching_frequency_by_sample.csv")
     outputs = [{"name": "base_force", "kind": "reaction_force", "support": "base"}]
     settings = {**SWEEP, "notch_to": None, "profile_file": {"file": str(table), "column": "level"}}
     again = sweep(load_scenario({**CASE, "outputs": outputs, "sweep": settings}))

@@ -38,12 +38,12 @@ def test_the_table_is_the_printed_one(result):
 
 def test_data_frames_and_trees_hold_the_same_bits(result):
     pytest.importorskip("pandas")
-    histories = result.to_pandas()["time_histories"]
-    np.testing.assert_array_equal(histories["probe_first_displacement (m)"], result.probes["first"].displacement)
+    histories = result.to_pandas()["histories_by_time"]
+    np.testing.assert_array_equal(histories["first displacement (m)"], result.probes["first"].displacement)
     assert "base_acceleration (m/s^2)" in histories.columns
     pytest.importorskip("xarray")
     tree = result.to_xarray()
-    displacement = tree["probes/first"]["displacement"]
+    displacement = tree["histories"]["displacement"].sel(probe="first")
     np.testing.assert_array_equal(displacement, result.probes["first"].displacement)
     np.testing.assert_array_equal(displacement["time"], result.time)
     assert displacement.attrs["units"] == "m"
@@ -55,8 +55,8 @@ def test_a_result_read_from_its_file_shows_the_same(result, tmp_path):
     assert read._repr_html_() == result._repr_html_()
     assert read.plot().keys() == result.plot().keys()
     pytest.importorskip("pandas")
-    histories = read.to_pandas()["time_histories"]
-    np.testing.assert_array_equal(histories["probe_first_displacement (m)"], result.probes["first"].displacement)
+    histories = read.to_pandas()["histories_by_time"]
+    np.testing.assert_array_equal(histories["first displacement (m)"], result.probes["first"].displacement)
 
 
 @pytest.mark.parametrize(

@@ -142,7 +142,7 @@ def test_what_is_no_result_of_this_version_is_moved_aside(change, outcome, whole
 def test_a_complete_result_with_damaged_arrays_still_counts_as_complete(whole, part, tmp_path):
     path = written(whole, tmp_path / "case.h5")
     with h5py.File(path, "r") as file:
-        at = file["/time"].id.get_chunk_info(0).byte_offset
+        at = file["/histories/time"].id.get_chunk_info(0).byte_offset
     content = bytearray(path.read_bytes())
     content[at : at + 8] = b"\xff" * 8
     path.write_bytes(content)

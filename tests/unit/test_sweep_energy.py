@@ -102,7 +102,7 @@ def test_a_level_has_the_unit_of_what_is_prescribed(tmp_path, level, sweep, unit
     with h5py.File(tmp_path / "sweep.h5") as file:
         found = []
         file.visititems(lambda name, node: found.append(node) if name.endswith("excitation_amplitude") else None)
-        curve = found[0].parent
-        assert curve.attrs["level"] == pytest.approx(result.curves["up_0"].level)
-        assert (curve.attrs["level_unit"], found[0].attrs["units"]) == units
+        curves = file["curves"]
+        assert curves["level"][0] == pytest.approx(result.curves["up_0"].level)
+        assert (curves["level_unit"].asstr()[0], found[0].attrs["units"]) == units
     assert beamsim.open_result(tmp_path / "sweep.h5").curves["up_0"].level_unit == units[0]

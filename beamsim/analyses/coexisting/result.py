@@ -78,6 +78,7 @@ class CoexistingResult(ContinuationResult):
     Of a motion that is not periodic the branch has many cycles.
     """
 
+    DATASET = "starts"
     SUMMARY = (
         STATUS,
         Entry("motions", "", "each motion: frequency, kind, period, stability, share of the starts with its interval, "

@@ -25,7 +25,6 @@ from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.typing import Bools, Complexes, Floats
 
 _ORDER = ("order",)
-_TIME = ("time",)
 
 
 @declared(along=("frequency_hz",))
@@ -80,13 +79,13 @@ class ChannelComparison(ComparedChannel):
     predicted: Complexes = dataset(
         "{unit}",
         "predicted harmonic, zero to peak",
-        phase="phase of the predicted harmonic as a sine, in the time of the prediction",
+        imaginary="its imaginary part, as a sine in the time of the prediction",
     )
     # amplitudes alone where phases are unknown
     measured: Complexes = dataset(
         "{unit}",
         "measured harmonic, zero to peak",
-        phase="phase of the measured harmonic as a sine, in the time of the prediction",
+        imaginary="its imaginary part, as a sine in the time of the prediction",
     )
     measured_noise: Floats = dataset("{unit}", "standard deviation of the measured harmonic")
     has_phase: bool = attribute("", "whether the measured phases are known")
@@ -95,12 +94,10 @@ class ChannelComparison(ComparedChannel):
         "rms of the difference of the aligned histories over that of the measured one; NaN without histories",
     )
     # a few periods; the measured ones are shifted to the time of the prediction, empty for a measured spectrum
-    predicted_time: Floats = axis("s", "time", name="predicted_history/time")
-    predicted_history: Floats = dataset(
-        "{unit}", "predicted {quantity}", along=_TIME, name="predicted_history/{quantity}"
-    )
-    measured_time: Floats = axis("s", "time", name="measured_history/time")
-    measured_history: Floats = dataset("{unit}", "measured {quantity}", along=_TIME, name="measured_history/{quantity}")
+    predicted_time: Floats = axis("s", "time")
+    predicted_history: Floats = dataset("{unit}", "predicted {quantity}", along=("predicted_time",))
+    measured_time: Floats = axis("s", "time")
+    measured_history: Floats = dataset("{unit}", "measured {quantity}", along=("measured_time",))
     predicted_spectrum: Spectrum = group("predicted_spectrum", Spectrum)
     measured_spectrum: Spectrum = group("measured_spectrum", Spectrum)
     start_s: float | None = attribute("s", "start of the part of the run that is compared", default=None)
@@ -204,8 +201,8 @@ class Comparison(Result):
         *(entry for entry in CONVERGENCE if entry.name == "doubtful"),
     )  # fmt: skip
 
-    channels: tuple[ChannelComparison, ...] = members("channels", ChannelComparison, start=1, default=())
-    sweeps: tuple[SweptComparison, ...] = members("sweeps", SweptComparison, start=1, default=())
+    channels: tuple[ChannelComparison, ...] = members("channels", ChannelComparison, "comparison", default=())
+    sweeps: tuple[SweptComparison, ...] = members("sweeps", SweptComparison, "comparison", default=())
     assurance: Assurance | None = group("assurance", Assurance, default=None)  # of two channels of a sweep or more
 
 

@@ -31,7 +31,7 @@ from beamsim.fields import (
     stored,
 )
 from beamsim.system.modes import ModeTable
-from beamsim.typing import Bools, Floats, Ints
+from beamsim.typing import Bools, Floats
 
 NARROW = 1e-3  # of the extent of all branches: narrower ranges are left out
 _POINT = (Counter("point", "number of the point"),)
@@ -162,26 +162,26 @@ class ContinuationResult(Result):
 
     SUMMARY = _SUMMARY
 
-    branches: tuple[ResponseBranch, ...] = members("branches", ResponseBranch)
+    branches: tuple[ResponseBranch, ...] = members("branches", ResponseBranch, "branch", rows="points")
     modes: ModeTable = group("modes", ModeTable)
     parameter: str = attribute("", "what is followed: frequency, level, gap, stiffness or position")
     unit: str = attribute("", "its unit")
     snubber: str = attribute("", "snubber whose number is followed", default="")
     level_unit: str = attribute("", "unit of the branches' levels", default="")
     method: str = attribute("", "shooting or harmonic_balance", default="shooting")
-    fold_curves: tuple[FoldBranch, ...] = members("fold_curves", FoldBranch, default=())
+    fold_curves: tuple[FoldBranch, ...] = members(
+        "fold_curves", FoldBranch, "fold_curve", rows="fold_points", default=()
+    )
     second_parameter: str = attribute("", "what folds are followed in; empty where they are not", default="")
     second_unit: str = attribute("", "its unit", default="")
     second_snubber: str = attribute("", "snubber whose number that is", default="")
-    overlay: dict[str, OverlayCurve] = members("", OverlayCurve, default_factory=dict)
+    overlay: dict[str, OverlayCurve] = members(
+        "overlay", OverlayCurve, "curve", rows="overlay_cycles", default_factory=dict
+    )
     # for weak springs, where it was asked for
-    expansion: tuple[ForcedExpansionComparison, ...] = members("multiple_scales", ForcedExpansionComparison, default=())
-
-    @property
-    @stored(axis("1", "number of the coordinate"))
-    def coordinate(self) -> Ints:
-        """(n,) from 1."""
-        return np.arange(1, self.branches[0].coordinates.shape[1] + 1)
+    expansion: tuple[ForcedExpansionComparison, ...] = members(
+        "multiple_scales", ForcedExpansionComparison, "comparison", rows="", default=()
+    )
 
     def off_centre(self, branch: ResponseBranch) -> tuple[str, float] | None:
         """Probe and size, m, of the largest mean of a branch that has lost the symmetry of others; None of the others.

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.designs.responses import begins_response
-from beamsim.analyses.designs.result import GROUP, Coordinate, DesignsResult, Tolerance, limited_response, objectives
+from beamsim.analyses.designs.result import Coordinate, DesignsResult, Tolerance, limited_response, objectives
 from beamsim.analyses.values import BY_NAME
 from beamsim.errors import Problem, ScenarioError
-from beamsim.fields import names_in
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, plain, suggestion
 from beamsim.scenario.parameters import replaced, value_at, with_values
@@ -368,7 +367,7 @@ def _plan(
     asked: tuple[str, ...],
     realisations: Realisations,
 ) -> DesignPlan:
-    _refuse_names_of_fields(scenario, varied)
+    _refuse_names_of_responses(scenario, varied)
     places = [[parameter.places, sorted(map(str, parameter.choices.items()))] for parameter in varied]
     case = _case(scenario, varied)
     analysis = analysis_of(scenario)
@@ -386,15 +385,15 @@ def _plan(
     return replace(plan, coordinates=grid, shape=tuple(len(c) for c in columns))
 
 
-def _refuse_names_of_fields(scenario: Scenario, varied: Iterable[VariedParameter]) -> None:
-    """Refuse names of parameters that fields or responses of the result have: all are columns of one table.
+def _refuse_names_of_responses(scenario: Scenario, varied: Iterable[VariedParameter]) -> None:
+    """Refuse names of parameters that responses of the result have: all are columns of one table.
 
     Raises
     ------
     ScenarioError
         With each of them.
     """
-    taken, study = names_in(DesignsResult, GROUP), scenario.study
+    study = scenario.study
     where = {} if study is None else {
         each.path: f"{study.section}.parameters[{k}].name" for k, each in enumerate(study.parameters)
     }  # fmt: skip
@@ -405,7 +404,7 @@ def _refuse_names_of_fields(scenario: Scenario, varied: Iterable[VariedParameter
             f"choose another one, for example {parameter.path}_choice",
         )
         for parameter in varied
-        if parameter.path in taken or begins_response(parameter.path)
+        if begins_response(parameter.path)
     ]
     if problems:
         raise scenario.located(ScenarioError(problems))

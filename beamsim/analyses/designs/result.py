@@ -18,11 +18,11 @@ from beamsim.analyses.values import Margins, limited
 from beamsim.errors import ScenarioError
 from beamsim.fields import (
     JSON,
-    Axes,
     ByName,
     Counter,
     Entry,
     Flag,
+    Folded,
     Number,
     Plain,
     Text,
@@ -45,11 +45,10 @@ from beamsim.scenario.studies import Value
 from beamsim.scenario.units import Dimension, UnitError, read_quantity
 from beamsim.typing import Bools, Floats, Ints
 
-GROUP = "designs"
 _OF_NAMED = (
     "snubbers", "probes", "bodies", "joints", "springs_to_ground", "springs_between", "friction", "outputs", "tests",
 )  # sections of things with names  # fmt: skip
-_CASES = Axes("axes", "parameters of a grid, otherwise case", auxiliary="auxiliary")
+_CASES = Folded("shape", Counter("case", "number of the case"))
 
 
 def parameter_label(path: str) -> str:
@@ -97,8 +96,8 @@ class Coordinate:
 
     path: str = key("path of the parameter in the scenario")
     # (nk,) the axis of a grid, or (cases,) one a case; SI numbers or words
-    values: NDArray[Any] = dataset("{unit}", "varied {path}", name=".", along=_CASES)
-    unit: str = attribute("", "its unit", name="units")
+    values: NDArray[Any] = dataset("{unit}", "varied {path}", along=(Counter("value", "number of the value"),))
+    unit: str = attribute("", "its unit")
 
     @property
     def numeric(self) -> bool:
@@ -112,15 +111,24 @@ class Coordinate:
 
 
 @declared
+class ParameterOfCases:
+    """A varied parameter in every case."""
+
+    path: str = key("path of the parameter in the scenario")
+    value: NDArray[Any] = dataset("{unit}", "value of the parameter", along=_CASES)
+    unit: str  # not stored again
+
+
+@declared
 class Response:
-    """One response of every case, or its margin; of a probe or snubber in the groups that its name says."""
+    """One response of every case, or its margin."""
 
     name: str = attribute("", "name of the response")  # "snubbers/tip/peak_force", "up_0/snubbers/tip/peak_force"
     # the design's shape, a last axis of modes where there are several a case; nan: failed
     values: Floats = dataset(
-        "{unit}", "{long_name}", name=".", along=_CASES._replace(more=Counter("mode", "mode number"))
+        "{unit}", "{long_name}", name="value", along=_CASES._replace(more=Counter("mode", "mode number", shared=True))
     )
-    unit: str = attribute("", "its unit", name="units")
+    unit: str = attribute("", "its unit")
     long_name: str = attribute("", "its meaning")
 
     @property
@@ -142,11 +150,13 @@ class LimitVerdicts:
 
     name: str = attribute("", "name of the limit")
     values: NDArray[Any] = dataset(  # the design's shape
-        "1", "verdict on limits.{name}: ok, exceeded or not reliable", name=".", along=_CASES
+        "1", "verdict on limits.{name}: ok, exceeded or not reliable", name="of_case", along=_CASES
     )
 
 
-_REALISATION = Counter("realisation", "number of the realisation within the tolerances; 0 is the case itself", start=0)
+_REALISATION = Counter(
+    "realisation", "number of the realisation within the tolerances; 0 is the case itself", 0, shared=True
+)
 
 
 @declared
@@ -154,12 +164,10 @@ class Tolerance:
     """A number with a tolerance, and its deviations, which are the same in all cases."""
 
     path: str = key("path of the number in the scenario")
-    deviations: Floats = dataset(
-        "1", "deviation of {path} as a share of its tolerance", name=".", along=(_REALISATION,)
-    )
+    deviations: Floats = dataset("1", "deviation of {path} as a share of its tolerance", along=(_REALISATION,))
     tolerance: float = attribute("", "largest deviation, in SI units or as a share of the value")
     relative: bool = attribute("1", "whether the tolerance is a share of the value")
-    unit: str = attribute("", "unit of the tolerance", name="tolerance_unit")
+    unit: str = attribute("", "unit of the tolerance", name="unit")
 
 
 @declared
@@ -167,7 +175,7 @@ class RealisedResponse(Response):
     """One response of every realisation of every case."""
 
     values: Floats = dataset(  # the design's shape, then realisations; nan: failed
-        "{unit}", "{long_name}", name=".", along=_CASES._replace(more=_REALISATION)
+        "{unit}", "{long_name}", name="value", along=_CASES._replace(more=_REALISATION)
     )
 
 
@@ -192,7 +200,7 @@ class RunOfDesign:
         return cls(name=name, probe=probe.name, time=run.time, displacement=probe.displacement, **force)
 
 
-_PARAMETER = Counter("parameter", "number of the varied parameter")
+_PARAMETER = Counter("parameter_number", "number of the varied parameter", shared=True)
 
 
 @declared(along=(_PARAMETER,))
@@ -328,66 +336,58 @@ class DesignsResult(Result):
     ``coordinates``).
     """
 
-    SUMMARY = _SUMMARY
+    SUMMARY, DATASET = _SUMMARY, "cases"
 
-    analysis: str = attribute("", "what was done with each case: run, or the kind of sweep", at=GROUP)
-    kind: str = attribute("", "grid, zip, one_at_a_time, latin_hypercube, sobol, or draws of an ensemble", at=GROUP)
-    coordinates: tuple[Coordinate, ...] = members(GROUP, Coordinate, called="<parameter>")
+    analysis: str = attribute("", "what was done with each case: run, or the kind of sweep")
+    kind: str = attribute("", "grid, zip, one_at_a_time, latin_hypercube, sobol, or draws of an ensemble")
+    coordinates: tuple[Coordinate, ...] = members("parameters", Coordinate, "parameter")
     # the design's shape
-    solved: Bools = dataset("1", "whether the case has responses", name=f"{GROUP}/solved", flags=("missing", "solved"))
-    responses: dict[str, Response] = members(GROUP, Response, called="<response>")
-    margins: dict[str, Response] = members(f"{GROUP}/margins", Response, called="<limit>")  # limit / value - 1
-    verdicts: dict[str, LimitVerdicts] = members(f"{GROUP}/verdicts", LimitVerdicts, called="<limit>")
+    solved: Bools = dataset("1", "whether the case has responses", flags=("missing", "solved"))
+    responses: dict[str, Response] = members("", Response, "response")
+    margins: dict[str, Response] = members("", Response, "limit", prefix="margin_")  # limit / value - 1
+    verdicts: dict[str, LimitVerdicts] = members("", LimitVerdicts, "limit", prefix="verdict_")
     # the design's shape; within tolerances of the gravest realisation
-    case_outcomes: NDArray[Any] = dataset("1", "how the case ended", name=f"{GROUP}/outcome")
-    case_warnings: NDArray[Any] = dataset("1", "warnings of the case, one a line", name=f"{GROUP}/warnings")
+    case_outcomes: NDArray[Any] = dataset("1", "how the case ended", name="outcome")
+    case_warnings: NDArray[Any] = dataset("1", "warnings of the case, one a line", name="warnings")
     compared: Bools = dataset(
-        "1", "whether the values of the case are compared with those of a finer model", name=f"{GROUP}/compared",
+        "1", "whether the values of the case are compared with those of a finer model",
         flags=("not compared with a finer model", "compared with a finer model"),
     )  # fmt: skip
-    limits: dict[str, float] = attribute("", "limits by name, in SI units, JSON object", codec=JSON, at=GROUP)
+    limits: dict[str, float] = attribute("", "limits by name, in SI units, JSON object", codec=JSON)
     failures: tuple[CaseFailure, ...] = attribute(
-        "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec=FAILURES,
-        at=GROUP,
+        "", "cases that failed: number from 0, values of the parameters, and why; JSON list", codec=FAILURES
     )  # fmt: skip
     # the design's shape; None without limits
     passing: Bools | None = dataset(
         "1",
         "whether the case is reliable and meets every limit",
-        name=f"{GROUP}/passing",
         flags=("failing", "passing"),
         default=None,
     )
     sensitivity: tuple[SobolIndices, ...] = members(
-        f"{GROUP}/sensitivity", SobolIndices, default=()
+        "sensitivity", SobolIndices, "response", default=()
     )  # of a Sobol' sample
     # the design's shape; None without limits or tolerances
-    passing_share: Floats | None = dataset(
-        "1", "share of the realisations that meet every limit", name=f"{GROUP}/passing_share", default=None
-    )
-    tolerances: tuple[Tolerance, ...] = members(
-        f"{GROUP}/tolerances", Tolerance, called="<number with a tolerance>", default=()
-    )
+    passing_share: Floats | None = dataset("1", "share of the realisations that meet every limit", default=None)
+    tolerances: tuple[Tolerance, ...] = members("tolerances", Tolerance, "number", default=())
     realised: dict[str, RealisedResponse] = members(
-        f"{GROUP}/realisations", RealisedResponse, called="<response>", default_factory=dict
+        "", RealisedResponse, "response", prefix="realised_", default_factory=dict
     )
     objectives: dict[str, Response] | None = members(  # of a search
-        f"{GROUP}/objectives", Response, called="<objective>", default=None
+        "", Response, "objective", prefix="objective_", default=None
     )
     front: Bools | None = dataset(  # of a search for two objectives
         "1", "whether no design that meets every limit is better in one objective and not worse in the other",
-        name=f"{GROUP}/front", flags=("dominated", "of the front"), default=None,
+        flags=("dominated", "of the front"), default=None,
     )  # fmt: skip
     runs: dict[str, RunOfDesign] | None = members(
-        f"{GROUP}/runs", RunOfDesign, called="<design>", default=None
+        "runs", RunOfDesign, "design", rows="histories", default=None
     )  # of a search: of the scenario as it is, and of the best design
     random_numbers: tuple[RandomNumber, ...] | None = members(
-        f"{GROUP}/random_numbers", RandomNumber, called="<number>", default=None
+        "random_numbers", RandomNumber, "number", default=None
     )  # of a study of reliability
-    rounds: tuple[Round, ...] | None = table(
-        f"{GROUP}/rounds", Round, Counter("round", "number of the round"), default=None
-    )
-    fingerprint: str = attribute("", "hash of all that the responses depend on", at=GROUP, default="")
+    rounds: tuple[Round, ...] | None = table("rounds", Round, Counter("round", "number of the round"), default=None)
+    fingerprint: str = attribute("", "hash of all that the responses depend on", default="")
 
     def ended(self, outcome: Outcome) -> Self:
         """The result with another outcome, which its summary repeats; verdicts on limits are those of its cases."""
@@ -400,29 +400,24 @@ class DesignsResult(Result):
         return not (self.outcome.interrupted or self.outcome.all_of("cases_missing"))
 
     @property
+    @stored(attribute("", "number of values of each parameter of a grid, otherwise the number of cases"))
     def shape(self) -> tuple[int, ...]:
         """Shape of the design: an axis a coordinate for a grid, else (cases,)."""
         return self.solved.shape
 
     @property
-    def axes(self) -> tuple[str, ...]:
-        """Names of the axes of the design."""
-        return tuple(c.path for c in self.coordinates) if self.kind == "grid" else ("case",)
-
-    @property
-    def auxiliary(self) -> tuple[str, ...]:
-        """Names of the coordinates that are along another axis."""
-        return () if self.kind == "grid" else tuple(c.path for c in self.coordinates)
-
-    @property
-    @stored(axis("1", "number of the case", name=f"{GROUP}/case"))
-    def _case(self) -> Ints | None:
-        return None if self.kind == "grid" else np.arange(1, self.cases + 1)
-
-    @property
     def cases(self) -> int:
         """Number of cases."""
         return int(np.prod(self.shape))
+
+    @property
+    @stored(members("", ParameterOfCases, "parameter", prefix="parameter_"))
+    def _parameters_of_cases(self) -> tuple[ParameterOfCases, ...]:
+        values: Sequence[NDArray[Any]] = [c.values for c in self.coordinates]
+        if self.kind == "grid":
+            values = np.meshgrid(*values, indexing="ij")
+        each = zip(self.coordinates, values, strict=True)
+        return tuple(ParameterOfCases(c.path, of_cases, c.unit) for c, of_cases in each)
 
     @property
     def table(self) -> dict[str, NDArray[Any]]:

@@ -37,7 +37,9 @@ from beamsim.typing import Complexes, Floats, Ints
 
 SCENARIO = as_text(Scenario.to_yaml, stored_scenario)
 _MODE = ("mode",)
-_ENDS = (Counter("end", "which end of a range", labels=("lower", "upper")),)
+_USED = (Counter("used_mode", "number of the mode used"),)
+_OTHER = Counter("other_parameter", "number of the other parameter")
+_ENDS = (Counter("end", "which end of a range", labels=("lower", "upper"), shared=True),)
 
 
 @declared(along=_MODE)
@@ -80,12 +82,20 @@ class StiffnessEstimate:
 
     snubber: str = attribute("", "name of the snubber")
     method: str = attribute("", "secular or thesis")
-    stiffness: float = dataset("N/m", "stiffness of the snubber", name=".")
-    fit_to: tuple[int, ...] = attribute("", "numbers of the modes used")
-    individual: Floats = attribute("N/m", "stiffness from each of these modes alone; NaN where it is out of reach")
-    individual_interval: Floats = attribute("N/m", "confidence interval of each of these; NaN where it is not known")
-    reach_hz: Floats = attribute("Hz", "for each of these modes the range of frequencies that a stiffness can reach")
-    condition: Floats = attribute("1", "k df/dk / f of each of these modes: relative change in f for one in k")
+    stiffness: float = attribute("N/m", "stiffness of the snubber")
+    fit_to: tuple[int, ...] = dataset("1", "numbers of the modes used", along=_USED)
+    individual: Floats = dataset(
+        "N/m", "stiffness from each of these modes alone; NaN where it is out of reach", along=_USED
+    )
+    individual_interval: Floats = dataset(
+        "N/m", "confidence interval of each of these; NaN where it is not known", along=(*_USED, *_ENDS)
+    )
+    reach_hz: Floats = dataset(
+        "Hz", "for each of these modes the range of frequencies that a stiffness can reach", along=(*_USED, *_ENDS)
+    )
+    condition: Floats = dataset(
+        "1", "k df/dk / f of each of these modes: relative change in f for one in k", along=_USED
+    )
     residual: float = attribute("1", "root mean square of (predicted - measured) / measured over the modes used")
     standard_deviation: float = attribute("N/m", "standard deviation, first order; NaN where no uncertainty is known")
     interval_first_order: tuple[float, float] = attribute("N/m", "confidence interval, first order, symmetric")
@@ -210,12 +220,12 @@ class ModelUpdate:
     alternatives: tuple[tuple[str, float], ...] = attribute(
         "", "every combination of supports tried, with its misfit", codec=as_json(null=math.inf)
     )
-    correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", "parameter"))
+    correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", _OTHER))
     before: FrequencyTable = group("frequencies_before", FrequencyTable)
     after: FrequencyTable = group("frequencies_after", FrequencyTable)
     misfit_before: float = attribute("1", "chi squared with the scenario's values, priors included")
     misfit_after: float = attribute("1", "chi squared with the identified values, priors included")
-    profiles: tuple[ProfileLikelihood, ...] = members("profiles", ProfileLikelihood, start=1)
+    profiles: tuple[ProfileLikelihood, ...] = members("profiles", ProfileLikelihood, "profile")
     evaluations: int = attribute("1", "eigenvalue problems solved")
     scenario: Scenario = attribute("", "the scenario with the identified parameters, YAML", codec=SCENARIO)
     warnings: tuple[str, ...] = ()  # stored with those of the result
@@ -247,8 +257,8 @@ class RecordFit:
     unit: str = attribute("", "its unit")
     delay_s: float = attribute("s", "measured(t) = predicted(t + delay)")
     treatment: str = attribute("", "what was done to the record, in order")
-    delay_interval: tuple[float, float] = attribute(
-        "s", "confidence interval of the delay; NaN where it is known", default=(math.nan, math.nan)
+    delay_interval: tuple[float, float] = dataset(
+        "s", "confidence interval of the delay; NaN where it is known", along=_ENDS, default=(math.nan, math.nan)
     )
     misfit: float = attribute("1", "its part of chi squared with the estimated values", default=math.nan)
     misfit_without: float = attribute(
@@ -308,16 +318,16 @@ class NonlinearEstimate:
     """Parameters from nonlinear tests."""
 
     parameters: tuple[ParameterEstimate, ...] = table("", ParameterEstimate)
-    correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", "parameter"))
-    tests: tuple[TestFit, ...] = members("tests", TestFit, start=1, default=())
-    transients: tuple[TransientFit, ...] = members("transients", TransientFit, start=1, default=())
-    sweeps: tuple[SweepFit, ...] = members("sweeps", SweepFit, start=1, default=())
+    correlation: Floats = dataset("1", "correlation of the parameters' logarithms", along=("parameter", _OTHER))
+    tests: tuple[TestFit, ...] = members("tests", TestFit, "test", default=())
+    transients: tuple[TransientFit, ...] = members("transients", TransientFit, "test", default=())
+    sweeps: tuple[SweepFit, ...] = members("sweeps", SweepFit, "test", default=())
     misfit_before: float = attribute("1", "chi squared with the scenario's values")
     misfit: float = attribute("1", "chi squared with the estimated values")
     degrees_of_freedom: int = attribute("1", "measured numbers minus parameters")
     starts: int = attribute("1", "starting points of the search")
     starts_agreeing: int = attribute("1", "starting points that ended in the best minimum")
-    profiles: tuple[ProfileLikelihood, ...] = members("profiles", ProfileLikelihood, start=1)
+    profiles: tuple[ProfileLikelihood, ...] = members("profiles", ProfileLikelihood, "profile")
     responses: int = attribute("1", "periodic responses and transients computed")
     processor_time_s: float = attribute("s", "processor time")
     coverage: float = attribute("1", "probability of the intervals")
@@ -394,7 +404,7 @@ _SUMMARY = (
 class IdentificationResult(Result):
     """Result of ``beamsim identify-stiffness``."""
 
-    SUMMARY = _SUMMARY
+    SUMMARY, DATASET = _SUMMARY, "shapes"
 
     estimate: StiffnessEstimate | None = group("stiffness", StiffnessEstimate, default=None)
     table_slope: TableSlope | None = group(
@@ -402,8 +412,8 @@ class IdentificationResult(Result):
     )  # of a snubber with a force-deflection table
     with_snubber: FrequencyTable | None = group("modes", FrequencyTable, default=None)
     without_snubber: FrequencyTable = group("modes_without", FrequencyTable)
-    sensitivities: tuple[Sensitivity, ...] = table("sensitivity", Sensitivity, empty=False)
-    curves: tuple[FrequencyCurve, ...] = members("curves", FrequencyCurve, pattern="mode_{}")
+    sensitivities: tuple[Sensitivity, ...] = table("sensitivity", Sensitivity)
+    curves: tuple[FrequencyCurve, ...] = members("curves", FrequencyCurve, "mode")
     profile: ProfileLikelihood | None = group("profile", ProfileLikelihood, default=None)  # of the stiffness
     update: ModelUpdate | None = group("update", ModelUpdate, default=None)
     mac: Floats | None = dataset(
@@ -418,7 +428,7 @@ class IdentificationResult(Result):
     nonlinear: NonlinearEstimate | None = group("nonlinear", NonlinearEstimate, default=None)
     pad: PadFit | None = group("pad", PadFit, default=None)
     pad_modulus: float = attribute(
-        "Pa", "Young's modulus of the pad; NaN without one", name="pad_youngs_modulus_pa", at="stiffness",
+        "Pa", "Young's modulus of the pad; NaN without one", name="pad_youngs_modulus_pa",
         default=float("nan"),
     )  # fmt: skip
     processor_time_s: float = attribute("s", "processor time", default=0.0)

@@ -27,7 +27,6 @@ from beamsim.fields import (
     members,
     per_probe,
     record,
-    stored,
     table,
 )
 from beamsim.outcomes import Outcome
@@ -41,6 +40,7 @@ UNITS = {"stiffness_factor": "1", "energy": "J", "frequency": "Hz"}
 _POINT = (Counter("point", "number of the point along the branch"),)
 _FACTOR = ("factor",)
 _ORDER = ("factor", Counter("order", "order of the expansion", 0))
+_COORDINATE = Counter("coordinate", "number of the coordinate")
 _STEP = (Counter("step", "number of the step"), _ORDER[1])
 _STATIONS = ("instants", "position")
 
@@ -135,7 +135,7 @@ class PhaseResonanceResult:
     # no gap, no load
     scales: bool = attribute("", "whether the level is proportional to the amplitude at a constant frequency")
     predicted: PredictedLevels = group("predicted", PredictedLevels)
-    motions: tuple[ResonantMotion, ...] = members("levels", ResonantMotion)
+    motions: tuple[ResonantMotion, ...] = members("levels", ResonantMotion, "level_index")
 
 
 # --- Other methods beside the exact motions --------------------------------------------------------------------------
@@ -153,13 +153,13 @@ class ExpansionPath:
     factor: Floats = axis("1", "stiffness factor")
     frequency_hz: Floats = dataset("Hz", "frequency to each order", along=_ORDER)  # (E, 3)
     # (E, 3, n) the shape at rest at t = 0
-    coordinates: Floats = dataset("kg^0.5 m", "initial vector to each order", along=(*_ORDER, "coordinate"))
+    coordinates: Floats = dataset("kg^0.5 m", "initial vector to each order", along=(*_ORDER, _COORDINATE))
     initial_displacement: Floats = dataset("m", "deflection at rest to each order", along=(*_ORDER, "position"))
     partner: int = attribute("1", "mode with the largest first-order component")
     harmonic: int = attribute("1", "its harmonic")
     reach: float = attribute("1", "factors should be well below this one")
     uniform_coordinates: Floats = dataset(
-        "kg^0.5 m", "initial vector of the uniform expansion to each order", along=(*_ORDER, "coordinate")
+        "kg^0.5 m", "initial vector of the uniform expansion to each order", along=(*_ORDER, _COORDINATE)
     )
     pole: float = attribute("1", "factor above which the initial vector is not yet at its asymptotic order")
     pole_mode: int = attribute("1", "mode whose coordinate it is; 0 for none")
@@ -176,7 +176,7 @@ class ExactModes:
     """Exact motions at the same energy (shooting); nan where none was found near the expansion."""
 
     frequency_hz: Floats = dataset("Hz", "frequency by shooting")
-    coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", "coordinate"))
+    coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", _COORDINATE))
     initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
     residual: Floats = dataset("1", "largest periodicity error, relative to the size of the motion")
 
@@ -217,7 +217,7 @@ class RelaxedComparison:
     passages: Ints = dataset("1", "motions computed")
     processor_time_s: Floats = dataset("s", "processor time")
     reached: Bools = dataset("1", "whether the functional fell below the tolerance", flags=("no", "yes"))
-    coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", "coordinate"))
+    coordinates: Floats = dataset("kg^0.5 m", "coordinates at rest", along=("factor", _COORDINATE))
     initial_displacement: Floats = dataset("m", "deflection at rest", along=("factor", "position"))
     # nan where a tongue cuts it
     exact_frequency_hz: Floats = dataset("Hz", "frequency of the backbone by shooting")
@@ -297,13 +297,13 @@ _SUMMARY = (
 class NormalModeResult(Result):
     """Everything `beamsim nnm` computes."""
 
-    SUMMARY = _SUMMARY
+    SUMMARY, DATASET = _SUMMARY, "shapes"
 
     mode: int = attribute("1", "number of the mode")
     parameter: str = attribute("", "stiffness_factor, energy or frequency", name="continued_in")
     method: str = attribute("", "shooting, full_period, multiple_scales or relaxed_minimisation")
     stations: Stations = group("", Stations)  # before what is along them
-    branches: tuple[ModeBranch, ...] = members("branches", ModeBranch)  # the backbone first
+    branches: tuple[ModeBranch, ...] = members("branches", ModeBranch, "branch", rows="points")  # the backbone first
     jumps: tuple[BranchJump, ...] = table("jumps", BranchJump, Counter("jump", "number of the jump"))
     linear_shape: Floats = dataset(
         "m", "linear mode with the largest deflection of the motion that is drawn", along=("position",)
@@ -342,12 +342,6 @@ class NormalModeResult(Result):
     def unit(self) -> str:
         """Unit of the branches' parameter."""
         return UNITS[self.parameter]
-
-    @property
-    @stored(axis("1", "number of the coordinate"))
-    def coordinate(self) -> Ints:
-        """(n,) from 1."""
-        return np.arange(1, self.backbone.coordinates.shape[1] + 1)
 
 
 def nnm_summary(

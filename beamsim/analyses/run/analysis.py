@@ -35,7 +35,6 @@ from beamsim.analyses.run.motion import (
     pull_warnings,
     reached,
 )
-from beamsim.analyses.run.names import refuse_names_of_fields
 from beamsim.analyses.run.needed import EVERYTHING, Needed
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
@@ -180,7 +179,6 @@ def _built(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, Structur
     """A scenario with what its start resolves to, and its system."""
     if scenario.run is None:
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
-    refuse_names_of_fields(scenario)
     if isinstance(scenario.run.start, OrbitStart):
         return built_at_orbit(scenario, shared)
     return scenario, build_system(scenario, shared)
@@ -360,36 +358,35 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
         with reading(path, "a result", "run the continuation again"), open_hdf5(path) as file:
             if file.attrs.get("command") != "sweep" or file.attrs.get("kind") != "continuation":
                 _reject(f"= {start.orbit} holds no continuation", "give the file of a sweep with kind: continuation")
-            prefix, branch = "", None
             if start.fold_curve is None:
-                branch = file["branches"].get(str(start.branch))
-                if branch is None:
-                    last = len(file["branches"]) - 1
+                prefix, counts, rows = "", file["branches/point_count"][()], file["points"]
+                if start.branch >= counts.size:
+                    last = counts.size - 1
                     _reject(f"= {start.branch} is not in the file", f"its branches are 0 to {last}", "run.start.branch")
             else:
-                prefix = "second_"
-                curves = file.get("fold_curves", {})
-                branch = curves.get(str(start.fold_curve))
-                if branch is None:
-                    has = f"its curves of folds are 0 to {len(curves) - 1}" if len(curves) else "it has none"
+                prefix, counts = "second_", np.zeros(0, dtype=int)
+                if "fold_curves" in file:
+                    counts, rows = file["fold_curves/point_count"][()], file["fold_points"]
+                if start.fold_curve >= counts.size:
+                    has = f"its curves of folds are 0 to {counts.size - 1}" if counts.size else "it has none"
                     _reject(f"= {start.fold_curve} is not in the file", has, "run.start.fold_curve")
             if not is_as_written(path):
                 _reject(f"= {start.orbit} was changed after it was written", "run the continuation again")
-            size = branch["parameter"].size
+            number = start.branch if start.fold_curve is None else start.fold_curve
+            size = int(counts[number])
             if start.point > size:
                 _reject(f"= {start.point} is beyond the branch", f"it has the points 1 to {size}", "run.start.point")
-            if "coordinates" not in branch:
-                _reject(f"= {start.orbit} has no states", "run the continuation again")
-            k = start.point - 1
-            states = [branch[name][k] for name in ("coordinates", "coordinate_velocities", "internal_states")
-                      if name in branch]  # fmt: skip
-            parameter, value = str(file.attrs[f"{prefix}parameter"]), float(branch["parameter"][k])
+            k = int(counts[:number].sum()) + start.point - 1
+            states = [rows[name][k] for name in ("coordinates", "coordinate_velocities", "internal_states")
+                      if name in rows]  # fmt: skip
+            members = file["branches" if start.fold_curve is None else "fold_curves"]
+            parameter, value = str(file.attrs[f"{prefix}parameter"]), float(rows["parameter"][k])
             return StoredOrbit(
                 parameter,
                 str(file.attrs.get(f"{prefix}snubber", "")),
                 value,
-                float(branch["frequency_hz"][k]),
-                value if parameter == "level" else float(branch.attrs["level"]),
+                float(rows["frequency_hz"][k]),
+                value if parameter == "level" else float(members["level"][number]),
                 np.concatenate(states),
                 file["modes/open_frequencies_hz"][()],
                 file["modes/shapes"][()],

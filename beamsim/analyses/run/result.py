@@ -27,7 +27,6 @@ from beamsim.fields import (
     key,
     list_of,
     members,
-    named,
     record,
     stored,
     table,
@@ -108,7 +107,7 @@ class SnubberImpacts(ContactUnits):
     rainflow: Rainflow = group("rainflow", Rainflow)  # of the force
     # of a random input
     intervals: tuple[FigureInterval, ...] = table(
-        "intervals", FigureInterval, Counter("number", "number of the figure"), empty=False, default=()
+        "intervals", FigureInterval, Counter("number", "number of the figure"), default=()
     )
 
     def summary(self) -> dict[str, Any]:
@@ -130,7 +129,7 @@ class Impacts:
 
     minimum_rest_s: float = attribute("s", "contacts of one snubber that are less far apart are one impact")
     force_threshold_n: float = attribute("N", "impacts with a smaller peak force are left out")
-    snubber: Ints = dataset("1", "index of the snubber, from 0")
+    snubber: Ints = dataset("1", "number of the snubber, from 0", names="histories/snubber")
     begin: Floats = dataset("s", "time at which the impact begins, or the run where it is in contact then")
     end: Floats = dataset("s", "time at which the impact ends, or the run where that is before")
     contact_time: Floats = dataset("s", "time in contact; less than end - begin where contacts are joined")
@@ -148,7 +147,7 @@ class Impacts:
         "J", "energy lost in the snubber from the beginning of the impact to that of the next"
     )
     cut: Bools = dataset("1", "whether the impact lasts when the run begins or ends", flags=("whole", "cut"))
-    snubbers: dict[str, SnubberImpacts] = named("snubbers", SnubberImpacts)
+    snubbers: dict[str, SnubberImpacts] = members("snubbers", SnubberImpacts, "snubber", rows="impacts_rainflow")
 
     @property
     @stored(dataset("1", "separation speed over approach speed; NaN where either is unknown or none"))
@@ -228,7 +227,7 @@ class OutputHistory:
     quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
     unit: str = attribute("", "unit of the quantity")
     at: str = attribute("", "where it is: a place, a support, a joint or a body")
-    value: Floats = dataset("{unit}", "{quantity:words}", along=_TIME)
+    value: Floats = dataset("{unit}", "{quantity}", along=_TIME)
 
 
 @declared(along=_TIME)
@@ -291,7 +290,7 @@ class FrictionHistory(ContactUnits):
     wear_power: float | None = attribute("W", "mean of normal force times sliding speed", default=None)
     worn_volume: float | None = attribute("m^3", "volume worn, where wear_rate is given", default=None)
     intervals: tuple[FigureInterval, ...] = table(  # of a random input
-        "intervals", FigureInterval, Counter("number", "number of the figure"), empty=False, default=()
+        "friction_intervals", FigureInterval, Counter("number", "number of the figure"), default=()
     )
 
     def summary(self) -> dict[str, Any]:
@@ -320,7 +319,7 @@ class EventLog:
     """
 
     time: Floats = dataset("s", "time of the contact event; 0 where contact begins at the start of the run")
-    snubber: Ints = dataset("1", "index of the snubber, from 0")
+    snubber: Ints = dataset("1", "number of the snubber, from 0", names="histories/snubber")
     closing: Bools = dataset("1", "whether the contact closes", flags=("opening", "closing"))
 
 
@@ -370,15 +369,15 @@ class Spectrum:
     quantity: str = attribute("", "absolute_acceleration or displacement; of an output what it is")
     unit: str = attribute("", "unit of the quantity")
     frequency_hz: Floats = axis("Hz", "frequency")
-    amplitude: Floats = dataset("{unit}", "single-sided peak amplitude of the {quantity:words}")
-    amplitude_db: Floats = dataset("dB", "20 log10(amplitude / max |x|) of the {quantity:words}")
+    amplitude: Floats = dataset("{unit}", "single-sided peak amplitude of the {quantity}")
+    amplitude_db: Floats = dataset("dB", "20 log10(amplitude / max |x|) of the {quantity}")
     excitation_hz: float = attribute("Hz", "frequency of the excitation; NaN where there is none, or several")
     window: str = attribute("", "window")
     start_s: float = attribute("s", "beginning of the part that is analysed")
     duration_s: float = attribute("s", "its duration")
     lines: tuple[SpectralLine, ...] = table("lines", SpectralLine, Counter("line", "number of the line"), default=())
     unresolved: tuple[UnresolvedLine, ...] = table(
-        "unresolved", UnresolvedLine, Counter("number", "number of the line"), empty=False, default=()
+        "unresolved", UnresolvedLine, Counter("number", "number of the line"), default=()
     )
     rate_hz: float | None = attribute(
         "Hz", "rate of the samples that a spectrum of a time-stepped motion is made of", default=None
@@ -404,7 +403,7 @@ class BodyResult:
     extreme_shapes: Floats = dataset(
         "m", "deflection when the first probe is lowest and highest", along=("extreme_times", "position")
     )
-    extreme_times: Floats = axis("s", "times at which the first probe is lowest and highest")
+    extreme_times: Floats = axis("s", "times at which the first probe is lowest and highest", shared=True)
     static_shape: Floats = dataset("m", "deflection at static equilibrium")  # nan: there is none
     # of a plate only, whose bending stress is the largest of sigma_x, sigma_y and tau_xy
     across: Floats | None = dataset("m", "position on the plate from its bottom edge", default=None)
@@ -430,7 +429,7 @@ class ContactInstant:
     )  # fmt: skip
     opening: Floats | None = dataset(
         "m", "distance of each snubber to its face as it is then; 0 while it touches or is held",
-        along=(Counter("snubber", "number of the snubber"),), default=None,
+        along=(Counter("stop", "number of the snubber"),), default=None,
     )  # fmt: skip
 
     def deflection(self, modes: ModeTable) -> Floats:
@@ -482,7 +481,7 @@ def over_limit(
 class SignalStatistics:
     """One signal of a run with a stationary random input, without the first part of the run."""
 
-    name: str = attribute("", "input, or the name of the probe or snubber")
+    name: str  # input, or the name of the probe or snubber
     quantity: str = key("quantity of the signal")
     unit: str = attribute("", "unit of the signal")
     mean: float = attribute("{unit}", "mean")
@@ -538,14 +537,11 @@ class RandomResponse:
     start_s: float = attribute("s", "what comes before is left out")
     frequency_hz: Floats = axis("Hz", "frequency")
     recorded: tuple[SignalStatistics, ...] = members(
-        "",
-        SignalStatistics,
-        by=("name", "quantity"),
-        called="<name>/<quantity>",
+        "", SignalStatistics, "signal", by=("name", "quantity"), split="quantity"
     )  # the input first
     # by probe: of the absolute acceleration, of the displacement where a force drives the structure
-    transmissibility: dict[str, Complexes] = dataset("{transmissibility_unit}", "response over input (H1)", per="")
-    coherence: dict[str, Floats] = dataset("1", "coherence of response and input", per="")
+    transmissibility: dict[str, Complexes] = dataset("{transmissibility_unit}", "response over input (H1)", per="probe")
+    coherence: dict[str, Floats] = dataset("1", "coherence of response and input", per="probe")
     level: Floats | None = axis(  # None in files of earlier versions
         "1", "level above the mean, in standard deviations of the signal", default=None
     )
@@ -623,10 +619,7 @@ class ShockResponse:
     quality: float = attribute("1", "quality factor Q of the oscillators")
     frequency_hz: Floats = axis("Hz", "natural frequency of the oscillator")
     signals: tuple[ShockSpectrum, ...] = members(
-        "",
-        ShockSpectrum,
-        by=("name", "quantity"),
-        called="<name>/<quantity>",
+        "", ShockSpectrum, "signal", by=("name", "quantity")
     )  # the input first
 
     def over_limit(self) -> dict[str, tuple[float, float]]:
@@ -712,12 +705,6 @@ class Derivative:
     def change(self) -> float:
         """In the unit of the value."""
         return self.derivative * self.tolerance
-
-
-def _spectrum_group(key: tuple[str, str]) -> tuple[str, ...]:
-    """Groups of the spectrum of a probe or output and quantity."""
-    name, quantity = key
-    return (name,) if quantity == MAIN_QUANTITY else (name, quantity)
 
 
 LINE = record(
@@ -823,21 +810,21 @@ _SUMMARY = (
 class RunResult(Result):
     """Everything `beamsim run` computes."""
 
-    SUMMARY = _SUMMARY
+    SUMMARY, DATASET = _SUMMARY, "histories"
 
     method: str = attribute("", "exact, or reference with its integrator")
     time: Floats = axis("s", "time")
-    probes: dict[str, ProbeHistory] = named("probes", ProbeHistory)
-    snubbers: dict[str, SnubberHistory] = named("snubbers", SnubberHistory)
+    probes: dict[str, ProbeHistory] = members("", ProbeHistory, "probe")
+    snubbers: dict[str, SnubberHistory] = members("", SnubberHistory, "snubber", prefix="snubber_")
     # (nt,), zeros without base motion
-    base_acceleration: Floats = dataset("{base_unit}/s^2", "acceleration of the base", name="base/acceleration")
-    base_displacement: Floats = dataset("{base_unit}", "displacement of the base", name="base/displacement")
+    base_acceleration: Floats = dataset("{base_unit}/s^2", "acceleration of the base", name="base_acceleration")
+    base_displacement: Floats = dataset("{base_unit}", "displacement of the base", name="base_displacement")
     events: EventLog = group("events", EventLog)
     spectra: dict[tuple[str, str], Spectrum] = members(  # by probe or output and quantity
-        "spectra", Spectrum, way=_spectrum_group, called="<probe>[/displacement]"
+        "signals", Spectrum, "signal", rows="spectra"
     )
     only_body: BodyResult | None = group("beam", BodyResult, default=None)  # of a scenario with one beam
-    energy: EnergyHistory = group("energy", EnergyHistory)
+    energy: EnergyHistory = group("", EnergyHistory, prefix="energy_")
     modes: ModeTable = group("modes", ModeTable)
     work: Work = group("work", Work)
     random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
@@ -845,26 +832,30 @@ class RunResult(Result):
     matched: MatchedSpectrum | None = group("matched", MatchedSpectrum, default=None)  # of a matched base motion
     against: Against | None = group("against", Against, default=None)  # where the comparison was asked for
     contact: ContactInstant | None = group("contact", ContactInstant, default=None)  # of several bodies with contact
-    springs: dict[str, SpringHistory] = named(
-        "springs", SpringHistory, default_factory=dict
+    springs: dict[str, SpringHistory] = members(
+        "", SpringHistory, "spring", prefix="spring_", default_factory=dict
     )  # nonlinear springs of a chain
-    friction: dict[str, FrictionHistory] = named("friction", FrictionHistory, default_factory=dict)
-    outputs: dict[str, OutputHistory] = named("outputs", OutputHistory, default_factory=dict)  # that the run asks for
-    named_bodies: dict[str, BodyResult] = named(
-        "bodies", BodyResult, default_factory=dict
+    friction: dict[str, FrictionHistory] = members(
+        "", FrictionHistory, "friction", prefix="friction_", default_factory=dict
+    )
+    outputs: dict[str, OutputHistory] = members(
+        "", OutputHistory, "output", prefix="output_", default_factory=dict
+    )  # that the run asks for
+    named_bodies: dict[str, BodyResult] = members(
+        "bodies", BodyResult, "body", default_factory=dict
     )  # those with a continuous axis
 
     impacts: Impacts | None = group("impacts", Impacts, default=None)  # where run.impacts asks for them
-    fatigue: dict[str, Fatigue] = named(
-        "fatigue", Fatigue, default_factory=dict
+    fatigue: dict[str, Fatigue] = members(
+        "fatigue", Fatigue, "body", default_factory=dict
     )  # by body, where run.fatigue asks for it
 
     sensitivities: tuple[Derivative, ...] = table(  # by the numbers of run.sensitivities
-        "sensitivities", Derivative, Counter("row", "number of the derivative"), empty=False, default=()
+        "sensitivities", Derivative, Counter("row", "number of the derivative"), default=()
     )
 
     inputs: tuple[InputStatement, ...] = table(  # records and random inputs
-        "inputs", InputStatement, Counter("number", "number of the input"), empty=False, default=()
+        "inputs", InputStatement, Counter("number", "number of the input"), default=()
     )
     base_unit: str = attribute("", "unit of a displacement of the base: rad where it turns", default="m")
     low_pass_hz: float | None = attribute(
@@ -883,8 +874,3 @@ class RunResult(Result):
     def bodies(self) -> dict[str, BodyResult]:
         """What is known along each body that has a continuous axis."""
         return self.named_bodies if self.only_body is None else {ONLY_BEAM: self.only_body}
-
-    @property
-    @stored(attribute("", "names of the snubbers by index", name="names", at="events/snubber"))
-    def _snubber_names(self) -> list[str] | None:
-        return list(self.snubbers) or None

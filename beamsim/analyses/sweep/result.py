@@ -26,7 +26,6 @@ from beamsim.fields import (
     group,
     key,
     members,
-    named,
     per_probe,
     per_snubber,
     table,
@@ -42,7 +41,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 OFFSET = 1e-6  # of the peak
 _FREQUENCY = ("frequency_hz",)
 _TIME = ("time",)
-_SECTION = ("poincare_frequency_hz", "probe")
+_SECTION = ("poincare_frequency_hz", "section_probe")
 
 
 @declared(along=_FREQUENCY)
@@ -50,21 +49,19 @@ class Envelope(ChannelExtremes):
     """One channel of a probe or snubber, cycle by cycle (or frequency by frequency)."""
 
     # mean included
-    rms: Floats = dataset(
-        "{unit}", "root mean square of the {quantity:words} over the time of a cycle", name="rms_{quantity}"
-    )
-    mean: Floats = dataset("{unit}", "mean of the {quantity:words} over the time of a cycle", name="mean_{quantity}")
+    rms: Floats = dataset("{unit}", "root mean square of the {quantity} over the time of a cycle", name="rms")
+    mean: Floats = dataset("{unit}", "mean of the {quantity} over the time of a cycle", name="mean")
     harmonics: Complexes = dataset(  # (R, C), zero to peak
-        "{unit}", "amplitude of cos(order x phase) in the {quantity:words}; of order p/q over q cycles up to this one",
-        along=("order", *_FREQUENCY), name="harmonic_{quantity}",
-        imaginary="minus the amplitude of sin(order x phase) in the {quantity:words}",
+        "{unit}", "amplitude of cos(order x phase) in the {quantity}; of order p/q over q cycles up to this one",
+        along=("order", *_FREQUENCY), name="harmonic",
+        imaginary="minus the amplitude of sin(order x phase) in the {quantity}",
     )  # fmt: skip
     at_rest: float = dataset(
-        "{unit}", "{quantity:words} at static equilibrium, of displacements; else 0", along=(),
-        name="static_{quantity}", default=0.0,
+        "{unit}", "{quantity} at static equilibrium, of displacements; else 0", along=(),
+        name="static", default=0.0,
     )  # fmt: skip
     limit: Floats | None = dataset(
-        "{unit}", "limit of the largest magnitude, nan where there is none", name="limit_{quantity}", default=None
+        "{unit}", "limit of the largest magnitude, nan where there is none", name="limit", default=None
     )
 
     @property
@@ -94,7 +91,7 @@ class OutputEnvelope(OutputExtremes):
 class CycleImpacts(ContactUnits):
     """Impacts at one snubber, cycle by cycle; at each frequency of a stepped sweep means over the cycles measured."""
 
-    per_cycle: Floats = dataset("1", "impacts per cycle: closings", name="impacts_per_cycle")
+    per_cycle: Floats = dataset("1", "impacts per cycle: closings", name="number")
     contact_time: Floats = dataset("s", "mean time in contact of an impact; NaN in a cycle without closing")
     impulse: Floats = dataset("{force_unit} s", "integral of the contact force over a cycle")
     energy_lost: Floats = dataset("J", "energy lost in the snubber in a cycle")
@@ -122,7 +119,7 @@ class CycleSliding:
     under the force of a snubber in that in which it begins.
     """
 
-    per_cycle: Floats = dataset("1", "slides per cycle that end in sticking", name="slides_per_cycle")
+    per_cycle: Floats = dataset("1", "slides per cycle that end in sticking", name="slides")
     distance: Floats = dataset("m", "sliding distance in a cycle")
     energy_lost: Floats = dataset("J", "energy lost by friction in a cycle")
     wear_power: Floats = dataset("W", "mean of normal force times sliding speed")
@@ -148,7 +145,7 @@ class SteadyStates:
     # nan where the motion is periodic
     lyapunov_exponent: Floats = dataset("1/s", "largest Lyapunov exponent, where the motion is not periodic")
     poincare_frequency_hz: Floats = axis("Hz", "excitation frequency of each point of the Poincare sections")
-    probes: tuple[str, ...] = axis("1", "name of the probe", name="probe")
+    probes: tuple[str, ...] = axis("1", "name of the probe", name="section_probe", shared=True)
     poincare_displacement: Floats = dataset("m", "probes' displacement at phase 0", along=_SECTION)
     poincare_velocity: Floats = dataset("m/s", "probes' velocity at phase 0", along=_SECTION)
 
@@ -217,14 +214,14 @@ class SweepCurve(AlongCurve):
     level_index: int = attribute("1", "number of the level, from 0")
     level: float = attribute("{level_unit}", "level of the excitation; with a profile the factor applied to it")
     quantity: str = attribute("", "what is prescribed: acceleration, velocity or displacement of the base, or force")
-    frequency_hz: Floats = axis("Hz", "excitation frequency")  # (C,) in the middle of each cycle
+    frequency_hz: Floats = axis("Hz", "excitation frequency", rows="cycle")  # (C,) in the middle of each cycle
     time: Floats = dataset("s", "time at the start of the cycle")
     excitation_amplitude: Floats = dataset(
         "{excitation_unit}", "amplitude of the base's acceleration or of the force, zero to peak"
     )
-    orders: Floats = axis("1", "order: frequency over excitation frequency", name="order")  # (R,)
-    probes: tuple[Envelope, ...] = named("probes", Envelope, by=("name", "quantity", "unit"))
-    snubbers: tuple[Envelope, ...] = named("snubbers", Envelope, by=("name", "quantity", "unit"))
+    orders: Floats = axis("1", "order: frequency over excitation frequency", name="order", shared=True)  # (R,)
+    probes: tuple[Envelope, ...] = members("", Envelope, "probe", by=("name", "quantity", "unit"), split="quantity")
+    snubbers: tuple[Envelope, ...] = members("", Envelope, "snubber", by=("name", "quantity", "unit"), split="quantity")
     contacts: dict[str, Ints] = per_snubber("1", "number of closings")
     energy_error: Floats | None = dataset(
         "1",
@@ -234,13 +231,13 @@ class SweepCurve(AlongCurve):
     )
     level_unit: str = attribute("", "SI unit of the level; empty where it is the factor of a profile", default="")
     steady: SteadyStates | None = group("steady", SteadyStates, default=None)  # of a stepped sweep
-    impacts: dict[str, CycleImpacts] = named(  # where sweep.impacts asks for them
-        "snubbers", CycleImpacts, default_factory=dict
+    impacts: dict[str, CycleImpacts] = members(  # where sweep.impacts asks for them
+        "", CycleImpacts, "snubber", prefix="impact_", default_factory=dict
     )
-    sliding: dict[str, CycleSliding] = named(  # likewise
-        "friction", CycleSliding, default_factory=dict
+    sliding: dict[str, CycleSliding] = members(  # likewise
+        "", CycleSliding, "friction", prefix="friction_", default_factory=dict
     )
-    outputs: dict[str, OutputEnvelope] = named("outputs", OutputEnvelope, default_factory=dict)
+    outputs: dict[str, OutputEnvelope] = members("", OutputEnvelope, "output", prefix="output_", default_factory=dict)
     notching: Notching | None = group("notching", Notching, default=None)  # where sweep.notch_to asks for it
     bent: Bools | None = None  # (C,) whether a piecewise-linear spring passed a breakpoint; not stored
 
@@ -301,11 +298,11 @@ class LinearCurve:
     )
     # empty where that is no linear motion, or there are no snubbers
     closed: dict[str, Complexes] = dataset(
-        "1", "displacement per unit of excitation, every snubber always closed", per="probes",
+        "1", "displacement per unit of excitation, every snubber always closed", per="probe",
         name="displacement_closed", default_factory=dict,
     )  # fmt: skip
     closed_at_rest: bool = attribute("", "whether every snubber is closed at static equilibrium", default=False)
-    contact: dict[str, ContactLevels] = named("snubbers", ContactLevels, default_factory=dict)
+    contact: dict[str, ContactLevels] = members("", ContactLevels, "snubber", prefix="contact_", default_factory=dict)
 
 
 @declared
@@ -337,7 +334,7 @@ class SweepHistory:
     aliased: Floats | None = dataset(
         "1",
         "share of the root mean square of each probe's displacement that lies above half the rate",
-        along=(Counter("probe", "number of the probe"),),
+        along=(Counter("probe_number", "number of the probe", shared=True),),
         default=None,
     )
 
@@ -360,7 +357,7 @@ class LevelWork:
     )
     work: SweepWork = group("", SweepWork)
     base_correction: CorrectionSize | None = group(
-        "base_correction", CorrectionSize, default=None
+        "", CorrectionSize, prefix="base_correction_", default=None
     )  # of a base that is swept
 
 
@@ -400,16 +397,16 @@ class SweepResult(Result):
     SUMMARY = _SUMMARY
 
     kind: str = attribute("", "swept_sine or stepped")
-    curves: dict[str, SweepCurve] = members("", SweepCurve, called="<direction>_<level index>")
+    curves: dict[str, SweepCurve] = members("curves", SweepCurve, "curve", rows="cycles")
     linear: LinearCurve = group("linear", LinearCurve)
     peaks: tuple[ResponsePeak, ...] = table("peaks", ResponsePeak, Counter("peak", "number of the peak"))
     modes: ModeTable = group("modes", ModeTable)
     work: SweepWork = group("work", SweepWork)
     levels: dict[int, LevelWork] = members(
-        "", LevelWork, pattern="level_{}", default_factory=dict
+        "levels", LevelWork, "level_index", default_factory=dict
     )  # that were computed
     histories: dict[int, SweepHistory] = members(
-        "", SweepHistory, pattern="level_{}", default_factory=dict
+        "history_levels", SweepHistory, "level_index", rows="histories", default_factory=dict
     )  # by level index
     truncation: float = attribute(
         "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude", default=0.0
