@@ -25,6 +25,9 @@ from beamsim.typing import Complexes, Floats, Ints
 MOST_PIECES = 4_000_000  # of a signal that is made as a whole
 
 
+TIMES_AT_ONCE = 2**17  # at which values are computed together, which bounds the memory
+
+
 @dataclass(frozen=True)
 class Signal:
     """A piecewise exponential polynomial on [start[0], infinity).
@@ -68,8 +71,12 @@ class Signal:
     def __call__(self, t: ArrayLike) -> Floats:
         """Values at times t (any shape); the first piece also applies before its start."""
         t = np.asarray(t, dtype=float)
-        k = np.clip(np.searchsorted(self.start, t, side="right") - 1, 0, None)
-        return self.within(k, t - self.start[k])
+        times, values = t.ravel(), np.empty(t.size)
+        for first in range(0, t.size, TIMES_AT_ONCE):
+            part = times[first : first + TIMES_AT_ONCE]
+            k = np.clip(np.searchsorted(self.start, part, side="right") - 1, 0, None)
+            values[first : first + TIMES_AT_ONCE] = self.within(k, part - self.start[k])
+        return values.reshape(t.shape)
 
     def __mul__(self, factor: float) -> Signal:
         return Signal(self.start, self.exponent, self.coefficient * factor)

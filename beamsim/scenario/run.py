@@ -371,8 +371,9 @@ class Run(Schema):
     """Largest number of contact events, after which the run stops (chattering)."""
     memory: q.Memory = 2e9
     """Bound on what a run keeps in memory: half of it for the motion between events (which ends when this is full), a
-    fifth for the tables of contact states. Histories at the output times come on top. A motion under random input
-    that does not fit is evaluated in chunks, see docs/performance.md."""
+    fifth for the tables of contact states, the rest for histories at the output times (which are refused beforehand
+    where they do not fit). A motion under random input that does not fit is evaluated in chunks, see
+    docs/performance.md."""
     most_contact_states: Annotated[q.Count, Field(ge=2)] | None = None
     """Contact states whose tables are kept at once; the least recently used makes room. By default those that fit
     into run.memory."""

@@ -18,7 +18,7 @@ from beamsim.analyses.run.spectra import spectral
 from beamsim.analyses.values import FORCE
 from beamsim.flow.channels import Observed
 from beamsim.system.equations import ChannelSet
-from beamsim.typing import Floats
+from beamsim.typing import Floats, Ints
 
 NOTABLE = 1e-3  # share of the root mean square that is named: 60 dB, below which no line is listed
 _NEIGHBOURS = 20  # samples on either side that the sum takes
@@ -69,17 +69,18 @@ def aliased_in_histories(motion: RunMotion, histories: Histories) -> dict[str, f
     By place and quantity, ``"tip absolute_acceleration"``.
     """
     channels, time, trajectory = _channels(motion), histories.time, motion.trajectory
-    known = np.hstack([np.zeros((time.size, 0)), *(histories.of(key) for key in channels.places)])
-    if not known.size:
+    if not (channels.places and time.size):
         return {}
-    known = known[:, np.argsort(np.hstack([channels.places[key] for key in channels.places]))]
+    order = np.argsort(np.hstack([channels.places[key] for key in channels.places]))
+    columns = np.hstack([histories.channels.places[key] for key in channels.places])[order]
     if trajectory is None:
-        shares = share_above_half_rate(known[: time.size - 1 + time.size % 2], 0.5)
+        shares = share_above_half_rate(histories.values[: time.size - 1 + time.size % 2, columns], 0.5)
     else:
-        kept, output_of = time >= trajectory.time[0], Observed(trajectory.flow, channels).linear
+        first, output_of = np.searchsorted(time, trajectory.time[0]), Observed(trajectory.flow, channels).linear
         shares = _of_blocks(
-            time[kept], known[kept], lambda times: trajectory.sample(times, output_of)[:, channels.order]
-        )
+            time[first:], histories.values[first:], columns,
+            lambda times: trajectory.sample(times, output_of)[:, channels.order],
+        )  # fmt: skip
     names = [f"{channel.name} {channel.quantity}" for channel in channels.channels]
     return {name: float(share) for name, share in zip(names, shares, strict=True) if share > NOTABLE}
 
@@ -90,18 +91,26 @@ def _channels(motion: RunMotion) -> ChannelSet:
     return motion.system.channels.of_keys(*dict.fromkeys(keys))
 
 
-def _of_blocks(time: Floats, samples: Floats, at: Callable[[Floats], Floats]) -> Floats:
-    """Shares (k,) of signals that are known at any times, from blocks of their samples (n, k) at times (n,), s."""
+def _of_blocks(time: Floats, samples: Floats, columns: Ints, at: Callable[[Floats], Floats]) -> Floats:
+    """Shares (k,) of signals that are known at any times, from blocks of their samples; no copy of all is made.
+
+    Parameters
+    ----------
+    time : (n,) s, of the samples.
+    samples : (n, c) with the signals in some columns (k,).
+    columns : (k,).
+    at : (k,) signals at times.
+    """
     length = min(time.size, _BLOCK)
     if length <= 2 * _NEIGHBOURS:
-        return np.full(samples.shape[1], np.nan)
+        return np.full(columns.size, np.nan)
     content = []
     for first in np.linspace(0, time.size - length, min(_BLOCKS, time.size // length)).astype(int).tolist():
-        values = np.empty((2 * length - 1, samples.shape[1]))
-        values[::2] = samples[first : first + length]
+        values = np.empty((2 * length - 1, columns.size))
+        values[::2] = samples[first : first + length, columns]
         values[1::2] = at(between_samples(time[first : first + length])[1::2])
         content.append(_content(values, BETWEEN))
-    return _ratio(np.mean(content, axis=0), np.var(samples, axis=0))
+    return _ratio(np.mean(content, axis=0), np.array([np.var(samples[:, column]) for column in columns]))
 
 
 def _content(values: Floats, place: float) -> Floats:

@@ -21,7 +21,7 @@ from beamsim.analyses.doubts import (
     reduction_checked,
 )
 from beamsim.analyses.run.aliasing import aliased_in_histories
-from beamsim.analyses.run.exact_motion import exact_motion_of
+from beamsim.analyses.run.exact_motion import exact_motion_of, refuse_long_histories
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
 from beamsim.analyses.run.motion import (
@@ -131,6 +131,8 @@ def solved(
     begin = clock.perf_counter()
     scenario, system = _built(scenario, shared)
     settings, needed, times = not_none(scenario.run), Needed.of(scenario, entries), output_times(scenario)
+    if needed.everything or needed.statistics:
+        refuse_long_histories(system, settings, times.size)
     motion = motion_of(system, settings, times, progress, stop, needed)
     sampled = motion.histories if needed.everything or needed.statistics else None
     steps = Steps(stop)

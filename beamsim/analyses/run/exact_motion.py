@@ -47,7 +47,7 @@ FEWEST_PIECES = 4096  # in a chunk
 COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
 SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
 MOST_PIECES = 4_000_000  # of an input, in motions that are kept as a whole
-TABLES_SHARE, MOTION_SHARE = 0.2, 0.5  # of it: tables of contact states, the motion between events
+TABLES_SHARE, MOTION_SHARE, HISTORIES_SHARE = 0.2, 0.5, 0.3  # of it: tables of contact states, the motion, samples
 
 
 def motion_in_chunks(
@@ -90,6 +90,36 @@ def motion_in_chunks(
     most = min(settings.max_events, room) if most_events is None else most_events
     motion = MotionInChunks(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
     return motion, "run.max_events" if settings.max_events <= room else "run.memory"
+
+
+def refuse_long_histories(system: StructuralSystem, settings: Run, samples: int) -> None:
+    """Refuse histories that do not fit into their share of the memory.
+
+    Parameters
+    ----------
+    system, settings : of the run.
+    samples : number of output times.
+
+    Raises
+    ------
+    ScenarioError
+        Before anything is computed, with the memory that they need.
+    """
+    probes, filtered_too = len(system.probes), settings.low_pass is not None
+    # the time, three energies, both of the base; absolute displacements of probes
+    columns = system.channels.without(STRESS).order.size + 6 + probes * (2 if filtered_too else 1)
+    needed = samples * (8 * columns + system.dynamics.contacts.count)
+    if needed > HISTORIES_SHARE * settings.memory:
+        factor, enough = needed / (HISTORIES_SHARE * settings.memory), needed / HISTORIES_SHARE / 1e9
+        raise ScenarioError(
+            Problem(
+                "run.sample_rate",
+                f"gives histories of {samples} samples with {columns} values each, {needed / 1e9:.3g} GB, more than "
+                f"{100 * HISTORIES_SHARE:.0f} % of run.memory = {settings.memory:.3g} bytes",
+                f"give run.memory: {math.ceil(10 * enough) / 10:g} GB, or a sample rate that is lower by a factor of "
+                f"{math.ceil(10 * factor) / 10:g} (peaks, events and spectra do not depend on it)",
+            )
+        )
 
 
 def _refuse_what_needs_all(system: StructuralSystem, settings: Run) -> None:

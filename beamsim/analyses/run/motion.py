@@ -74,8 +74,12 @@ class Histories:
     energy: EnergyHistory
 
     def of(self, key: Key) -> Floats:
-        """(nt, k) of the channels of a section and quantity."""
-        return np.asarray(self.values[:, self.channels.places[key]])
+        """(nt, k) of the channels of a section and quantity: no copy where they are evenly spaced, as most are."""
+        columns = self.channels.places[key]
+        distance = np.diff(columns)
+        if columns.size and np.all(distance == distance[:1]) and np.all(distance > 0):
+            return self.values[:, columns[0] : columns[-1] + 1 : distance[0] if distance.size else 1]
+        return np.asarray(self.values[:, columns])
 
 
 class AtContact(NamedTuple):
