@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from beamsim.analyses.coexisting.result import CoexistingResult
     from beamsim.analyses.compare.analysis import compare, pair_channels
     from beamsim.analyses.compare.result import Comparison
-    from beamsim.analyses.compare_modes import ModeComparison, compare_modes, read_shapes
+    from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
     from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.designs.plan import plan_designs
     from beamsim.analyses.designs.result import DesignsResult
@@ -57,7 +57,7 @@ _NAMES = {
     "beamsim.store.export": ("export_result",),
     "beamsim.measurements.channels": ("read_tests",),
     "beamsim.analyses.compare.analysis": ("pair_channels",),
-    "beamsim.analyses.compare_modes": ("read_shapes",),
+    "beamsim.analyses.compare_modes.analysis": ("read_shapes",),
     "beamsim.store.results": ("open_result", "write_result"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}

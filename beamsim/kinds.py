@@ -100,8 +100,8 @@ KINDS = {
     ),
     "compare-modes": Kind(
         "compare-modes", "the result of `beamsim compare-modes`",
-        analysis="beamsim.analyses.compare_modes:compare_modes",
-        result="beamsim.analyses.compare_modes:ModeComparison",
+        analysis="beamsim.analyses.compare_modes.analysis:compare_modes",
+        result="beamsim.analyses.compare_modes.analysis:ModeComparison",
         screen="beamsim.cli.measured:modes_screen",
         views="beamsim.cli.measured:MODE_VIEWS",
         figures="beamsim.plots.comparison:mode_comparison_figures",

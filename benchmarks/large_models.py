@@ -139,8 +139,8 @@ def main() -> None:
     parser.add_argument("--check", action="store_true", help="`beamsim check` instead of a run")
     arguments = parser.parse_args()
     from beamsim import run
-    from beamsim.analyses.check import check
     from beamsim.scenario import load_scenario
+    from beamsim.structures.check import check
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

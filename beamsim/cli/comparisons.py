@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from beamsim.analyses.compare.analysis import compare, pair_channels
 from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
-from beamsim.analyses.compare_modes import ModeComparison, compare_modes, read_shapes
+from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.cli.conclusion import concluded, prepared
 from beamsim.cli.options import Given

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.compare.result import ChannelComparison, Comparison, PeakPair
-from beamsim.analyses.compare_modes import ModeComparison
+from beamsim.analyses.compare_modes.analysis import ModeComparison
 from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
 from beamsim.cli.printing import MOST_ROWS, lines, percent, told

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from beamsim.analyses.pad import PadNumbers, option
-from beamsim.analyses.pad import pad as designed
+from beamsim.analyses.pad.analysis import PadNumbers, option
+from beamsim.analyses.pad.analysis import pad as designed
 from beamsim.cli.failures import show
 from beamsim.cli.printing import print_json
 from beamsim.errors import Problem, ScenarioError

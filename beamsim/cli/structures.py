@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast
 
-from beamsim.analyses.check import FAILS
-from beamsim.analyses.check import check as checked
 from beamsim.cli.failures import show
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_json, print_table
@@ -19,6 +17,8 @@ from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.base import suggestion
 from beamsim.scenario.matrices import SYSTEMS, UnitSystem
 from beamsim.structures.assembly import acting_places, assemble, bodies_of
+from beamsim.structures.check import FAILS
+from beamsim.structures.check import check as checked
 from beamsim.structures.exported import boundary_rows, craig_bampton, named_structure, row_at
 from beamsim.structures.named_matrices import NamedMatrices, in_units, write_dof_table
 

@@ -13,7 +13,6 @@ from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.designs.plan import check_cases, design, fingerprint_of, plan_designs
 from beamsim.analyses.designs.result import DesignsResult
-from beamsim.analyses.parallel import Cluster, default_workers
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded, prepared
 from beamsim.cli.failures import Interruption, interruptible, say
@@ -23,6 +22,7 @@ from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioEr
 from beamsim.files import check_writable, partial_file, replacing
 from beamsim.kinds import KINDS
 from beamsim.outcomes import COMPLETE, exit_code
+from beamsim.parallel import Cluster, default_workers
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import plain
 from beamsim.store.results import (

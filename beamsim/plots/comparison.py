@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, RecordComparison, SweptComparison
-from beamsim.analyses.compare_modes import ModeComparison
+from beamsim.analyses.compare_modes.analysis import ModeComparison
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,

@@ -21,11 +21,11 @@ from typing import IO, Any
 from beamsim.analyses.designs.gathering import gather
 from beamsim.analyses.designs.plan import DesignPlan, check_cases, plan_draws
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
-from beamsim.analyses.parallel import Cluster
 from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import Content, check_writable, destination, move_aside
 from beamsim.input_files import demand_memory, open_to_append
 from beamsim.outcomes import Outcome, Stop, never
+from beamsim.parallel import Cluster
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.store.results import keep_result, write_result

@@ -23,13 +23,13 @@ from beamsim.analyses.designs.responses import entries_of, means, responses_of_r
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RunOfDesign, objectives
 from beamsim.analyses.designs.search import search
 from beamsim.analyses.least_time import least_time_of_study
-from beamsim.analyses.parallel import Cluster, Computation, most_processors, working
 from beamsim.analyses.result import CONVERGENCE
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.analyses.values import BY_NAME, limited
 from beamsim.errors import BeamsimError, allowing_hours
 from beamsim.outcomes import Outcome, Stop, never, tell
+from beamsim.parallel import Cluster, Computation, most_processors, working
 from beamsim.scenario import Scenario
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.checked import continuation, sweep

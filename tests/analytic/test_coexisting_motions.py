@@ -10,8 +10,8 @@ from scipy.stats import beta
 
 import beamsim
 from beamsim.analyses.coexisting import analysis
-from beamsim.analyses.continuation.branches import Budget
 from beamsim.errors import NotTrustedError, ScenarioError
+from beamsim.orbits.tracing import Budget
 from beamsim.scenario.reporting import Limits
 
 HZ = 14.0

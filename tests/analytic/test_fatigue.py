@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.rainflow import damage, distinct_cycles
 from beamsim.scenario import load_scenario
+from beamsim.signals.rainflow import damage, distinct_cycles
 
 LIFE = {"stress_range": "80 MPa", "cycles": 2e6, "exponent": 5}
 BEAM = {

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 import beamsim
-from beamsim.analyses.rainflow import damage, equivalent_range, rainflow
 from beamsim.scenario import Scenario, load_scenario
+from beamsim.signals.rainflow import damage, equivalent_range, rainflow
 
 EXAMPLES = Path(__file__).parents[1] / "data" / "examples"
 MASS, SPRING, STOP = 1.3, 4.0, 900.0  # kg, N/m, N/m

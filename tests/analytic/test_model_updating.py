@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.assurance import assurance
 from beamsim.analyses.identify.analysis import free_frequencies, identify_stiffness, mode_shapes
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
+from beamsim.signals.assurance import assurance
 
 BASE = {
     "beam": {

@@ -9,10 +9,10 @@ import yaml
 from pyyeti.nastran import n2p
 
 import beamsim
-from beamsim.analyses.check import check
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.structures.assembly import with_places_of_files
+from beamsim.structures.check import check
 from beamsim.structures.matrices import read_body
 
 PLACES = {1: (0, 0, 0), 2: (0.3, 0.1, 0.2), 3: (0.5, -0.2, 0.1), 4: (0.2, 0.4, -0.3), 5: (-0.2, 0.3, 0.5)}

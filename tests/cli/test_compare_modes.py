@@ -7,7 +7,7 @@ import pytest
 import pyuff
 
 import beamsim
-from beamsim.analyses.compare_modes import read_shapes
+from beamsim.analyses.compare_modes.analysis import read_shapes
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.store.universal import Source, record_55, write_uff

@@ -22,7 +22,7 @@ import pyuff
 from scipy.io import mmwrite, savemat
 from scipy.sparse import csc_array, save_npz
 
-from beamsim.analyses.compare_modes import read_shapes
+from beamsim.analyses.compare_modes.analysis import read_shapes
 from beamsim.analyses.identify.records import sweeps_of
 from beamsim.errors import BeamsimError
 from beamsim.inputs.measured import limit_curve, read_density, read_profile, target_curve

@@ -10,7 +10,7 @@ from places import CASES, MARKER, UNITS, differences, resolved, text_of
 from rewritten import histories
 
 import beamsim
-from beamsim.analyses.compare_modes import compare_modes, read_shapes
+from beamsim.analyses.compare_modes.analysis import compare_modes, read_shapes
 from beamsim.analyses.continuation.paths import response_model
 from beamsim.analyses.designs.plan import check_cases, plan_designs, plan_draws
 from beamsim.analyses.identify.analysis import mode_shapes

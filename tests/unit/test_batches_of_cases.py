@@ -7,7 +7,7 @@ import pytest
 import beamsim
 from beamsim.analyses.designs.cases import Evaluator, failed_case
 from beamsim.analyses.designs.plan import plan_draws
-from beamsim.analyses.parallel import Computation, working
+from beamsim.parallel import Computation, working
 from beamsim.scenario import load_scenario
 from beamsim.trust.studies import CaseSolver
 

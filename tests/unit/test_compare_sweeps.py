@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamsim.analyses.assurance import assurance
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep, track
-from beamsim.analyses.quality import peaks_of
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import read_signals
@@ -15,6 +13,8 @@ from beamsim.measurements.functions import BY_NUMBER
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
+from beamsim.signals.assurance import assurance
+from beamsim.signals.quality import peaks_of
 from beamsim.store.results import open_result, write_result
 from tests.helpers.commands import invoke
 from tests.helpers.universal_files import function

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.continuation.branches import explained
 from beamsim.analyses.identify.vibrations import steady_vibration
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.contacts.sliders import drops
@@ -16,6 +15,7 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.tracing import explained
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system

@@ -6,9 +6,9 @@ from functools import partial
 
 import pytest
 
-from beamsim.analyses.parallel import Computation, working
 from beamsim.errors import ScenarioError
 from beamsim.outcomes import never
+from beamsim.parallel import Computation, working
 
 
 class Failing:

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from beamsim.analyses.compare_modes import read_shapes
+from beamsim.analyses.compare_modes.analysis import read_shapes
 from beamsim.errors import BeamsimError, InputFileError
 from beamsim.hdf5 import open_hdf5
 from beamsim.input_files import open_input, open_to_append, read_input, read_text

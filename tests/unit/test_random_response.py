@@ -12,7 +12,6 @@ from scipy.special import gamma
 
 import beamsim
 from beamsim.analyses.gapping import transfer
-from beamsim.analyses.rainflow import damage, rainflow, reversals
 from beamsim.analyses.run.fatigue import damage_interval
 from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.random_response import (
@@ -33,6 +32,7 @@ from beamsim.plots.run import density, phase_density
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import RandomInput
 from beamsim.scenario.run import Reduction, StressLife
+from beamsim.signals.rainflow import damage, rainflow, reversals
 from beamsim.system.build import build_system
 
 G = 9.80665

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamsim.analyses.compare_modes import read_shapes
+from beamsim.analyses.compare_modes.analysis import read_shapes
 from beamsim.errors import BeamsimError
 from beamsim.measurements import tables
 from beamsim.measurements.read import read_file

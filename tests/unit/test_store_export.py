@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.compare_modes import read_shapes
+from beamsim.analyses.compare_modes.analysis import read_shapes
 from beamsim.errors import ResultFileError
 from beamsim.scenario import load_scenario
 from beamsim.store.export import export_result

@@ -8,7 +8,7 @@ import pytest
 import pyuff
 
 from beamsim.analyses.identify.records import sweeps_of
-from beamsim.analyses.pad import pad
+from beamsim.analyses.pad.analysis import pad
 from beamsim.errors import MethodError, ScenarioError
 from beamsim.inputs.measured import read_record, target_curve
 from beamsim.measurements.signal import MeasurementError

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from beamsim.analyses.parallel import Computation, processes, working
 from beamsim.outcomes import never
+from beamsim.parallel import Computation, processes, working
 
 
 class Noting:

@@ -16,14 +16,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.analyses.assurance import assurance
 from beamsim.analyses.compare.result import Assurance, Comparison, PeakPair, SweptComparison, outcome_of_comparison
-from beamsim.analyses.quality import peaks_of
 from beamsim.analyses.sweep.result import Envelope, OutputEnvelope, SweepCurve, SweepResult
 from beamsim.measurements.channels import demand_amplitudes, unusable
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import FORCE, MOMENT, PRESSURE
+from beamsim.signals.assurance import assurance
+from beamsim.signals.quality import peaks_of
 from beamsim.typing import Complexes, Floats, Ints, not_none
 
 Detector = Literal["peak", "fundamental", "rms"]

@@ -21,20 +21,6 @@ from beamsim.analyses.branch import (
     of_states,
     special_result,
 )
-from beamsim.analyses.continuation.branches import (
-    COVERED,
-    Budget,
-    Tracer,
-    coexisting_branches,
-    coincides,
-    gaps_between,
-    leavings,
-    missing,
-    progress_that_grows,
-    reaches_of,
-    side_branches,
-    trace_range,
-)
 from beamsim.analyses.continuation.folds import follow_folds
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
 from beamsim.analyses.continuation.paths import ResponseModel, response_model
@@ -60,6 +46,20 @@ from beamsim.flow.compiled import processor_time
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
 from beamsim.orbits.harmonic_balance import truncation
 from beamsim.orbits.shooting import STABLE
+from beamsim.orbits.tracing import (
+    COVERED,
+    Budget,
+    Tracer,
+    coexisting_branches,
+    coincides,
+    gaps_between,
+    leavings,
+    missing,
+    progress_that_grows,
+    reaches_of,
+    side_branches,
+    trace_range,
+)
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, part_of
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, FrequencyPath, HarmonicBalance, SweptSine

@@ -20,7 +20,6 @@ from typing import Any, Literal
 import numpy as np
 
 from beamsim.analyses.branch import FoldBranch, of_states
-from beamsim.analyses.continuation.branches import Budget, joined, walk
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import ResponseModel
 from beamsim.analyses.values import DISPLACEMENT
@@ -29,6 +28,7 @@ from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.special_points import lowest
+from beamsim.orbits.tracing import Budget, joined, walk
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
 from beamsim.structures.assembly import snubber_site
 from beamsim.typing import Floats, not_none

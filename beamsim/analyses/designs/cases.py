@@ -41,7 +41,7 @@ class Evaluator:
 
     Parameters
     ----------
-    solving : gives what solves cases, from `beamsim.analyses.parallel.working`; entered when the first one is solved.
+    solving : gives what solves cases, from `beamsim.parallel.working`; entered when the first one is solved.
     most : number of cases that are allowed, each with all of its realisations.
     realisations : of each case.
     compared : whether each case is compared with a finer model.

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.assurance import assurance
 from beamsim.analyses.identify.fit import (
     Fit,
     Sought,
@@ -39,6 +38,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.parameters import choices_at, value_at, with_values
+from beamsim.signals.assurance import assurance
 from beamsim.structures.assembly import assemble, joined_to
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import Place

@@ -29,7 +29,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from pydantic import ValidationError
 
-from beamsim.analyses.continuation.branches import Budget, Tracer, trace_range
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import periodic_forcing
 from beamsim.analyses.continuation.refinement import cut
@@ -49,6 +48,7 @@ from beamsim.measurements.tables import read_named_columns
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, Step, correct, correct_across, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.tracing import Budget, Tracer, trace_range
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import Harmonic

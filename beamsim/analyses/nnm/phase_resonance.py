@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.branches import joined
 from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.continuation.paths import periodic_flow, periodic_forcing
 from beamsim.analyses.nnm.orbits import RATE, followed, line_frequencies
@@ -42,6 +41,7 @@ from beamsim.orbits.phase_resonance import (
     quadrature,
 )
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.orbits.tracing import joined
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, tell, together
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from beamsim.analyses.rainflow import damage, distinct_cycles, equivalent_range, reversals
 from beamsim.analyses.run.chunks import ChunkObserver
 from beamsim.analyses.run.impacts import BLOCKS, LEAST, jackknife
 from beamsim.analyses.run.result import Fatigue, Rainflow
@@ -20,6 +19,7 @@ from beamsim.flow.channels import outputs_of
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop
 from beamsim.scenario.run import StressLife
+from beamsim.signals.rainflow import damage, distinct_cycles, equivalent_range, reversals
 from beamsim.structures.stations import COMPONENTS
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none

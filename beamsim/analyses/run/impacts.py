@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.rainflow import distinct_cycles, reversals
 from beamsim.analyses.run.chunks import ChunkObserver
 from beamsim.analyses.run.result import FigureInterval, Impacts, Rainflow, SnubberImpacts
 from beamsim.contacts.laws import PRESSING
@@ -30,6 +29,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory, TurningPoints
 from beamsim.outcomes import Stop
 from beamsim.scenario.connections import FrictionBase, OfHinge
+from beamsim.signals.rainflow import distinct_cycles, reversals
 from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import SnubberInfo, StructuralSystem
 from beamsim.typing import Bools, Floats, Ints, not_none

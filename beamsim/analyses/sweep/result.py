@@ -8,7 +8,6 @@ import numpy as np
 
 from beamsim.analyses.branch import ChannelExtremes, OutputExtremes
 from beamsim.analyses.gapping import ContactLevels
-from beamsim.analyses.quality import QualityPeak, peaks_of
 from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
 from beamsim.analyses.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, of_angles
@@ -34,6 +33,7 @@ from beamsim.inputs.drift import CorrectionSize
 from beamsim.outcomes import Outcome
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
+from beamsim.signals.quality import QualityPeak, peaks_of
 from beamsim.system.modes import ModeTable
 from beamsim.system.structural import ContactUnits
 from beamsim.typing import Bools, Complexes, Floats, Ints

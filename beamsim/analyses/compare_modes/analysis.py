@@ -19,7 +19,6 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ValidationError
 
-from beamsim.analyses.assurance import assurance
 from beamsim.analyses.result import Result
 from beamsim.errors import ScenarioError
 from beamsim.fields import Counter, Entry, Number, attribute, dataset, declared, list_of, record, stored
@@ -32,6 +31,7 @@ from beamsim.scenario import Scenario, units
 from beamsim.scenario.body import AtPlace, Body
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.run import Reduction
+from beamsim.signals.assurance import assurance
 from beamsim.structures.assembly import site_in
 from beamsim.structures.modes import closed_modes
 from beamsim.system.build import build_system

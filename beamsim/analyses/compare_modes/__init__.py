@@ -1,0 +1,5 @@
+"""``beamsim compare-modes``: computed natural modes beside measured ones.
+
+Never here: pictures.
+Begin with `analysis`.
+"""

@@ -1,0 +1,5 @@
+"""Measures of measured and computed signals: likeness, resonances, rainflow counts.
+
+Never here: commands, scenarios, files.
+Begin with `quality`, the peaks of a response.
+"""
