@@ -113,21 +113,10 @@ def random_signals(
         density.demand_resolved(period, "run.duration" if excitation.period is None else "excitation.period")
     rate = excitation.sample_rate or SAMPLES_OF_CYCLE * density.highest_hz
     total = duration if duration is not None else period
-    for samples, most, remedy in (
-        (period * rate, 50_000_000, "give a shorter excitation.period, after which the noise repeats"),
-        (total * rate, 1_000_000_000, "shorten run.duration, or give a lower excitation.sample_rate"),
-    ):
-        if samples > most:
-            raise ScenarioError.at("excitation", f"needs {samples:.3g} samples (at most {most:.0e})", remedy)
-    count = int(np.ceil(period * rate))
-    if count > MOST_OF_ANY_SIZE:
-        from scipy.fft import next_fast_len
-
-        count = int(next_fast_len(count, real=True))
+    count = _count_of_samples(period, total, rate)
     amplitude = _spectrum(density, period, count, excitation.seed, excitation.amplitudes == "random")
-    limit = np.inf
-    if excitation.clip is not None:
-        limit = excitation.clip * density.rms
+    limit = np.inf if excitation.clip is None else excitation.clip * density.rms
+    if limit < np.inf:
         amplitude = _clipped(amplitude, count, limit)
     step = period / count
     pieces = int(np.ceil(total / step)) + 1
@@ -154,6 +143,31 @@ def random_signals(
     velocity_0 = -begun_at_rest.mean_slope(repeats)
     record = CubicRecord(samples_at, step, pieces, (velocity_0, displacement_0), limit)
     return StreamedSignal(record, 0), StreamedSignal(record, 1), StreamedSignal(record, 2)
+
+
+MOST_OF_PERIOD, MOST_OF_MOTION = 50_000_000, 1_000_000_000  # samples of the noise
+
+
+def _count_of_samples(period: float, total: float, rate: float) -> int:
+    """Number of samples of a period, s, of noise that lasts for a total time, s, at a rate, Hz.
+
+    Raises
+    ------
+    ScenarioError
+        If they are too many.
+    """
+    for samples, most, remedy in (
+        (period * rate, MOST_OF_PERIOD, "give a shorter excitation.period, after which the noise repeats"),
+        (total * rate, MOST_OF_MOTION, "shorten run.duration, or give a lower excitation.sample_rate"),
+    ):
+        if samples > most:
+            raise ScenarioError.at("excitation", f"needs {samples:.3g} samples (at most {most:.0e})", remedy)
+    count = int(np.ceil(period * rate))
+    if count > MOST_OF_ANY_SIZE:
+        from scipy.fft import next_fast_len
+
+        count = int(next_fast_len(count, real=True))
+    return count
 
 
 def _statement(excitation: RandomInput, duration: float | None, folder: Path | None) -> InputStatement:

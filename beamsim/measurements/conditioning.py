@@ -247,15 +247,39 @@ def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
                 "export it at one sampling rate",
             )
         spline, old = CubicSpline(time, values), finest
-        time = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * old * (1 + 1e-12))) + 1) / old
+        time = _even_times(time, old)
         values = np.asarray(spline(time))
     if rate >= old * (1 - 1e-9):
-        even = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * rate * (1 + 1e-12))) + 1) / rate
+        even = _even_times(time, rate)
         text = f"interpolated from {old:.6g} to {rate:.6g} Hz"
         return replace(signal, x=even, y=np.asarray(CubicSpline(time, values)(even)), scaling=(*signal.scaling, text))
     ratio = Fraction(rate / old).limit_denominator(1000) or Fraction(1, round(old / rate))
     if ratio == 1:
         return signal
+    return _decimated(replace(signal, x=time, y=values), old, ratio, rate)
+
+
+def _even_times(time: Floats, rate: float) -> Floats:
+    """Times in s at an even rate, Hz, within those of a record."""
+    return np.asarray(time[0] + np.arange(int(np.floor((time[-1] - time[0]) * rate * (1 + 1e-12))) + 1) / rate)
+
+
+def _decimated(signal: MeasuredSignal, old: float, ratio: Fraction, rate: float) -> MeasuredSignal:
+    """An evenly sampled history, low-pass filtered and at a lower sampling rate.
+
+    Parameters
+    ----------
+    signal : over times in s.
+    old : its sampling rate, Hz.
+    ratio : of the new rate to this one.
+    rate : Hz, that was asked for.
+
+    Raises
+    ------
+    MeasurementError
+        If few samples are left.
+    """
+    time, values = signal.x, np.asarray(signal.y, dtype=float)
     new = old * float(ratio)
     cutoff = 0.5 * (PASS + STOP) * new
     left_over = math.ceil(values.size * ratio)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from beamsim.analyses.identify.fit import inverse_information
 from beamsim.analyses.identify.result import PadFit
-from beamsim.contacts.branches import dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
+from beamsim.contacts.branches import BranchFit, dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import MaxwellBranch
 from beamsim.errors import ScenarioError
 from beamsim.measurements.columns import by_dimension
@@ -46,16 +46,10 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Pad
         If the file cannot be used, or a dynamic test has a ramp.
     """
     kind, rows = _measured(scenario, pad, data)
-    warnings = []
     dynamic, ramp = kind == "dynamic", data.ramp or 0.0
-    if dynamic and ramp:
-        message = f"goes with a relaxation test, and {data.file} is a dynamic one"
-        raise ScenarioError.at(path_text((*AT, "ramp")), message, "leave ramp out")
-    fit = (
-        fit_dynamic(2 * np.pi * rows[:, 0], rows[:, 1], rows[:, 2], data.branches)
-        if dynamic
-        else fit_relaxation(rows[:, 0], rows[:, 1], data.branches, ramp)
-    )
+    at, measured, *loss = rows.T
+    fit = (fit_dynamic(2 * np.pi * at, measured, loss[0], data.branches) if dynamic
+           else fit_relaxation(at, measured, data.branches, ramp))  # fmt: skip
 
     def model(numbers: Floats, at: Floats) -> Complexes:
         branches = tuple(map(MaxwellBranch, *numbers[1:].reshape(2, -1).tolist()))
@@ -64,21 +58,11 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Pad
         return relaxation(numbers[0], branches, at, ramp).astype(complex)
 
     stiffness = np.array([b.stiffness for b in fit.branches])
-    numbers = np.concatenate([[fit.stiffness], stiffness, [b.relaxation_time for b in fit.branches]])
-    measured = rows[:, 1] * (1.0 + 1j * (rows[:, 2] if dynamic else 0.0))
-    intervals = _intervals(numbers, lambda each: model(each, rows[:, 0]) / measured, coverage)
-    at = np.geomspace(rows[rows[:, 0] > 0.0, 0].min(), rows[-1, 0], 200)
-    curve, of_measured = model(numbers, at), model(numbers, rows[:, 0])
-    if fit.misfit > 0.05:
-        remedy = "allow more branches" if fit.misfit > 1.1 * fit.least_misfit else "no branches fit these measurements"
-        warnings.append(f"the branches miss the measurements of the pad by {100 * fit.misfit:.3g} %: {remedy}")
-    if fit.at_limit:
-        times = ", ".join(f"{time:.3g} s" for time in fit.at_limit)
-        warnings.append(f"relaxation times far outside what was measured on the pad: {times}; measure further")
-    if fit.stiffness == 0.0:
-        warnings.append(
-            "the pad has no stiffness left after a long rest in these measurements: measure longer or slower"
-        )
+    numbers = np.array([fit.stiffness, *stiffness, *(b.relaxation_time for b in fit.branches)])
+    response = measured * (1.0 + 1j * (loss[0] if dynamic else 0.0))
+    intervals = _intervals(numbers, lambda each: model(each, at) / response, coverage)
+    curve_at = np.geomspace(at[at > 0.0].min(), at[-1], POINTS_OF_CURVE)
+    curve, of_measured = model(numbers, curve_at), model(numbers, at)
     return PadFit(
         kind=kind,
         stiffness=fit.stiffness,
@@ -89,19 +73,40 @@ def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Pad
         time_interval=intervals[stiffness.size + 1 :],
         misfit=fit.misfit,
         least_misfit=fit.least_misfit,
-        frequency_hz=rows[:, 0] if dynamic else None,
-        time=None if dynamic else rows[:, 0],
-        measured_stiffness=rows[:, 1],
+        frequency_hz=at if dynamic else None,
+        time=None if dynamic else at,
+        measured_stiffness=measured,
         fitted_stiffness=np.ascontiguousarray(of_measured.real),
-        measured_loss_factor=rows[:, 2] if dynamic else None,
+        measured_loss_factor=loss[0] if dynamic else None,
         fitted_loss_factor=of_measured.imag / of_measured.real if dynamic else None,
-        curve_at=at,
+        curve_at=curve_at,
         curve_stiffness=np.ascontiguousarray(curve.real),
         curve_loss_factor=curve.imag / curve.real,
         unit="Hz" if dynamic else "s",
         ramp=None if dynamic else ramp,
-        warnings=tuple(warnings),
+        warnings=tuple(_warnings(fit)),
     )
+
+
+POINTS_OF_CURVE = 200
+MOST_MISFIT = 0.05  # of a fit without a warning
+WORTH_BRANCHES = 1.1  # misfit over that of any number of branches, above which more of them are worth trying
+
+
+def _warnings(fit: BranchFit) -> Iterator[str]:
+    """What makes a fit of branches doubtful, and what to do."""
+    if fit.misfit > MOST_MISFIT:
+        more = fit.misfit > WORTH_BRANCHES * fit.least_misfit
+        remedy = "allow more branches" if more else "no branches fit these measurements"
+        yield f"the branches miss the measurements of the pad by {100 * fit.misfit:.3g} %: {remedy}"
+    if fit.at_limit:
+        times = ", ".join(f"{time:.3g} s" for time in fit.at_limit)
+        yield f"relaxation times far outside what was measured on the pad: {times}; measure further"
+    if fit.stiffness == 0.0:
+        yield "the pad has no stiffness left after a long rest in these measurements: measure longer or slower"
+
+
+STEP_OF_LOGARITHM = 1e-5  # for differences
 
 
 def _intervals(numbers: Floats, relative: Callable[[Floats], Complexes], coverage: float) -> Floats:
@@ -125,9 +130,8 @@ def _intervals(numbers: Floats, relative: Callable[[Floats], Complexes], coverag
         return np.concatenate([ratio.real, ratio.imag] if ratio.imag.any() else [ratio.real])
 
     left, found = rows(np.zeros(numbers.size)), np.flatnonzero(numbers > 0.0)
-    # 1e-5: of a logarithm, for differences
-    steps = 1e-5 * np.eye(numbers.size)[found]
-    jacobian = np.column_stack([(rows(step) - rows(-step)) / 2e-5 for step in steps])
+    steps = STEP_OF_LOGARITHM * np.eye(numbers.size)[found]
+    jacobian = np.column_stack([(rows(step) - rows(-step)) / (2.0 * STEP_OF_LOGARITHM) for step in steps])
     freedom, wide = left.size - found.size, np.full(numbers.size, np.nan)
     if freedom > 0:
         variance = np.diag(inverse_information(jacobian)) * (left @ left) / freedom
@@ -150,6 +154,9 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
         raise ScenarioError.at(path_text(at), f"= {file.name}{row} {error.message}", error.remedy) from None
     except MeasurementError as fault:
         raise ScenarioError.at(path_text(at), f"= {data.file} {fault.message}", fault.remedy) from None
+    if kind == "dynamic" and data.ramp:
+        message = f"goes with a relaxation test, and {data.file} is a dynamic one"
+        raise ScenarioError.at(path_text((*AT, "ramp")), message, "leave ramp out")
     return kind, rows
 
 

@@ -4,6 +4,8 @@ vanishes, and relaxed minimisation (Hazim 2010) with its range, accuracy and cos
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath, flexible_mode, held_energy, spring_family
@@ -63,37 +65,20 @@ def expansion_path(
     ValueError
         Where the structure is damped.
     """
-    c = structure.dynamics.contacts.split()
+    c, n = structure.dynamics.contacts.split(), structure.dynamics.size
     if np.any(structure.dynamics.damping) or c.damped:
         raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
-    index, family, held = flexible_mode(structure, mode), spring_family(structure), held_energy(structure, energy)
-    away = float((c.sign @ c.shape)[index]) if c.count else 1.0
-    # series are cut beyond the harmonics that are close to the highest modes
-    highest = int(1.5 * float(family.omega.max() / max(float(family.omega[index]), 1e-300)))
-    harmonics = min(max(HARMONICS, highest), MOST_HARMONICS)
+    index, family = flexible_mode(structure, mode), spring_family(structure)
+    held, harmonics = held_energy(structure, energy), _harmonics(family.omega, index)
+    sign = -1.0 if c.count and (c.sign @ c.shape)[index] < 0 else 1.0
 
     def expand(factor: float, order: int, uniform: bool = False) -> ModeExpansion:
         with locating({"mode": "nnm.mode", "energy": "nnm.energy", "expansion": "nnm.method"}):
-            sign = -1.0 if away < 0 else 1.0
             return expand_mode_at_energy(family, index, held, factor, order, sign, harmonics, uniform)
 
     linear = expand(0.0, 0)
-    chosen = np.asarray(factors, dtype=float)
-    if factors is None:  # by halves into the reach, and on from there
-        first = min(1.0, linear.reach / SAFELY) if largest is None else largest
-        above = 0
-        while first * 0.5**above > linear.reach / SAFELY:
-            above += 1
-        chosen = first * 0.5 ** np.arange(above + 7)
-    n = structure.dynamics.size
-    frequency = np.empty((chosen.size, 3))
-    shape, uniform = np.empty((chosen.size, 3, n)), np.empty((chosen.size, 3, n))
-    for i, factor in enumerate(chosen):
-        for order in ORDERS:
-            expansion = expand(float(factor), order)
-            frequency[i, order] = expansion.frequency(float(factor), order) / (2 * np.pi)
-            shape[i, order] = expansion.initial(float(factor), order)
-            uniform[i, order] = expand(float(factor), order, uniform=True).initial(float(factor), order)
+    chosen = _into_reach(linear.reach, largest) if factors is None else np.asarray(factors, dtype=float)
+    frequency, shape, uniform = _at_factors(expand, chosen, n)
     return ExpansionPath(
         mode=mode,
         energy=held,
@@ -112,6 +97,51 @@ def expansion_path(
         pole_mode=linear.pole_mode + 1,
         pole_harmonic=linear.pole_harmonic,
     )
+
+
+BEYOND_MODES = 1.5  # highest harmonic of a series, over the highest mode
+
+
+def _harmonics(omega: Floats, index: int) -> int:
+    """Harmonics of a mode of a structure with the frequencies (n,), rad/s, from which on its series are cut."""
+    highest = int(BEYOND_MODES * float(omega.max() / max(float(omega[index]), 1e-300)))
+    return min(max(HARMONICS, highest), MOST_HARMONICS)
+
+
+def _at_factors(expand: Callable[..., ModeExpansion], factors: Floats, n: int) -> tuple[Floats, Floats, Floats]:
+    """Frequency, Hz, initial vector of n coordinates, and that of the uniform expansion.
+
+    Parameters
+    ----------
+    expand : gives the expansion for a factor and an order.
+    factors : (f,) of the stiffness.
+    n : number of coordinates.
+
+    Returns
+    -------
+    frequency, shape, uniform : (f, 3), (f, 3, n) twice; to the orders 0, 1 and 2.
+    """
+    frequency = np.empty((factors.size, 3))
+    shape, uniform = np.empty((factors.size, 3, n)), np.empty((factors.size, 3, n))
+    for i, factor in enumerate(factors.tolist()):
+        for order in ORDERS:
+            expansion = expand(factor, order)
+            frequency[i, order] = expansion.frequency(factor, order) / (2 * np.pi)
+            shape[i, order] = expansion.initial(factor, order)
+            uniform[i, order] = expand(factor, order, uniform=True).initial(factor, order)
+    return frequency, shape, uniform
+
+
+HALVES = 7  # factors within the reach of an expansion
+
+
+def _into_reach(reach: float, largest: float | None) -> Floats:
+    """Factors by halves down into the reach of an expansion, and on from there."""
+    first = min(1.0, reach / SAFELY) if largest is None else largest
+    above = 0
+    while first * 0.5**above > reach / SAFELY:
+        above += 1
+    return np.asarray(first * 0.5 ** np.arange(above + HALVES))
 
 
 def exact_points(structure: StructuralSystem, path: ExpansionPath, branches: ModeBranches | None = None) -> ExactPoints:
