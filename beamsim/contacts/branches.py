@@ -198,13 +198,15 @@ def _relaxing(time: Floats, times: Floats, ramp: float) -> Floats:
     return np.hstack([loaded / ramp, -times / ramp * np.expm1(-loaded / times) * held])
 
 
+TIMES_OF_BEST = 60  # of the fit that is as good as any number of branches can be
+
+
 def _fit(
     matrix: Callable[[Floats], Floats], target: Floats, points: int, span: tuple[float, float], wanted: int | None,
     springs: int = 1,
 ) -> BranchFit:  # fmt: skip
     low, high = np.log(span)
-    # 60: relaxation times of the fit that is as good as any number of branches can be
-    grid = np.linspace(low, high, 60)
+    grid = np.linspace(low, high, TIMES_OF_BEST)
     dense, square = fitted_numbers(matrix(np.exp(grid)), target)
     best = least = np.sqrt(square / points)
     most = min(8, points) if wanted is None else wanted

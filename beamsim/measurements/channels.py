@@ -65,6 +65,9 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
     return signals
 
 
+NEAR = 0.05  # of the frequency: lines further away are other vibrations, and no noise of this one
+
+
 def _usable_in(
     test: SteadyTest | TransientTest, signal: MeasuredSignal, scenario: Scenario, key: str
 ) -> MeasuredSignal:
@@ -95,8 +98,7 @@ def _usable_in(
     level = None if test.level is None else f"{float(test.level)!r} {level_unit(quantity)}"
     amplitude = signal.at_level(level, key)
     frequency = excitation.frequency if test.frequency is None else test.frequency
-    # 0.05: of the frequency: lines further away are other vibrations, and no noise of this one
-    near = np.abs(amplitude.x / frequency - 1.0) <= 0.05
+    near = np.abs(amplitude.x / frequency - 1.0) <= NEAR
     if np.count_nonzero(near) < 2:
         raise MeasurementError(f"has no lines about {frequency:g} Hz in {signal.name}", "export it with finer lines")
     return replace(amplitude, x=amplitude.x[near], y=amplitude.y[near])

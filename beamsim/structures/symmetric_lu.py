@@ -73,6 +73,9 @@ def _cut(graph: Any, places: Floats, rows: Ints, mark: Ints) -> tuple[Ints, Ints
     return first, others[~touching], others[touching]
 
 
+MOST_ERROR = 0.01  # of factors whose signs count, over the smallest eigenvalue
+
+
 @dataclass(frozen=True)
 class SymmetricLU:
     """Factors of D A D with a unit diagonal, so that rotations in rad and displacements in m have like pivots.
@@ -115,8 +118,7 @@ class SymmetricLU:
         signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(size, 8))
         error = float(np.linalg.norm(lu.L @ (lu.U @ signs) - permuted @ signs) / np.sqrt(signs.shape[1]))
         inverse = LinearOperator((size, size), matvec=lu.solve, rmatvec=lu.solve, matmat=lu.solve, dtype=float)
-        # 0.01: of the smallest eigenvalue: the error of factors whose signs count
-        return bool(error * onenormest(inverse) <= 0.01)
+        return bool(error * onenormest(inverse) <= MOST_ERROR)
 
     @property
     def root(self) -> Any:

@@ -209,6 +209,9 @@ def _part_of_run(
     return MeasuredSignal(place, time[steady], x[steady])
 
 
+SETTLED = 0.01  # relative difference of periods of a settled motion, rms
+
+
 def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: str, warnings: list[str]) -> float:
     """Start of the part of a run that is compared: as `run.spectrum` says, else where its motion has settled."""
     settings = None if result.scenario.run is None else result.scenario.run.spectrum
@@ -219,8 +222,7 @@ def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: 
     if not np.isfinite(excitation):
         return float(time[0])
     start, deviation = settled_from(time, x, 1.0 / excitation)
-    # 0.01: relative difference of periods of a settled motion, rms
-    if deviation > 0.01:
+    if deviation > SETTLED:
         warnings.append(
             f"{name}: the run does not settle (its last periods differ by {deviation:.2g} of the motion); the last "
             f"{time[-1] - start:.4g} s are compared: run longer, or choose the part by run.spectrum.last"
@@ -587,6 +589,9 @@ class Harmonics:
     has_phase: bool
 
 
+MOST_HARMONICS = 60  # fitted to a signal; the residual counts as noise
+
+
 def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: float | None = None) -> Harmonics:
     r"""The first `count` harmonics of a frequency, by least squares on the signal or from a spectrum's lines.
 
@@ -624,8 +629,7 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
         raise _short(
             f"is sampled at {rate:.5g} Hz, too slowly for {count} harmonics of {frequency_hz:g} Hz (it has {highest})"
         )
-    # 60: fitted to a signal; the residual counts as noise
-    taken = min(highest, 60, max(count, (t.size - 2) // 4))
+    taken = min(highest, MOST_HARMONICS, max(count, (t.size - 2) // 4))
     every = frequency_hz * np.arange(1, taken + 1, dtype=np.float64)
     mean, value = project(t, x, every)
     phase = np.exp(2j * np.pi * frequency_hz * t)
@@ -700,6 +704,9 @@ def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> H
     return Harmonics(orders, value, np.full(orders.size, noise), complex_values)
 
 
+ALIKE = 0.01  # of the rms: periods that differ by less are alike
+
+
 def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
     """The longest last part of a history whose periods repeat.
 
@@ -731,8 +738,7 @@ def settled_from(time: Floats, x: Floats, period: float) -> tuple[float, float]:
         alike = count - 1 - behind % multiple
         alike[-multiple:] -= multiple  # not with themselves
         difference = np.sqrt(np.mean((periods - periods[alike]) ** 2, axis=1)) / size
-        # 0.01: of the rms: periods that differ by less are alike
-        moving = np.flatnonzero(difference > 0.01)
+        moving = np.flatnonzero(difference > ALIKE)
         first = int(moving[-1]) + 1 if moving.size else 0
         if count - first >= max(4, 2 * multiple):
             return float(max(starts[first], time[0])), float(difference[first:].max())

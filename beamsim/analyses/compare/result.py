@@ -68,6 +68,9 @@ class ComparedChannel:
     source: str = attribute("", "file of the measurement")
 
 
+ROUND_OFF = 1e-9  # of the largest harmonic: what no record resolves
+
+
 @declared(along=_ORDER)
 class ChannelComparison(ComparedChannel):
     """One quantity at one place, predicted and measured."""
@@ -113,8 +116,7 @@ class ChannelComparison(ComparedChannel):
     def is_round_off(self) -> Bools:
         """(h,) whether a harmonic of either is nothing but round-off beside the largest of its own."""
         sizes = (np.abs(self.predicted), np.abs(self.measured))
-        # 1e-9: of the largest harmonic: what no record resolves
-        return np.asarray(np.any([size <= 1e-9 * size.max(initial=0.0) for size in sizes], axis=0))
+        return np.asarray(np.any([size <= ROUND_OFF * size.max(initial=0.0) for size in sizes], axis=0))
 
     @property
     @stored(dataset("dB", "20 log10(predicted / measured); NaN where one is round-off"))

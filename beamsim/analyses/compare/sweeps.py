@@ -102,6 +102,9 @@ def _curve(result: SweepResult, name: str | None) -> SweepCurve:
     return result.curves[name]
 
 
+SAME_LEVEL = 0.01  # relative difference of levels that count as equal
+
+
 def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
     """Warnings that a frequency response was measured at another level than the sweep was computed at.
 
@@ -122,8 +125,7 @@ def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
         )
     inside = (curve.frequency_hz >= signal.x[0]) & (curve.frequency_hz <= signal.x[-1])
     amplitude = curve.excitation_amplitude[inside]
-    # 0.01: relative difference of levels that count as equal
-    if unit == computed and np.any(np.abs(amplitude / signal.level.amplitude - 1.0) > 0.01):
+    if unit == computed and np.any(np.abs(amplitude / signal.level.amplitude - 1.0) > SAME_LEVEL):
         most = float(amplitude[np.argmax(np.abs(amplitude / signal.level.amplitude - 1.0))])
         yield (
             f"{signal.name} was measured at {signal.level.amplitude:.4g} {unit}, and the sweep is computed at "
@@ -267,6 +269,9 @@ def _detected(curve: SweepCurve, envelope: Envelope | OutputEnvelope, detector: 
     return np.asarray(envelope.harmonics[first[0]])
 
 
+MOST_OF_FDAC = 120  # frequencies of an FDAC matrix, on each side
+
+
 def _assurance(channels: Sequence[SweptComparison]) -> Assurance | None:
     """FDAC of the channels of one quantity that share their frequencies; None of fewer than two."""
     if len(channels) < 2 or len({channel.quantity for channel in channels}) > 1:
@@ -274,11 +279,13 @@ def _assurance(channels: Sequence[SweptComparison]) -> Assurance | None:
     f = channels[0].frequency_hz
     if any(not np.array_equal(channel.frequency_hz, f) for channel in channels):
         return None
-    # 120: of an FDAC matrix, on each side
-    some = np.unique(np.linspace(0, f.size - 1, min(f.size, 120)).round().astype(int))
+    some = np.unique(np.linspace(0, f.size - 1, min(f.size, MOST_OF_FDAC)).round().astype(int))
     predicted = np.array([channel.predicted[some] for channel in channels])
     measured = np.array([channel.measured[some] for channel in channels])
     return Assurance(f[some], f[some], assurance(predicted, measured))
+
+
+SAME_PEAK = 0.15  # relative difference of the frequencies of two peaks that may be the same
 
 
 def _peak_pairs(f_p: Floats, p: Floats, f_m: Floats, m: Floats) -> list[PeakPair]:
@@ -290,8 +297,7 @@ def _peak_pairs(f_p: Floats, p: Floats, f_m: Floats, m: Floats) -> list[PeakPair
     partner: dict[int, int] = {}
     for distance, i, j in nearness:
         in_order = all((i - other) * (j - of_other) > 0 for other, of_other in partner.items())
-        # 0.15: relative difference of the frequencies of two peaks that may be the same
-        if distance <= 0.15 and in_order:
+        if distance <= SAME_PEAK and in_order:
             partner[i] = j
     pairs = []
     nan = float("nan")
@@ -333,6 +339,9 @@ class Tracked:
     rms: Floats  # (C,) mean included
 
 
+LEAST_MOVE = 1e-6  # of the frequency: the beginning of a record is not moved by less
+
+
 def beginning(curve: SweepCurve, records: Sequence[Followed]) -> float:
     """Time of the records at which a curve of the sweep begins, s: where their frequency is that of the sweep.
 
@@ -350,10 +359,12 @@ def beginning(curve: SweepCurve, records: Sequence[Followed]) -> float:
         moves = [_delay(curve, record, begin) for record in records]
         move = float(np.nanmedian(np.concatenate(moves)))
         begin -= move
-        # 1e-6: of the frequency: the beginning is not moved by less
-        if abs(move) * float(np.max(slope / curve.frequency_hz)) < 1e-6:
+        if abs(move) * float(np.max(slope / curve.frequency_hz)) < LEAST_MOVE:
             break
     return begin
+
+
+EXCITATION_OFF = 0.03  # of the frequency, in the median over the cycles: then an excitation does not follow the sweep
 
 
 def _check_beginning(curve: SweepCurve, records: Sequence[Followed], begin: float) -> None:
@@ -365,8 +376,7 @@ def _check_beginning(curve: SweepCurve, records: Sequence[Followed], begin: floa
         With the relative error of the frequency.
     """
     off = _off(curve, records, begin)
-    # 0.03: of the frequency, in the median over the cycles: then an excitation does not follow the sweep
-    if off > (0.03 if records[0].expected is None else RESPONSE_OFF):
+    if off > (EXCITATION_OFF if records[0].expected is None else RESPONSE_OFF):
         names = ", ".join(record.signal.name for record in records)
         raise unusable(
             f"{records[0].signal.source or names}: {names} does not follow the sweep that was computed: from "
@@ -436,12 +446,14 @@ def filtered(values: Any, cycles: int) -> Any:
     return np.convolve(values, np.full(cycles, 1.0 / cycles), mode="valid") if cycles > 1 else values
 
 
+AT_REST = 1e-4  # of the largest value of a record: cycles that are as small tell no phase
+
+
 def _drift(curve: SweepCurve, record: Followed, begin: float) -> tuple[Floats, Floats]:
     """(C - 1,) frequencies of cycles, and relative errors of the frequency there; nan where nothing moves."""
     of = track(curve, record.signal, begin)
     turned = of.fundamental[1:] * np.conj(of.fundamental[:-1])
-    # 1e-4: of the largest value of a record
-    moves = np.abs(turned) > (1e-4 * float(np.max(np.abs(record.signal.y)))) ** 2
+    moves = np.abs(turned) > (AT_REST * float(np.max(np.abs(record.signal.y)))) ** 2
     if record.expected is not None:
         expected = record.expected[of.cycle]
         turned = turned * np.conj(expected[1:]) * expected[:-1]

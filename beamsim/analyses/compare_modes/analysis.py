@@ -193,17 +193,25 @@ def _computed(scenario: Scenario, measured: ShapesAtPlaces, *, closed: bool) -> 
     return frequencies[order][:most], shapes[:, order[:most]]
 
 
+FREQUENCY_WEIGHT = 0.01  # of a frequency's logarithm beside the MAC, where modes are paired
+
+
 def _paired(mac: Floats, measured: Floats, computed: Floats) -> Ints:
     """(m,) number from 1 of the computed mode of each measured one; 0 where none fits."""
     from scipy.optimize import linear_sum_assignment
 
     apart = np.abs(np.log(np.maximum(computed, 1e-3 * measured.min())[None, :] / measured[:, None]))
-    # 0.01: weight of a frequency's logarithm beside the MAC
-    rows, columns = linear_sum_assignment(mac - 0.01 * apart, maximize=True)
+    rows, columns = linear_sum_assignment(mac - FREQUENCY_WEIGHT * apart, maximize=True)
     paired = np.zeros(measured.size, dtype=np.int64)
     fits = mac[rows, columns] > UNPAIRED
     paired[rows[fits]] = columns[fits] + 1
     return paired
+
+
+INDISTINCT = 0.9  # MAC of two computed shapes that the places cannot tell apart
+
+
+MOST_WARNINGS = 4  # about shapes that cannot be told apart; more become one
 
 
 def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAtPlaces) -> Iterator[str]:
@@ -212,12 +220,10 @@ def _warnings(scenario: Scenario, paired: Ints, auto: Floats, measured: ShapesAt
     count = auto.shape[0]
     groups: dict[tuple[int, ...], list[int]] = {}  # by what looks like a mode, itself included, the paired ones
     for number in paired[paired > 0] - 1:
-        # 0.9: MAC of two computed shapes that the places cannot tell apart
-        alike = tuple(j + 1 for j in range(count) if j == number or auto[number, j] > 0.9)
+        alike = tuple(j + 1 for j in range(count) if j == number or auto[number, j] > INDISTINCT)
         if len(alike) > 1:
             groups.setdefault(alike, []).append(number + 1)
-    # 4: warnings about that; more become one
-    if len(groups) > 4:
+    if len(groups) > MOST_WARNINGS:
         doubtful = sum(map(len, groups.values()))
         yield (
             f"{len(measured.places)} measured places do not tell {doubtful} of {np.count_nonzero(paired)} paired modes "

@@ -80,6 +80,9 @@ class TwoParameterCurve:
         return np.append(scale, max(abs(u[-1]), 1e-12)), np.append(residual, 1.0)
 
 
+STEP_ALONG = 1e-6  # of a difference, against the unknowns' scale
+
+
 @dataclass
 class FoldCurve(TwoParameterCurve):
     """Folds as a continuation problem."""
@@ -104,8 +107,7 @@ class FoldCurve(TwoParameterCurve):
         right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
         # of the derivative -w^T dA v of g in the unknowns' own units
         g, w, v = float(right[-1]), left[:-1] / s, right[:-1] * s
-        # 1e-6: step along v, against the unknowns' scale
-        step = 1e-6 / float(np.linalg.norm(v / s))
+        step = STEP_ALONG / float(np.linalg.norm(v / s))
         h = np.append(v * step, np.zeros(2))
         change = self.shoot(u + h)[1] - self.shoot(u - h)[1]
         return np.append(R, g), np.vstack([A, -w @ change / (2.0 * step)]), flow_map

@@ -127,6 +127,9 @@ class Best:
     converged: bool
 
 
+UNPREDICTED = 1e6  # residual where the model predicts nothing
+
+
 class Fit:
     """A least-squares problem.
 
@@ -212,8 +215,7 @@ class Fit:
             try:
                 return self.residuals(whole(y))
             except UnpredictableError:
-                # 1e6: residual where the model predicts nothing
-                return np.full(first.size, 1e6)
+                return np.full(first.size, UNPREDICTED)
 
         def jacobian(y: Floats) -> Floats:
             return np.nan_to_num(self.jacobian(whole(y))[:, free])
@@ -312,6 +314,9 @@ def widening(misfit: float, freedom: int) -> float:
     return misfit / freedom if unexplained else 1.0
 
 
+NO_INFLUENCE = 1e-14  # ratio of eigenvalues below which a combination of parameters has no influence
+
+
 def inverse_information(jacobian: Floats) -> Floats:
     """(p, p) inverse of ``jacobian.T @ jacobian``, nan for parameters that the residuals do not determine.
 
@@ -324,8 +329,7 @@ def inverse_information(jacobian: Floats) -> Floats:
     size = np.where(size > 0, size, 1.0)
     scaled = jacobian / size
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    # 1e-14: ratio of eigenvalues below which a combination of parameters has no influence
-    null = values <= 1e-14 * values[-1]
+    null = values <= NO_INFLUENCE * values[-1]
     inverse = np.asarray((vectors[:, ~null] / values[~null]) @ vectors[:, ~null].T / np.outer(size, size))
     undetermined = (vectors[:, null] ** 2).sum(axis=1) > 1e-12
     inverse[undetermined, :] = inverse[:, undetermined] = np.nan

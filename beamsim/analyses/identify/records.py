@@ -137,6 +137,9 @@ class Test:
         }  # fmt: skip
 
 
+LEAST_SCATTER = 1e-6  # of a record without noise, over its range
+
+
 @dataclass(frozen=True)
 class Transient(Test):
     """A record of a motion that begins at t = 0."""
@@ -183,8 +186,7 @@ class Transient(Test):
         measured = prepared.y
         scatter = float(np.sqrt(np.median(np.diff(values, 6) ** 2) / (0.4549 * 924)))  # median of chi^2, see above
         largest = float(np.ptp(measured))
-        # 1e-6: least scatter of a record without noise, over its range
-        sigma = max(scatter, 1e-6 * largest)
+        sigma = max(scatter, LEAST_SCATTER * largest)
         if test.noise is not None:
             sigma = test.noise * float(np.abs(measured).max())
         if largest == 0.0:
@@ -354,6 +356,9 @@ class Feature(NamedTuple):
     point: BranchPoint
 
 
+FURTHEST = 20  # way in one go, in distances `_APART`
+
+
 @dataclass
 class _Curve:
     """The branch of a model, its features and the peaks that are measured on it."""
@@ -404,8 +409,7 @@ class _Curve:
             if bend >= 0.0:
                 return None
             away = -0.5 * slope / bend
-            # 20: of these distances, furthest way in one go
-            point = self.moved(point, _APART * float(np.clip(away, -20, 20)))
+            point = self.moved(point, _APART * float(np.clip(away, -FURTHEST, FURTHEST)))
             if abs(away) < 1.0:
                 return point
         return None

@@ -197,6 +197,12 @@ def _remedy(point: SpringPoint, mode: int, omega: float, without_hz: tuple[float
     )
 
 
+FIRST_STIFFNESS = 0.01  # N/m; thesis, algorithm 1
+
+
+STEP_OF_STIFFNESS = 1.01  # thesis, algorithm 1
+
+
 def thesis_loop(modes: FittedModes, tolerance: float, most_solutions: int) -> tuple[float, Outcome, int]:
     """Algorithm 1 of the thesis: k grows by 1 % from 0.01 N/m until the frequency agrees within a tolerance.
 
@@ -214,8 +220,7 @@ def thesis_loop(modes: FittedModes, tolerance: float, most_solutions: int) -> tu
     stiffness of the last step, N/m, how the loop ended, and the number of eigenvalue solutions.
     """
     point, omega, rigid = modes.point, float(modes.omega[0]), int(np.sum(modes.point.omega == 0))
-    # 0.01: N/m; thesis, algorithm 1
-    k, previous = 0.01, np.nan
+    k, previous = FIRST_STIFFNESS, np.nan
     for count in range(1, most_solutions + 1):
         closed, _ = closed_modes(point.omega, point.shape[None, :], np.array([k]), rigid)
         predicted = float(closed[modes.mode[0] - 1])
@@ -230,8 +235,7 @@ def thesis_loop(modes: FittedModes, tolerance: float, most_solutions: int) -> tu
             )  # fmt: skip
             return k, outcome, count
         previous = k
-        # 1.01: thesis, algorithm 1
-        k *= 1.01
+        k *= STEP_OF_STIFFNESS
     outcome = Outcome.of(
         OutcomeKind.STOPPED, "solution_limit", f"not converged after {most_solutions} eigenvalue solutions",
         remedy="raise identify_stiffness.most_solutions, or use method: secular",
@@ -316,11 +320,15 @@ def monte_carlo(
     return deviation, (float(low), float(high)), float(1 - usable.mean())
 
 
+HALF_WIDTH = 8.0  # of the table of a Monte Carlo simulation, in standard deviations of ln k
+
+
+STIFFNESSES = 1201  # of that table
+
+
 def _least_on_table(modes: FittedModes, stiffness: float, relative: float, omega: Floats) -> Floats:
-    # 8.0: of the table, in standard deviations of ln k
-    width = min(8.0 * relative, 20.0)
-    # 1201: stiffnesses at which several modes are tabulated for Monte Carlo
-    x = np.log(stiffness) + np.linspace(-width, width, 1201)
+    width = min(HALF_WIDTH * relative, 20.0)
+    x = np.log(stiffness) + np.linspace(-width, width, STIFFNESSES)
     table = modes.predicted(np.exp(x))
     # chi^2 up to a constant of each sample: (t, m) products instead of a (samples, t, m) array.
     w2 = modes.weight**2
@@ -623,6 +631,9 @@ def _table_slope(
     return TableSlope(force, deflection, segment, curve.slopes.size, slope, factor, at_a_bend), scaled, warnings
 
 
+MORE_MODES = 60  # of a large model, beyond those requested; a static vector represents the others
+
+
 def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPoint:
     """Modes of the bodies that a snubber acts on, every contact open: all of the finite-element model's.
 
@@ -642,7 +653,6 @@ def snubber_point(scenario: Scenario, name: str, requested: int = 1) -> SpringPo
     snubber = scenario.located_snubber(name)
     model, site = assemble(scenario, snubber.bodies), snubber_site(snubber)
     patterns = [LoadPattern(model.row(loaded), loaded) for loaded in model.loaded_sites([site])]
-    # 60: Modes of a large model that are kept beyond those requested; a static vector represents the others.
-    basis = reduce_model(model, patterns, count=None if model.size <= DENSE_LIMIT else requested + 60)
+    basis = reduce_model(model, patterns, count=None if model.size <= DENSE_LIMIT else requested + MORE_MODES)
     shape = model.row(site) @ basis.vectors / np.sqrt(model.mass_scale)
     return SpringPoint.of_modes(basis.omega * model.frequency_scale, shape)

@@ -235,6 +235,9 @@ def _outcome(stopped: str, best: Best, without_derivative: Sequence[str]) -> Out
     return together(outcomes)
 
 
+NO_LINE = 1e-6  # amplitude over the fundamental of a line that a motion does not have
+
+
 @dataclass(frozen=True)
 class _Steady(Test):
     """A measured steady vibration, of which harmonics are compared."""
@@ -280,8 +283,7 @@ class _Steady(Test):
     def doubts(self, prediction: Any) -> list[str]:
         """A warning where the predicted motion is another than the recorded one, or says nothing of the snubbers."""
         size = np.abs(prediction.harmonics(self.probe_index, self.quantity, self.multiple))
-        # 1e-6: of the fundamental, what is left of a line that the motion does not have
-        repeats = self.multiple // gcd(self.multiple, *(1 + np.flatnonzero(size > 1e-6 * size[-1])).tolist())
+        repeats = self.multiple // gcd(self.multiple, *(1 + np.flatnonzero(size > NO_LINE * size[-1])).tolist())
         if repeats == self.multiple:
             return super().doubts(prediction)
         return [
@@ -372,6 +374,9 @@ def _tests(scenario: Scenario, settings: NonlinearFit, signals: Sequence[Measure
     return [test for test in tests if test.name not in settings.leave_out]
 
 
+ASSUMED_NOISE = 0.01  # of the largest harmonic, where the noise is unknown
+
+
 def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredSignal) -> _Steady:
     excitation: Any = scenario.excitation
     frequency = excitation.frequency if test.frequency is None else test.frequency
@@ -386,8 +391,7 @@ def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredS
         raise MeasurementError(message, "check channel and frequency")
     sigma, known = harmonics.noise, test.noise is not None or bool(harmonics.noise.all())
     if test.noise is not None or not known:
-        # 0.01: of the largest harmonic, if the noise is unknown
-        sigma = np.full(harmonics.order.size, (0.01 if test.noise is None else test.noise) * largest)
+        sigma = np.full(harmonics.order.size, (ASSUMED_NOISE if test.noise is None else test.noise) * largest)
     probes = [probe.name for probe in scenario.effective_probes]
     probe = probes[0] if test.probe is None else test.probe
     return _Steady(
@@ -406,13 +410,15 @@ def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredS
     )
 
 
+MODES_UP_TO = 3.0  # times the highest harmonic used: modes of a fit without `reduction`
+
+
 def _prepared(scenario: Scenario, tests: Sequence[AnyTest]) -> Scenario:
     """The scenario with the modes that steady tests need, and files that tests find whatever they are."""
     reduction, steady = scenario.reduction, [test for test in tests if isinstance(test, _Steady)]
     if steady and reduction is None and any(body.reduced_by_default for body in scenario.all_bodies.values()):
         highest = max(test.frequency_hz * test.harmonics.order[-1] / test.multiple for test in steady)
-        # 3.0: times the highest harmonic used: modes of a fit without `reduction`
-        reduction = Reduction(highest_frequency=3.0 * highest)
+        reduction = Reduction(highest_frequency=MODES_UP_TO * highest)
     prepared = scenario.model_copy(update={"reduction": reduction, "sweep": None, "nnm": None})
     return prepared if len(steady) == len(tests) else replaced(prepared, scenario.whole_paths(prepared))
 
@@ -522,6 +528,9 @@ def _rows(tests: Sequence[AnyTest]) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
+ROUGHLY = 1e-3  # tolerance of a fit from which the next one starts
+
+
 def _from_starts(
     fits: Sequence[Fit], settings: NonlinearFit, progress: Callable[[float], None] | None, stop: Stop
 ) -> tuple[list[Best], int]:
@@ -534,8 +543,7 @@ def _from_starts(
             start += settings.spread * generator.standard_normal(start.size)
         try:
             for rough in fits[:-1]:
-                # 1e-3: a beginning for the next one
-                start = rough.best(start, tolerance=1e-3).x
+                start = rough.best(start, tolerance=ROUGHLY).x
             solutions.append(fits[-1].best(start))
         except UnpredictableError:
             continue

@@ -67,6 +67,9 @@ def _determinant(orbits: BrakeOrbits, point: BranchPoint) -> float:
     return float(np.linalg.det(_bordered(orbits, point)[0]))
 
 
+SINGULAR = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
+
+
 def symmetry_breaking(step: Step[BrakeOrbits]) -> SymmetryBreaking | None:
     """The point on a step of a branch where non-brake orbits leave; None without one.
 
@@ -88,8 +91,7 @@ def symmetry_breaking(step: Step[BrakeOrbits]) -> SymmetryBreaking | None:
     if kernel is None:
         return None
     kick, mode, ratio, smallness = _kick(orbits, kernel)
-    # 1e-5: smallest singular value of b, scaled, against its largest, at a located point
-    if smallness > 1e-5 or not 1 <= ratio <= LARGEST_RATIO:
+    if smallness > SINGULAR or not 1 <= ratio <= LARGEST_RATIO:
         return None
     return SymmetryBreaking(kernel, kick, mode, ratio)
 
@@ -104,6 +106,12 @@ def _kick(orbits: BrakeOrbits, point: BranchPoint) -> tuple[Floats, int, int, fl
     mode = int(np.argmax((orbits.vectors.T @ kick) ** 2))
     ratio = round(float(orbits.omega[mode]) * orbits.split(point.u)[1] / (2 * np.pi))
     return kick, mode, ratio, float(sizes[-1] / sizes[0])
+
+
+SLOWED = 0.3  # of the largest slowest speed so far: a reversal of the motion then means that rest was passed
+
+
+REST = 1e-4  # slowest speed that counts as rest
 
 
 def non_brake_branch(
@@ -143,10 +151,8 @@ def non_brake_branch(
             slowest = flow.states_at(flow_map, np.array([time]))[0, n : 2 * n] / np.sqrt(2.0 * orbits.split(point.u)[3])
             speed = float(np.linalg.norm(slowest))
             fastest = max(fastest, speed)
-            # 0.3: of the largest slowest speed so far: here a reversal of the motion means that rest was passed
-            turned = speed < 0.3 * fastest and float(slowest @ before) < 0
-            # 1e-4: slowest speed that counts as rest
-            if speed < 1e-4 or turned:
+            turned = speed < SLOWED * fastest and float(slowest @ before) < 0
+            if speed < REST or turned:
                 outcome = BACK_TO_BRAKE_ORBITS if len(points) > 1 else BRAKE_ORBIT_ITSELF
                 break
             points.append(point)
@@ -155,6 +161,9 @@ def non_brake_branch(
         else:
             outcome = branch.outcome
     return OrbitBranch(orbits, points, outcome, kind="non_brake", mode=origin.mode, ratio=origin.ratio)
+
+
+ONE_MOTION = 1e-6  # relative distance within which two solutions are one motion
 
 
 def over_full_period(
@@ -189,8 +198,7 @@ def over_full_period(
             share = (brake_point.parameter - last[1].parameter) / (last[1].parameter - last[0].parameter)
             guesses[0] = last[1].u + share * (last[1].u - last[0].u)
         found = (solve_at(orbits, guess, Settings(iterations=15), brake_point.parameter) for guess in guesses)
-        # 1e-6: relative distance within which two solutions are one motion
-        new = next((p for p in found if p is not None and difference(orbits, p, brake_point) < 1e-6), None)
+        new = next((p for p in found if p is not None and difference(orbits, p, brake_point) < ONE_MOTION), None)
         if new is None:
             outcome = Outcome.of(
                 OutcomeKind.STOPPED, "full_period_diverged",

@@ -159,6 +159,9 @@ class Record(NamedTuple):
     force: Floats  # N
 
 
+ROUND_OFF = 1e-12  # misfit of a curve over its largest force
+
+
 def _measured(
     file: Path, segments: int, columns: Sequence[str], decimal: DecimalMark | None
 ) -> tuple[ForceCurve, float, float | None, Record | None]:
@@ -183,8 +186,7 @@ def _measured(
     loss_factor = None
     if 0.0 < back <= given and len(work) % 2 == 0:
         loss_factor = 4.0 * (given - back) / (math.pi * (given + back))
-    # 1e-12: misfit of a curve, over its largest force, that is round-off
-    exact = misfit <= 1e-12 * float(np.abs(force).max())
+    exact = misfit <= ROUND_OFF * float(np.abs(force).max())
     timed = time is not None and bool(np.all(np.diff(time) > 0.0)) and loop_width(deflection, force) > LOOP
     record = Record(time, deflection, force) if timed and time is not None else None
     return curve, 0.0 if exact else misfit, loss_factor, record
