@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -59,23 +60,22 @@ def compare_signals(
     path = given.case
     target = output_file(given.output, f"{path.stem}_compare", ".h5", ".hdf5")
     preparation = _preparation({name: value for name, value in prepared_by.items() if value is not None})
-    with stored_result(path, "sweep" if (swept := kind_of(path) == "sweep") else "run") as result:
+    swept = kind_of(path) == "sweep"
+    with stored_result(path, "sweep" if swept else "run") as result:
         pairs = pair_channels(result, measured, preparation=preparation, **pairing)
-        if not swept:
-            _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
-
-        def compared(*_: object) -> Comparison:
-            if not swept:
-                return compare(result, pairs, **of_runs)
+        comparison: Callable[[], Comparison]
+        if swept:
             name = of_sweeps["reference"]
             excitation = (
                 None if name is None else history_named(measured, name, pairing["axis_unit"], pairing["decimal"])
             )
             tracking = Tracking(of_sweeps["begin"], excitation, of_sweeps["cycles"])
             chosen = {key: of_sweeps[key] for key in ("curve", "detector")}
-            return compare_sweep(result, pairs, tracking=tracking, **chosen)
-
-        concluded("compare", target, given, compared, f"comparing with {measured.name}")
+            comparison = partial(compare_sweep, result, pairs, tracking=tracking, **chosen)
+        else:
+            _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
+            comparison = partial(compare, result, pairs, **of_runs)
+        concluded("compare", target, given, lambda *_: comparison(), f"comparing with {measured.name}")
 
 
 def _preparation(options: Mapping[str, str]) -> RecordPreparation:
