@@ -13,7 +13,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.analyses.gapping import finite
-from beamsim.analyses.least_time import least_time_of_sweep
 from beamsim.analyses.values import largest_along
 from beamsim.flow.compiled import processor_time
 from beamsim.outcomes import Progress, Stop, never, part_of
@@ -30,6 +29,7 @@ from beamsim.trust.convergence import (
     unchanged,
     with_convergence,
 )
+from beamsim.trust.least_time import least_time_of_sweep
 
 if TYPE_CHECKING:
     from beamsim.analyses.coexisting.result import CoexistingResult

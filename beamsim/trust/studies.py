@@ -22,7 +22,6 @@ from beamsim.analyses.designs.reliability import Exceedance, asked, concluded
 from beamsim.analyses.designs.responses import entries_of, means, responses_of_result
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RunOfDesign, objectives
 from beamsim.analyses.designs.search import search
-from beamsim.analyses.least_time import least_time_of_study
 from beamsim.analyses.result import CONVERGENCE
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
@@ -34,6 +33,7 @@ from beamsim.scenario import Scenario
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.checked import continuation, sweep
 from beamsim.trust.convergence import COMPARISON
+from beamsim.trust.least_time import least_time_of_study
 from beamsim.trust.runs import run
 
 

@@ -8,8 +8,8 @@ from commands import invoke
 
 import beamsim
 from beamsim.analyses.designs.plan import plan_designs
-from beamsim.analyses.least_time import least_time_of_run, least_time_of_study, least_time_of_sweep
 from beamsim.errors import TooLongError, allowed_hours, allowing_hours
+from beamsim.trust.least_time import least_time_of_run, least_time_of_study, least_time_of_sweep
 
 pytestmark = pytest.mark.quick
 
