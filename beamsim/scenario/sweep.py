@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
-from math import log2, tau
+from math import log, log2, tau
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field
@@ -254,6 +254,32 @@ Method = Annotated[
 ]
 
 
+MOST_CYCLES = 5_000_000
+"""Largest number of cycles of a swept sine at one level."""
+
+
+def swept_cycles(low: float, high: float, rate: q.Rate, direction: str) -> float:
+    """Cycles of a swept sine, up and down for ``both``; in general not whole.
+
+    Parameters
+    ----------
+    low, high : Hz, ends of the range.
+    rate : in octaves or Hz per second.
+    direction : up, down or both.
+    """
+    once = (high - low) * ((high + low) / 2.0 if rate.unit == "Hz/s" else 1.0 / log(2.0)) / rate.value
+    return 2.0 * once if direction == "both" else once
+
+
+def demand_cycles(cycles: float, rate: q.Rate, at: Path) -> None:
+    """Refuse a sweep of too many or too few cycles; ``at`` is the path of its rate."""
+    if cycles > MOST_CYCLES:
+        message = f"= {rate} makes a sweep of {cycles:.3g} cycles (at most {MOST_CYCLES:.0e})"
+        raise Unfit(message, "sweep faster or over fewer frequencies", at)
+    if cycles < 2.0:
+        raise Unfit(f"= {rate} covers the range in {cycles:.2g} cycles", "sweep more slowly", at)
+
+
 class SweptOverlay(Schema):
     """A swept sine over the same frequencies and levels, overlaid on the response curve."""
 
@@ -354,6 +380,10 @@ class Continuation(OfSines):
             raise Unfit("has several values, and the folds' level changes", "give one level", ("levels",))
         if self.follow_folds_in is not None and self.follow_folds_in.points_at:
             raise Unfit("belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at"))
+        if self.overlay is not None and isinstance(parameter, FrequencyPath):
+            low, high = sorted((parameter.from_, parameter.to))
+            cycles = swept_cycles(low, high, self.overlay.rate, self.overlay.direction)
+            demand_cycles(cycles, self.overlay.rate, ("overlay", "rate"))
 
     def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
         """A parameter that cannot be changed, ranges that leave something out, a method for nonlinear systems alone."""
@@ -490,14 +520,20 @@ class SweptSine(_UpAndDown):
     """Sample rate of the time history; without it only values per cycle are stored."""
 
     @property
+    def cycles(self) -> float:
+        """Cycles of the sweep, up and down; in general not whole."""
+        return swept_cycles(self.from_, self.to, self.rate, self.direction)
+
+    @property
     def duration(self) -> float:
         """Time of the sweep, up and down, s."""
         once = log2(self.to / self.from_) if self.rate.unit == "oct/s" else self.to - self.from_
         return (2.0 if self.direction == "both" else 1.0) * once / self.rate.value
 
     def check(self) -> None:
-        """Reject a table that does not increase, and unusable tolerances."""
+        """Reject a table that does not increase, unusable tolerances, and a sweep of too many or too few cycles."""
         super().check()
+        demand_cycles(self.cycles, self.rate, ("rate",))
         if self.profile_file is None:
             check_profile(self.profile, self.between)
         self.exclude("profile_file", "profile")

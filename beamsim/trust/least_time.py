@@ -12,7 +12,6 @@ from math import prod
 from typing import TYPE_CHECKING
 
 from beamsim.errors import ScenarioError, TooLongError, allowed_hours
-from beamsim.inputs.profiles import make_leg
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.studies import Reliability
@@ -96,8 +95,7 @@ def least_time_of_sweep(scenario: Scenario) -> LeastTime:
     directions = 2 if sweep.direction == "both" else 1
     if isinstance(sweep, SteppedSine):
         return LeastTime((levels, Count(directions * sweep.points, "frequencies", ("sweep.points",))), STEADY_S)
-    cycles = directions * make_leg(sweep.from_, sweep.to, sweep.rate).cycles
-    return LeastTime((levels, Count(cycles, "cycles", ("sweep.rate",))), CYCLE_S)
+    return LeastTime((levels, Count(sweep.cycles, "cycles", ("sweep.rate",))), CYCLE_S)
 
 
 def least_time_of_study(plan: DesignPlan, known: int = 0) -> LeastTime:

@@ -10,6 +10,7 @@ from beamsim.analyses.sweep.swept_sine import legs_of
 from beamsim.errors import ScenarioError
 from beamsim.inputs.profiles import Leg, Profile
 from beamsim.inputs.swept import cut_into_windows, swept_signals
+from beamsim.scenario import load_scenario
 from beamsim.scenario.sweep import SweptSine
 
 pytestmark = pytest.mark.quick
@@ -105,6 +106,12 @@ def test_a_notch_is_never_exceeded_and_nothing_else_changes(low, width, level, q
     ],
 )
 def test_too_long_and_too_short_sweeps_are_refused(rate, says):
-    settings = SweptSine.model_validate({"from": 20.0, "to": 410.0, "rate": rate})
+    case = {"from": 20.0, "to": 410.0, "rate": rate, "kind": "swept_sine"}
     with pytest.raises(ScenarioError, match=says):
-        legs_of(settings)
+        load_scenario("configs/one_sided_65hz.yaml", {"sweep": case})
+
+
+@pytest.mark.parametrize(("rate", "direction"), [("2 oct/min", "up"), ("1 Hz/s", "both")])
+def test_the_cycles_of_a_sweep_are_those_of_its_legs(rate, direction):
+    settings = SweptSine.model_validate({"from": 20.0, "to": 410.0, "rate": rate, "direction": direction})
+    np.testing.assert_allclose(settings.cycles, sum(leg.cycles for leg in legs_of(settings)), rtol=1e-12)
