@@ -104,6 +104,9 @@ def stepper_on(flow: PeriodicFlow, y: Floats) -> tuple[CycleStepper | SeriesStep
     return SeriesStepper(flow, flow.omega), Motion(y, 0)
 
 
+KEPT_CYCLES = 256  # of a motion that does not repeat, for its Poincaré section
+
+
 @dataclass(frozen=True)
 class Settled:
     """Whether and how the motion became periodic."""
@@ -140,11 +143,12 @@ def settle(
     """
     weight = velocity_weights(stepper.flow, stepper.omega)
     section = [motion.y * weight]
-    done, change = 0, np.inf
+    done, change, kept = 0, np.inf, max(3 * longest_period + 1, KEPT_CYCLES)
     while done < most_cycles:
         chunk = min(16, most_cycles - done)
         states = stepper.carry(motion, chunk)
         section.extend(states * weight)
+        del section[:-kept]
         done += chunk
         size = float(np.max(np.abs(section[-2 * longest_period :])))
         if size == 0.0:
@@ -166,7 +170,7 @@ def settle(
             shorter = min(shorter, now)
             if now <= 1e-12 * size or now * max(1.0, ratio / (1 - ratio)) <= tolerance * size:
                 return Settled(p, done, now / size, _unweighted(section[-max(p, 1) :], weight))
-    return Settled(0, done, change, _unweighted(section[-min(len(section), 256) :], weight))
+    return Settled(0, done, change, _unweighted(section[-KEPT_CYCLES:], weight))
 
 
 def _unweighted(section: list[Floats], weight: Floats) -> Floats:

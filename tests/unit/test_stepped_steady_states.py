@@ -1,5 +1,8 @@
 """Steady states: against linear theory, against long transients, and a motion that is known to be chaotic."""
 
+import tracemalloc
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -196,3 +199,25 @@ def test_stress_and_gap_of_a_sweep_are_those_of_the_run():
     assert 0.3 < found["bending_stress"]["value"] / tail.summary["largest_bending_stress_pa"] < 1.0
     assert found["gap"]["exceeded"]
     assert found["bending_stress"]["exceeded"]
+
+
+def test_a_motion_that_never_repeats_is_followed_in_bounded_memory():
+    """A quasi-periodic motion, by the golden section of a turn a cycle: what was long ago is not kept."""
+    turn = np.exp(2j * np.pi * 0.5 * (np.sqrt(5.0) - 1.0))
+    motion = SimpleNamespace(y=np.array([1.0, 0.0]))
+    contacts = SimpleNamespace(internal_states=0)
+    flow = SimpleNamespace(system=SimpleNamespace(size=1, contacts=contacts))
+
+    def carry(motion, cycles):
+        turned = (motion.y[0] + 1j * motion.y[1]) * turn ** np.arange(1, cycles + 1)
+        states = np.stack([turned.real, turned.imag], axis=1)
+        motion.y = states[-1]
+        return states
+
+    stepper = SimpleNamespace(flow=flow, omega=1.0, carry=carry)
+    tracemalloc.start()
+    settled = settle(stepper, motion, tolerance=1e-9, longest_period=4, most_cycles=8000)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (settled.period, settled.cycles, settled.section.shape) == (0, 8000, (256, 2))
+    assert peak < 300_000  # bytes; all cycles would need 900,000
