@@ -531,8 +531,10 @@ def apply_overrides(root: WrittenMapping, overrides: Overrides) -> WrittenMappin
         try:
             for place in _places(changed, path):
                 within: Any = said
-                for part in place[:-1]:
+                for depth, part in enumerate(place[:-1], 1):
                     within = within.setdefault(part, _Inside({})) if isinstance(within, dict) else within[part]
+                    if within is None:
+                        raise Unfit(f"contradicts {path_text(place[:depth])} = null", "leave one of the two out")
                 within[place[-1]] = copy.deepcopy(value)
             changed = merge(root, said)
         except Unfit as error:
