@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.contacts.laws import INTERNAL
-from beamsim.flow.contact_state import ContactState, contact_modes, tabulated
+from beamsim.flow.contact_state import ContactModes, ContactState, contact_modes, tabulated
 from beamsim.flow.kernels import Inputs, Tables
 from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
 from beamsim.flow.state_tables import (
@@ -18,7 +18,6 @@ from beamsim.flow.state_tables import (
     ROUND_OFF,
     USUAL_DERIVATIVE,
     InputsAtStart,
-    KnownState,
     StateTables,
     first_signs,
 )
@@ -34,7 +33,7 @@ MOST_MODES = 64  # contact states whose modes flows under other loads share; the
 def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
     """Number of contact states whose tables fit into ``memory`` bytes."""
     N, functions = 2 * system.size + system.contacts.internal_states, 2 * system.contacts.count
-    return max(8, int(memory / (48.0 * N * N + 24.0 * N * functions)))
+    return max(8, int(memory / (56.0 * N * N + 40.0 * N * functions)))
 
 
 def same_at_rest(a: PiecewiseLinearSystem, b: PiecewiseLinearSystem) -> bool:
@@ -91,8 +90,8 @@ class ExactFlow:
     equations: Equations = field(init=False)  # shared with flows under other loads
 
     def __post_init__(self) -> None:
-        self._most_known = min(MOST_MODES, self.most_states or MOST_MODES)
-        self._known: OrderedDict[bytes, KnownState] = OrderedDict()  # shared with flows under other loads
+        self._most_modes = min(MOST_MODES, self.most_states or MOST_MODES)
+        self._modes: OrderedDict[bytes, ContactModes] = OrderedDict()  # shared with flows under other loads
         self._load()
         self._write_equations()
         slowest = self.system.stiffness[self.system.stiffness > 0]
@@ -183,13 +182,13 @@ class ExactFlow:
             flow.sources = replace(flow.sources, longest_piece=tables.longest_piece, limit=tables.limit)
             return flow
         if not np.array_equal(flow.sources.channel, self.sources.channel):
-            flow._known = OrderedDict()
+            flow._modes = OrderedDict()
             flow._write_equations()
             flow._clear()
             return flow
         flow._clear(self._tables)
         for index in self._tables.used:  # its motions will visit these
-            flow._append(self._tables.known[index])
+            flow._append(self.states[index].modes)
         flow._tables.lead_as(self._tables)
         return flow
 
@@ -201,10 +200,10 @@ class ExactFlow:
         flow = replace(self, system=system)
         flow._clear(self._tables)
         share = flow.longest_window == self.longest_window and same_at_rest(self.system, system)
-        for known in [self._tables.known[index] for index in self._tables.used]:
-            phases = known.modes.equations.phases
+        for modes in [self.states[index].modes for index in self._tables.used]:
+            phases = modes.equations.phases
             inert = share and not (self.system.acts(phases) or system.acts(phases))
-            flow._append(known if inert else flow._known_state(phases))
+            flow._append(modes if inert else flow._modes_in(phases))
         flow._tables.lead_as(self._tables)
         return flow
 
@@ -222,40 +221,37 @@ class ExactFlow:
         flow = copy(self)
         flow.most_states = None
         flow._clear()
-        kept = {known.modes.equations.phases.tobytes(): known for known in self._tables.known}
+        kept = {state.phases.tobytes(): state.modes for state in self.states}
         for phases in (self.visited[k] for k in visited):
-            flow._append(kept.get(phases.tobytes()) or flow._known_state(phases))
+            flow._append(kept.get(phases.tobytes()) or flow._modes_in(phases))
         return flow
 
     def state_index(self, phases: Ints) -> int:
         """Number of the contact state, built when it is first asked for."""
         index = self._tables.index(phases)
-        return self._append(self._known_state(phases)) if index is None else index
+        return self._append(self._modes_in(phases)) if index is None else index
 
-    def _append(self, known: KnownState) -> int:
+    def _append(self, modes: ContactModes) -> int:
         """Number of a state that is built here."""
-        state, events = tabulated(known.modes, self.sources), known.modes.equations.events
+        state, events = tabulated(modes, self.sources), modes.equations.events
         watch = state.coefficients(events.rows, self.sources)
         roughness = np.ascontiguousarray(state.roughness(events.guards, watch[:, : events.count]))
-        index = self._tables.append(state, known, watch, roughness)
+        index = self._tables.append(state, watch, roughness)
         self.built += 1
         self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
         self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
         return index
 
-    def _known_state(self, phases: Ints) -> KnownState:
-        """What a contact state is under all signals, made when it is first asked for."""
+    def _modes_in(self, phases: Ints) -> ContactModes:
+        """Equations and modes of a contact state, the same under all signals, made when they are first asked for."""
         key = phases.tobytes()
-        if key not in self._known:
+        if key not in self._modes:
             nearest = self._tables.nearest(phases) if self.system.acts(phases) else None
-            modes = contact_modes(
-                self.equations.at(phases.copy()), self.longest_window, None if nearest is None else nearest.modes
-            )
-            self._known[key] = KnownState(modes)
-            if len(self._known) > self._most_known:
-                self._known.popitem(last=False)
-        self._known.move_to_end(key)
-        return self._known[key]
+            self._modes[key] = contact_modes(self.equations.at(phases.copy()), self.longest_window, nearest)
+            if len(self._modes) > self._most_modes:
+                self._modes.popitem(last=False)
+        self._modes.move_to_end(key)
+        return self._modes[key]
 
     def following(self, state: int, guard: int) -> Ints:
         """Phases of the contacts after the event of a guard."""
@@ -286,8 +282,7 @@ class ExactFlow:
 
     def at(self, phases: Ints) -> StateEquations:
         """The equations in given phases of the contacts (m,)."""
-        known = self._tables.peek(phases) or self._known.get(phases.tobytes())
-        return self.equations.at(phases) if known is None else known.modes.equations
+        return self._tables.equations(phases) or self.equations.at(phases)
 
     def output_table(self, rows_of: RowsOf) -> Complexes:
         """(S, T, k) coefficients of outputs that may depend on the contact state."""
@@ -357,7 +352,7 @@ class ExactFlow:
             return following in unvisited[j] or bool(returns)
 
         while True:
-            equations = self._tables.known[self.state_index(phases)].modes.equations
+            equations = self.states[self.state_index(phases)].modes.equations
             events = equations.events
             signs, orders = self._first_signs(equations, given, state)
             acting = [g for g in range(events.count) if signs[g] < 0 and hands_over(events, g, int(orders[g]))]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import ContactModes, ContactState
 from beamsim.flow.kernels import Tables
+from beamsim.system.state_equations import StateEquations
 from beamsim.typing import Complexes, Floats, Ints
 
 ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
@@ -78,12 +79,6 @@ def decisive(value: Floats, doubt: Floats) -> tuple[Floats, Ints]:
 Number = TypeVar("Number", bound=np.generic)
 
 
-class KnownState(NamedTuple):
-    """What a contact state is under all loads that differ in their signals alone."""
-
-    modes: ContactModes
-
-
 class StateTables:
     """The contact states that were built, with padded arrays of them; spare rows, so that a new one seldom moves all.
 
@@ -95,7 +90,6 @@ class StateTables:
     def __init__(self, contacts: Contacts, most: int | None = None, like: StateTables | None = None) -> None:
         self.contacts, self.most = contacts, most
         self.states: list[ContactState] = []
-        self.known: list[KnownState] = []  # of each of them
         self.visited: list[Ints] = []  # phases of all states so far, those that were dropped included
         self._visit: list[int] = []  # number among these of each state that is there
         self._visits: dict[bytes, int] = {}
@@ -112,21 +106,21 @@ class StateTables:
             self._used.add(index)
         return index
 
-    def peek(self, phases: Ints) -> KnownState | None:
-        """A state, None where it is not built; that it was asked for does not count."""
+    def equations(self, phases: Ints) -> StateEquations | None:
+        """The equations of a state, None where it is not built; that they were asked for does not count."""
         index = self._index.get(phases.tobytes())
-        return None if index is None else self.known[index]
+        return None if index is None else self.states[index].modes.equations
 
-    def nearest(self, phases: Ints) -> KnownState | None:
+    def nearest(self, phases: Ints) -> ContactModes | None:
         """A state that differs in fewest contacts, None where there is none yet."""
         if not self.states:
             return None
         differing = np.count_nonzero(self._arrays["phase"][: len(self.states)] != phases, axis=1)
-        return self.known[int(np.argmin(differing))]
+        return self.states[int(np.argmin(differing))].modes
 
     def following(self, state: int, guard: int) -> Ints:
         """Phases after the event of a guard."""
-        events = self.known[state].modes.equations.events
+        events = self.states[state].modes.equations.events
         return self.contacts.after(self.states[state].phases, int(events.contact[guard]), int(events.next[guard]))
 
     def use(self, states: Ints) -> None:
@@ -141,12 +135,12 @@ class StateTables:
         self._used.update(states.tolist())
         return np.array(self._visit, dtype=np.int64)[states]
 
-    def append(self, state: ContactState, known: KnownState, watch: Complexes, roughness: Floats) -> int:
+    def append(self, state: ContactState, watch: Complexes, roughness: Floats) -> int:
         """Add a state; its number may be that of one that is dropped for it.
 
         Parameters
         ----------
-        state, known : the state, with its modes and the functions that end it.
+        state : the state, whose equations have the functions that end it.
         watch : (T, w) coefficients of these.
         roughness : (T, g) round-off scale of the guards.
 
@@ -154,14 +148,14 @@ class StateTables:
         -------
         index : of the state.
         """
-        events, key = known.modes.equations.events, state.phases.tobytes()
+        events, key = state.modes.equations.events, state.phases.tobytes()
         full = self.most is not None and len(self.states) >= self.most
         index = self._drop() if full else len(self.states)
         visit = self._visits.setdefault(key, len(self.visited))
         if visit == len(self.visited):
             self.visited.append(state.phases)
         here = slice(index, index + 1)  # a new place, or that of a state that was dropped
-        self.states[here], self.known[here], self._visit[here] = [state], [known], [visit]
+        self.states[here], self._visit[here] = [state], [visit]
         self._index[key] = index
         self._used.discard(index)
         rows: dict[str, NDArray[np.generic]] = {
