@@ -49,6 +49,8 @@ ABSENT = "absent"
 OF_EACH = "units_of_each"
 """Attribute of a variable whose unit differs from member to member: JSON list of their units, in the same order."""
 MIXED = "see units_of_each"
+ROW = "number of the row"
+"""Meaning of the coordinate of rows that belong to several members, one after the other."""
 NAMES = "names"
 """Attribute of numbers from 0: the path of the coordinate whose values they number."""
 ASSEMBLED = 2**20  # bytes of an array up to which it is put together before it is written
@@ -450,7 +452,7 @@ class _Writer:
         meaning = axis.counter.meaning if axis.counter is not None else "number of the row"
         of_each = [start + np.arange(size) for size in sizes.ravel()] if axis.counter is not None else []
         if scale not in self.items:
-            self._put(scale, Item({"units": "1", "long_name": "number of the row"}, np.arange(total), (), True))
+            self._put(scale, Item({"units": "1", "long_name": ROW}, np.arange(total), (), True))
         elif self.items[scale].array.size != total:
             raise TypeError(f"{scale} has {self.items[scale].array.size} rows, not {total}")
         if of_each and f"/{axis.table}/{axis.dim}_number" not in self.items:
@@ -867,7 +869,8 @@ class Reader:
         else:
             axes = tuple(f"/{at.dataset}/{dim}" for dim in (*at.kept, *(axis.dim for axis in at.axes)))
             if tuple(item.axes) != axes:
-                raise ValueError(f"{at.path} is along {', '.join(map(last, item.axes))}")
+                along = ", ".join(map(last, item.axes)) or "no axes"
+                raise ValueError(f"{at.path} is along {along}, not {', '.join(map(last, axes))}")
         return item
 
     def _numbers(self, dataset: str, dims: Sequence[str], labels: Labels) -> tuple[int, ...]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.result import Result
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
-from beamsim.store.datasets import ABSENT, NAMES, OF_EACH, Item, Items, items_of, last, parent, part_of
+from beamsim.store.datasets import ABSENT, NAMES, OF_EACH, ROW, Item, Items, items_of, last, parent, part_of
 from beamsim.store.results import (
     decode_summary,
     open_with_items,
@@ -182,7 +182,7 @@ def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[t
         index = tuple(known.get(axis, slice(None)) for axis in item.axes)
         values = part_of(item.array, index) if across else item.array
         names = items.get(f"/{item.attributes.get(NAMES)}")
-        if names is not None:
+        if names is not None and items[item.axes[0]].meaning != ROW:  # of rows numbers, so that tables are read back
             values = names.values[np.asarray(values)]
         labels = tuple(str(items[axis].values[k]) for axis, k in known.items())
         yield labels, values, units.pop() if len(units) == 1 else ""

@@ -75,15 +75,15 @@ def test_sweep_writes_prints_and_draws(here, kind):
         assert file.attrs["command"] == "sweep"
         assert file.attrs["status"] == "complete"
         group = file["cycles"]
-        assert file["curves/curve"].asstr()[()].tolist() == ["up_0", "down_0"]
+        assert file["curves/curve"].asstr()[()].tolist() == ["up_0", "down_0", "up_1", "down_1"]
         cycles = group["frequency_hz"].size
         for name in ("peak_displacement", "max_displacement", "rms_displacement", "peak_absolute_acceleration"):
             data = group[name]
-            assert data.shape == (1, cycles)
+            assert data.shape == (2, cycles)
             assert data.attrs["units"]
             assert [scale.name for scale in (data.dims[0][0], data.dims[1][0])] == ["/cycles/probe", "/cycles/cycle"]
         assert group["peak_force"].shape == (1, cycles)
-        assert group["harmonic_displacement_real"].shape == (1, 5, cycles)
+        assert group["harmonic_displacement_real"].shape == (2, 5, cycles)
     pictures = {path.name for path in Path().glob("*.png")}
     assert {"case_response_0.png", "case_waterfall.png", "case_contact.png", "case_contact_levels.png"} <= pictures
     assert ("case_steady_states.png" in pictures) is (kind == "stepped")

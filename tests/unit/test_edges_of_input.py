@@ -99,7 +99,11 @@ def hash_of(text):
 def test_a_plot_of_a_damaged_history(tmp_path):
     path = tmp_path / "r.h5"
     path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))
-    for how, says in (("text", "text instead of numbers"), ("two dimensions", "damaged"), ("longer", "damaged")):
+    for how, says in (
+        ("text", "is along no axes, not probe, time"),
+        ("two dimensions", "damaged"),
+        ("longer", "damaged"),
+    ):
         path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))
         damaged(path, "histories/displacement", how)
         done = invoke("plot", path, "-o", tmp_path)
