@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from beamsim.orbits.branch import INTERRUPTED, NOT_BEGUN, BranchPoint, OrbitBranch, reached_end, too_many_points
-from beamsim.orbits.continuation import Branch, Settings, Step, solve_at
+from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.tongues import LEAST_SHARE, Tongues, resonance_between
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Where
@@ -172,7 +172,7 @@ class Backbone:
                 step = abs(point.parameter - before.parameter)
                 pieces = round(step * self.points / abs(self.end - self.start.parameter))
                 values = np.linspace(before.parameter, point.parameter, max(pieces, 1) + 1)[1:-1].tolist()
-                between = Step(self.orbits, before, point, self.settings)
+                between = BranchStep(self.orbits, before, point, self.settings)
                 found = (between.at_parameter(value) for value in values)
                 yield from (each for each in found if each is not None)
             yield point

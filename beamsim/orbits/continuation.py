@@ -275,7 +275,7 @@ ProblemT_co = TypeVar("ProblemT_co", bound=ContinuationProblem, covariant=True)
 
 
 @dataclass(frozen=True, eq=False)
-class Step(Generic[ProblemT_co]):
+class BranchStep(Generic[ProblemT_co]):
     """Two neighbours on a branch, and how points between them are found."""
 
     problem: ProblemT_co
@@ -288,7 +288,7 @@ class Step(Generic[ProblemT_co]):
         """Whether both ends have the same sequence of events."""
         return self.problem.same_events(self.a, self.b)
 
-    def between(self, a: BranchPoint, b: BranchPoint) -> Step[ProblemT_co]:
+    def between(self, a: BranchPoint, b: BranchPoint) -> BranchStep[ProblemT_co]:
         """The part of the step between two of its points."""
         return replace(self, a=a, b=b)
 
@@ -501,7 +501,7 @@ class Branch:
                         return
             if not self.low <= new.parameter <= self.high:
                 edge = self.low if new.parameter < self.low else self.high
-                last = Step(self.problem, point, new, self.settings).at_parameter(edge)
+                last = BranchStep(self.problem, point, new, self.settings).at_parameter(edge)
                 if last is not None:
                     yield last
                 self.outcome = reached_end(edge)

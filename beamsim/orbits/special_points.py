@@ -19,7 +19,7 @@ from beamsim.contacts.laws import INTERNAL
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded
-from beamsim.orbits.continuation import ContinuationProblem, Settings, Step, correct
+from beamsim.orbits.continuation import BranchStep, ContinuationProblem, Settings, correct
 from beamsim.orbits.period import cyclic, extrema_of
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -123,7 +123,7 @@ def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, n
     return float(low[nearest]), float(when[nearest] % T)
 
 
-def grazings(step: Step[OrbitProblem], budget: Iterator[int], depth: int = 0) -> Iterator[SpecialPoint]:
+def grazings(step: BranchStep[OrbitProblem], budget: Iterator[int], depth: int = 0) -> Iterator[SpecialPoint]:
     """Grazing points on a step whose ends have other events, in the order of the branch.
 
     Parameters
@@ -162,7 +162,7 @@ def grazings(step: Step[OrbitProblem], budget: Iterator[int], depth: int = 0) ->
     yield from grazings(step.between(middle, step.b), budget, depth + 1)
 
 
-def _at_one_point(step: Step[OrbitProblem], more: FlowMap, few: FlowMap, *, late: bool) -> list[SpecialPoint]:
+def _at_one_point(step: BranchStep[OrbitProblem], more: FlowMap, few: FlowMap, *, late: bool) -> list[SpecialPoint]:
     """Grazings at one point by which one of two motions has more events than the other; none where it is not found.
 
     Several contacts graze at once where the structure is symmetric. Unless it is ``late``, the point must explain the
@@ -194,7 +194,7 @@ def _at_one_point(step: Step[OrbitProblem], more: FlowMap, few: FlowMap, *, late
     ]
 
 
-def _explains(step: Step[OrbitProblem], graze: BranchPoint) -> bool:
+def _explains(step: BranchStep[OrbitProblem], graze: BranchPoint) -> bool:
     """Whether the one point explains the whole difference: motions just beside it have the neighbours' events.
 
     The point itself has the events of one side; the other side is looked at.
@@ -225,7 +225,7 @@ def _turning(mu: Complexes) -> Complexes:
     return np.asarray((pair - 1.0) / (1.0 + np.abs(pair)))
 
 
-def _vanishes(step: Step[OrbitProblem], of: Callable[[Complexes], Complexes]) -> BranchPoint | None:
+def _vanishes(step: BranchStep[OrbitProblem], of: Callable[[Complexes], Complexes]) -> BranchPoint | None:
     """Where the product of such numbers vanishes, against that at the left: those of many modes underflow."""
 
     def logarithm(point: BranchPoint) -> complex:
@@ -236,7 +236,7 @@ def _vanishes(step: Step[OrbitProblem], of: Callable[[Complexes], Complexes]) ->
     return step.locate(lambda point: float(np.exp(logarithm(point) - size).real))
 
 
-def special_points(step: Step[OrbitProblem], failed: list[FailedSearch] | None = None) -> list[SpecialPoint]:
+def special_points(step: BranchStep[OrbitProblem], failed: list[FailedSearch] | None = None) -> list[SpecialPoint]:
     """Folds, period doublings, Neimark–Sacker points, branch points and grazings on a step of a branch.
 
     A change of stability at a corner of the branch (grazing) is no bifurcation of a smooth family and is left to the
@@ -267,7 +267,8 @@ def special_points(step: Step[OrbitProblem], failed: list[FailedSearch] | None =
             alone = set.symmetric_difference(*made) - without_borders(problem.cycle(a)[0].system.contacts)
             if alone - {point.contact for point in special}:
                 raise ArithmeticError("a contact begins between two neighbours, and no grazing was found")
-    parts: list[tuple[Step[OrbitProblem], Step[OrbitProblem]]] = []  # piece without corners, and the part of it
+    # every piece without corners, and the part of it
+    parts: list[tuple[BranchStep[OrbitProblem], BranchStep[OrbitProblem]]] = []
     corners = {id(corner.point): corner.point for corner in special}.values()
     for x, y in pairwise([a, *sorted(corners, key=step.share), b]):
         with recorded("neimark_sacker", a, failed):
@@ -288,7 +289,7 @@ def special_points(step: Step[OrbitProblem], failed: list[FailedSearch] | None =
     return special
 
 
-def _add_turn(special: list[SpecialPoint], step: Step[OrbitProblem], piece: Step[OrbitProblem]) -> None:
+def _add_turn(special: list[SpecialPoint], step: BranchStep[OrbitProblem], piece: BranchStep[OrbitProblem]) -> None:
     """Add the fold on a step, or call the grazing a nonsmooth fold at which the branch turns instead.
 
     That is the one at an end of the piece without corners that the step belongs to.
@@ -309,7 +310,7 @@ def _add_turn(special: list[SpecialPoint], step: Step[OrbitProblem], piece: Step
     special[at] = replace(special[at], kind="nonsmooth_fold")
 
 
-def _changes_of_stability(step: Step[OrbitProblem]) -> Iterator[SpecialPoint]:
+def _changes_of_stability(step: BranchStep[OrbitProblem]) -> Iterator[SpecialPoint]:
     """Period doublings and Neimark–Sacker points on a step without corners."""
     problem = step.problem
     before, after = _outside(problem.multipliers(step.a)), _outside(problem.multipliers(step.b))
@@ -348,7 +349,7 @@ def _outside(mu: Complexes) -> Ints:
     return np.array([(out & ~turning & (mu.real < 0)).sum(), (out & turning).sum(), out.sum()])
 
 
-def _parts(step: Step[OrbitProblem], corner: tuple[bool, bool]) -> Iterator[Step[OrbitProblem]]:
+def _parts(step: BranchStep[OrbitProblem], corner: tuple[bool, bool]) -> Iterator[BranchStep[OrbitProblem]]:
     """A step, or two parts of it where a pair of special points may hide between its ends.
 
     Two folds: where the parameter's cubic through both ends with their tangents turns, though both ends point the same

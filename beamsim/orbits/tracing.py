@@ -37,8 +37,8 @@ from beamsim.orbits.continuation import (
     NOT_SMOOTH,
     STEP_TOO_SMALL,
     Branch,
+    BranchStep,
     Settings,
-    Step,
     interpolated,
     solve_at,
 )
@@ -142,7 +142,7 @@ def _followed_down(problem: ForcedOrbits) -> Iterator[Floats]:
         branch = Branch(raised, start, 0.2 * level, 2.0 * high, Settings(largest_step=0.2, most_points=150))
         for a, b in pairwise(branch):
             if (a.parameter - level) * (b.parameter - level) <= 0 and a.parameter != b.parameter:
-                point = Step(raised, a, b, SETTINGS).at_parameter(level)
+                point = BranchStep(raised, a, b, SETTINGS).at_parameter(level)
                 if point is not None:
                     yield point.u[:-1]
         return
@@ -463,7 +463,7 @@ def walk(
         if outcome is not None and outcome.code == BACK_TO_PERIOD:
             break
         if points and with_special:
-            step: Step[Any] = Step(branch.problem, points[-1], point, branch.settings)
+            step: BranchStep[Any] = BranchStep(branch.problem, points[-1], point, branch.settings)
             between = sorted(special_points(step, failed), key=lambda s: step.share(s.point))
             special += between
             points += [s.point for s in between]

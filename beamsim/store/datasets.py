@@ -33,8 +33,8 @@ from beamsim.fields import (
 )
 from beamsim.store.layout import (
     Axis,
-    Place,
     Spot,
+    StoragePlace,
     by_name,
     column_spot,
     group_place,
@@ -196,7 +196,7 @@ class _Writer:
             self.items[path] = Item()
         return self.items[path]
 
-    def add(self, cls: Any, place: Place, instances: list[_Instance]) -> None:
+    def add(self, cls: Any, place: StoragePlace, instances: list[_Instance]) -> None:
         """The declared fields of instances of a class."""
         for member in sorted(members_of(cls), key=_writing_rank):
             found = [_Value(*each, getattr(each.owners[0], member.name)) for each in instances]
@@ -215,7 +215,7 @@ class _Writer:
                 case Dataset() as declared if known:
                     self._arrays(member, declared, place, known)
 
-    def _attribute(self, member: Member, declared: Attribute, place: Place, values: list[_Value]) -> None:
+    def _attribute(self, member: Member, declared: Attribute, place: StoragePlace, values: list[_Value]) -> None:
         name = member.stored_name
         for labels, owners, value in values:
             coded = {name: value} if declared.codec is None else declared.codec.write(name, value)
@@ -232,7 +232,7 @@ class _Writer:
                     texts = (filled(declared.unit, owners), declared.meaning)
                     self._part(at, labels, np.asarray(_array(one)), texts, more)
 
-    def _by_name(self, member: Member, declared: Dataset, place: Place, values: list[_Value]) -> None:
+    def _by_name(self, member: Member, declared: Dataset, place: StoragePlace, values: list[_Value]) -> None:
         below = by_name(place, declared)
         each = [
             _Value((*labels, name), owners, item) for labels, owners, value in values for name, item in value.items()
@@ -241,7 +241,7 @@ class _Writer:
         listed = [list(value) for _, _, value in values]
         self.item(place.attributes).attributes[place.prefix + member.name] = _listed(listed)
 
-    def _group(self, member: Member, declared: Group, place: Place, values: list[_Value]) -> None:
+    def _group(self, member: Member, declared: Group, place: StoragePlace, values: list[_Value]) -> None:
         below = group_place(place, declared)
         self.item(f"/{below.dataset}" if declared.path else place.attributes)
         if place.dims:
@@ -249,7 +249,7 @@ class _Writer:
             self.item(place.attributes).attributes[place.prefix + member.name] = having
         self.add(declared.of, below, [_Instance(labels, (value, *owners)) for labels, owners, value in values])
 
-    def _members(self, member: Member, declared: Members, place: Place, values: list[_Value]) -> None:
+    def _members(self, member: Member, declared: Members, place: StoragePlace, values: list[_Value]) -> None:
         below, listed, instances = members_place(place, declared), list[Any](), list[tuple[Any, _Instance]]()
         for labels, owners, value in values:
             pairs = None if value is None else _with_keys(declared, value)
@@ -265,7 +265,7 @@ class _Writer:
             self.add(declared.of, _ending(below, part), of_part)
             self._own(declared, below, of_part)
 
-    def _own(self, declared: Members, place: Place, instances: list[_Instance]) -> None:
+    def _own(self, declared: Members, place: StoragePlace, instances: list[_Instance]) -> None:
         """What is known of members besides their fields: their labels, and the body of places."""
         path = f"/{place.dataset}/{declared.dim}"
         self.labels.setdefault(path, {}).update(dict.fromkeys(each.labels[-1] for each in instances))
@@ -278,13 +278,13 @@ class _Writer:
                     body = np.asarray(bodies.get(each.labels[0]) or "", dtype=object)
                     self._part(at, each.labels, body, ("1", "name of the body"))
 
-    def _counts_of(self, place: Place, instances: list[_Instance]) -> None:
+    def _counts_of(self, place: StoragePlace, instances: list[_Instance]) -> None:
         """Labels of the members that a place is in, which rows refer to by their numbers."""
         for k, dim in enumerate(place.dims):
             known = self.labels.setdefault(f"/{place.dataset}/{dim}", {})
             known.update(dict.fromkeys(each.labels[k] for each in instances))
 
-    def _table(self, member: Member, declared: Table, place: Place, values: list[_Value]) -> None:
+    def _table(self, member: Member, declared: Table, place: StoragePlace, values: list[_Value]) -> None:
         below = table_place(place, member.name, declared)
         with_rows = [each for each in values if each.value]
         self._counts_of(place, [_Instance(labels, owners) for labels, owners, _ in values])
@@ -298,7 +298,7 @@ class _Writer:
                 texts = (filled(column.declaration.unit, each.owners), filled(column.declaration.meaning, each.owners))
                 self._part(at, each.labels, _cells(of_rows, column), texts, _more_of(column.declaration))
 
-    def _arrays(self, member: Member, declared: Dataset, place: Place, values: list[_Value]) -> None:
+    def _arrays(self, member: Member, declared: Dataset, place: StoragePlace, values: list[_Value]) -> None:
         """An array of each of some instances, with the two of complex numbers, words apart from numbers."""
         arrays = [(each, _array(each.value)) for each in values]
         mixed = {array.dtype.kind == "O" for _, array in arrays} == {True, False}
@@ -578,7 +578,7 @@ def _part_of_key(declared: Members, key: Any) -> str:
     return str(key[declared.by.index(declared.split)]) if declared.split else ""
 
 
-def _ending(place: Place, part: str) -> Place:
+def _ending(place: StoragePlace, part: str) -> StoragePlace:
     """The place of those members whose key has this part."""
     return replace(place, suffix=f"_{part}") if part else place
 
@@ -652,7 +652,7 @@ class Reader:
         (found,) = self._read(cls, root_place(cls), [_Read((), ())])
         return found
 
-    def _read(self, cls: Any, place: Place, instances: Sequence[_Read]) -> list[dict[str, Any]]:
+    def _read(self, cls: Any, place: StoragePlace, instances: Sequence[_Read]) -> list[dict[str, Any]]:
         """Of each instance of a class its fields."""
         found: list[dict[str, Any]] = [{} for _ in instances]
         own = [_Read(each.labels, (of, *each.owners), each.key) for each, of in zip(instances, found, strict=True)]
@@ -666,7 +666,7 @@ class Reader:
                 of[member.name] = value
         return found
 
-    def _values(self, member: Member, place: Place, instances: Sequence[_Read]) -> list[Any]:
+    def _values(self, member: Member, place: StoragePlace, instances: Sequence[_Read]) -> list[Any]:
         match member.declaration:
             case Key():
                 return [_of_type(each.key, member) for each in instances]
@@ -684,7 +684,7 @@ class Reader:
                 return [self._array(member, declared, place, each) for each in instances]
         raise TypeError(f"{member.name} is not stored")
 
-    def _listed(self, member: Member, place: Place, count: int) -> list[Any]:
+    def _listed(self, member: Member, place: StoragePlace, count: int) -> list[Any]:
         """What the attribute that is called as a field lists for each instance."""
         item = self.items.get(place.attributes)
         text = None if item is None else item.attributes.get(place.prefix + member.name)
@@ -696,7 +696,7 @@ class Reader:
         each = listed * count if len(listed) == 1 else listed
         return [MISSING if isinstance(of, float) else of for of in each]  # null: none
 
-    def _attribute(self, member: Member, declared: Attribute, place: Place, instance: _Read) -> Any:
+    def _attribute(self, member: Member, declared: Attribute, place: StoragePlace, instance: _Read) -> Any:
         columns = _Columns(self, member, place, instance.labels)
         if member.stored_name not in columns:
             return MISSING
@@ -707,7 +707,7 @@ class Reader:
             value = JSON.read("", {"": value})
         return _of_type(value, member)
 
-    def _group(self, member: Member, declared: Group, place: Place, instances: Sequence[_Read]) -> list[Any]:
+    def _group(self, member: Member, declared: Group, place: StoragePlace, instances: Sequence[_Read]) -> list[Any]:
         below = group_place(place, declared)
         if place.dims:
             item = self.items.get(place.attributes)
@@ -728,7 +728,7 @@ class Reader:
         found = {each.labels: made_of(declared.of, of) for each, of in zip(present, made, strict=True)}
         return [found.get(each.labels, MISSING) for each in instances]
 
-    def _members(self, member: Member, declared: Members, place: Place, instances: Sequence[_Read]) -> list[Any]:
+    def _members(self, member: Member, declared: Members, place: StoragePlace, instances: Sequence[_Read]) -> list[Any]:
         below = members_place(place, declared)
         stored = {each.name for each in members_of(declared.of)}
         within: dict[str, list[tuple[int, Any, _Read]]] = {}
@@ -757,7 +757,7 @@ class Reader:
             of_instances.append(own_members if member.type.startswith("dict") else tuple(own_members.values()))
         return of_instances
 
-    def _by_name(self, member: Member, declared: Dataset, place: Place, instances: Sequence[_Read]) -> list[Any]:
+    def _by_name(self, member: Member, declared: Dataset, place: StoragePlace, instances: Sequence[_Read]) -> list[Any]:
         below, found = by_name(place, declared), list[Any]()
         for instance, names in zip(instances, self._listed(member, place, len(instances)), strict=True):
             if names is MISSING:
@@ -771,7 +771,7 @@ class Reader:
             found.append(of)
         return found
 
-    def _table(self, member: Member, declared: Table, place: Place, instance: _Read) -> Any:
+    def _table(self, member: Member, declared: Table, place: StoragePlace, instance: _Read) -> Any:
         below, columns = table_place(place, member.name, declared), dict[str, list[Any]]()
         for column in members_of(declared.of):
             at = column_spot(column, below)
@@ -789,7 +789,7 @@ class Reader:
             columns[column.name] = [_of_type(value, column) for value in np.asarray(values)]
         return tuple(declared.of(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
 
-    def _array(self, member: Member, declared: Dataset, place: Place, instance: _Read) -> Any:
+    def _array(self, member: Member, declared: Dataset, place: StoragePlace, instance: _Read) -> Any:
         """The array of one instance, in whichever way it is stored."""
         shape = None
         if isinstance(declared.along, Folded):
@@ -902,7 +902,7 @@ class Reader:
 class _Columns(Mapping[str, Any]):
     """Attributes of an instance by name, which for members are variables along their dimension."""
 
-    def __init__(self, reader: Reader, member: Member, place: Place, labels: Labels) -> None:
+    def __init__(self, reader: Reader, member: Member, place: StoragePlace, labels: Labels) -> None:
         self.reader, self.place, self.labels = reader, place, labels
         self.at = spot(member, place)
         group = reader.items.get(place.attributes)

@@ -28,8 +28,8 @@ from beamsim.fields import (
 )
 from beamsim.kinds import KINDS, named
 from beamsim.store.layout import (
-    Place,
     Spot,
+    StoragePlace,
     by_name,
     column_spot,
     members_place,
@@ -112,7 +112,7 @@ def sections_of(cls: Any) -> list[Section]:
     return sorted(sections.values(), key=lambda section: section.path != "/")
 
 
-def _rows(member: Member, place: Place) -> Iterator[tuple[str, Row]]:
+def _rows(member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
     """The variables and attributes of a field, each with the path of its dataset."""
     match member.declaration:
         case Dataset() as d:
@@ -139,7 +139,7 @@ def _rows(member: Member, place: Place) -> Iterator[tuple[str, Row]]:
                 yield from _of_spot(column_spot(column, below), column.declaration, column, below)
 
 
-def _attributes(member: Member, declared: Attribute, place: Place) -> Iterator[tuple[str, Row]]:
+def _attributes(member: Member, declared: Attribute, place: StoragePlace) -> Iterator[tuple[str, Row]]:
     """The attributes of a field; of members they are variables along their dimension."""
     home = f"/{place.dataset}" if place.dims else place.attributes
     along = " × ".join(place.dims) or "attribute"
@@ -151,7 +151,7 @@ def _attributes(member: Member, declared: Attribute, place: Place) -> Iterator[t
         yield home, Row(name.format("outcome_numbers"), "", along, numbers)
 
 
-def _of_spot(at: Spot, declared: Dataset, member: Member, place: Place) -> Iterator[tuple[str, Row]]:
+def _of_spot(at: Spot, declared: Dataset, member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
     """The variables of a field, and what says whose their rows are."""
     axes = "is an axis" if at.scale else " × ".join((*at.kept, *(axis.dim for axis in at.axes))) or "a number"
     if at.whose is not None:
@@ -169,7 +169,7 @@ def _of_spot(at: Spot, declared: Dataset, member: Member, place: Place) -> Itera
         yield f"/{at.dataset}", Row(name, _spoken(unit), axes, _spoken(meaning))
 
 
-def _ending(place: Place) -> str:
+def _ending(place: StoragePlace) -> str:
     return f"_<{place.split}>" if place.split else ""
 
 

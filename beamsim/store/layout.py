@@ -23,7 +23,7 @@ class Axis(NamedTuple):
     """An axis, and what has it."""
 
     name: str
-    place: Place  # of the dataclass that has it
+    place: StoragePlace  # of the dataclass that has it
     dim: str  # dimension of what is along it: its name where all members have the same
     counter: Counter | None  # None of one with values
     table: str = ""  # dataset of what is along it where it differs from member to member; empty otherwise
@@ -40,7 +40,7 @@ class Axis(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Place:
+class StoragePlace:
     """Where a dataclass is stored."""
 
     dataset: str
@@ -57,7 +57,7 @@ class Place:
         """Path of the group whose attributes belong to it."""
         return f"/{self.dataset}" if self.stem or self.dims or self.prefix else "/"
 
-    def below(self, path: str) -> Place:
+    def below(self, path: str) -> StoragePlace:
         """The place of a dataset in this one, or below the root with a slash; this place where the path is empty."""
         if not path:
             return self
@@ -86,17 +86,17 @@ class Spot(NamedTuple):
         return None if self.ragged is None else self.axes[self.ragged]
 
 
-def root_place(cls: Any) -> Place:
+def root_place(cls: Any) -> StoragePlace:
     """The place of the class of a result."""
-    return inside(cls, Place(cls.DATASET))
+    return inside(cls, StoragePlace(cls.DATASET))
 
 
-def inside(cls: Any, place: Place) -> Place:
+def inside(cls: Any, place: StoragePlace) -> StoragePlace:
     """The place of a class with the axes that its fields have or count, which those in it may be along."""
     return replace(place, axes={**place.axes, **_own_axes(cls, place)})
 
 
-def _own_axes(cls: Any, place: Place) -> dict[str, Axis]:
+def _own_axes(cls: Any, place: StoragePlace) -> dict[str, Axis]:
     axes: dict[str, Axis] = {}
     for member in members_of(cls):
         match member.declaration:
@@ -131,14 +131,14 @@ def counters(declared: Dataset) -> tuple[Counter, ...]:
     return tuple(each for each in declared.along or () if isinstance(each, Counter))
 
 
-def _axis(name: str, place: Place, rows: str, shared: bool, counter: Counter | None = None) -> Axis:
+def _axis(name: str, place: StoragePlace, rows: str, shared: bool, counter: Counter | None = None) -> Axis:
     if not place.dims or shared:
         return Axis(name, place, name, counter)
     table = place.rows or f"{place.dataset}_{place.prefix}{name.removesuffix('_hz')}"
     return Axis(name, place, rows or ROWS, counter, table)
 
 
-def spot(member: Member, place: Place, more: bool = False, suffix: str = "") -> Spot:
+def spot(member: Member, place: StoragePlace, more: bool = False, suffix: str = "") -> Spot:
     """Where an array, number or text of a class is.
 
     Parameters
@@ -162,7 +162,7 @@ def spot(member: Member, place: Place, more: bool = False, suffix: str = "") -> 
     return _along(place, name, tuple(place.axes[a.name if isinstance(a, Counter) else a] for a in along))
 
 
-def _along(place: Place, name: str, axes: tuple[Axis, ...], scale: bool = False) -> Spot:
+def _along(place: StoragePlace, name: str, axes: tuple[Axis, ...], scale: bool = False) -> Spot:
     ragged = next((k for k, axis in enumerate(axes) if axis.table), None)
     if ragged is None:
         return Spot(place.dataset, axes[0].name if scale else name, () if scale else place.dims, axes, scale=scale)
@@ -170,13 +170,13 @@ def _along(place: Place, name: str, axes: tuple[Axis, ...], scale: bool = False)
     return Spot(axes[ragged].table, name, kept, axes, ragged)
 
 
-def group_place(place: Place, declared: Group) -> Place:
+def group_place(place: StoragePlace, declared: Group) -> StoragePlace:
     """The place of a dataclass in another."""
     below = place.below(declared.path)
     return inside(declared.of, replace(below, prefix=below.prefix + declared.prefix))
 
 
-def members_place(place: Place, declared: Members) -> Place:
+def members_place(place: StoragePlace, declared: Members) -> StoragePlace:
     """The place of dataclasses that are stacked along a dimension."""
     below = place.below(declared.folder)
     stacked = replace(
@@ -189,12 +189,12 @@ def members_place(place: Place, declared: Members) -> Place:
     return inside(declared.of, stacked)
 
 
-def by_name(place: Place, declared: Dataset) -> Place:
+def by_name(place: StoragePlace, declared: Dataset) -> StoragePlace:
     """The place of the values of a mapping by name."""
     return replace(place, dims=(*place.dims, declared.per or ""))
 
 
-def table_place(place: Place, name: str, declared: Table) -> Place:
+def table_place(place: StoragePlace, name: str, declared: Table) -> StoragePlace:
     """The place of the rows of a table: its columns are along the only axis that they do not declare."""
     below = place.below(declared.path)
     if declared.rows is None:
@@ -207,19 +207,19 @@ def table_place(place: Place, name: str, declared: Table) -> Place:
     return replace(below, axes={**place.axes, "": axis, **_of_columns(declared, below)})
 
 
-def _of_columns(declared: Table, place: Place) -> dict[str, Axis]:
+def _of_columns(declared: Table, place: StoragePlace) -> dict[str, Axis]:
     found = (c for column in members_of(declared.of) for c in counters(column.declaration))
     return {c.name: Axis(c.name, replace(place, dims=()), c.name, c) for c in found}
 
 
-def column_spot(column: Member, place: Place) -> Spot:
+def column_spot(column: Member, place: StoragePlace) -> Spot:
     """Where a column of a table is."""
     declared = column.declaration
     along = tuple(place.axes[a.name if isinstance(a, Counter) else a] for a in declared.along or ())
     return _along(place, f"{place.prefix}{column.stored_name}", (place.axes[""], *along), scale=declared.scale)
 
 
-def places_in(cls: Any, place: Place) -> Iterator[tuple[Any, Place]]:
+def places_in(cls: Any, place: StoragePlace) -> Iterator[tuple[Any, StoragePlace]]:
     """A class with its place, and those of the dataclasses in it."""
     yield cls, place
     for member in members_of(cls):

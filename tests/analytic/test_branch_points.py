@@ -12,7 +12,7 @@ from scipy.optimize import brentq, root
 from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.continuation.paths import response_model
 from beamsim.flow.variational import VariationalFlow
-from beamsim.orbits.continuation import Branch, Settings, Step, solve_at
+from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.period import cyclic
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points
@@ -67,7 +67,7 @@ def test_in_closed_form_with_few_looks(bend, skew, first):
     found = []
     for a, b in pairwise(Branch(problem, start, 1.0, 2.5, Settings(step=0.05, largest_step=0.1))):
         problem.looks = 0
-        point = Step(problem, a, b).branch_point()
+        point = BranchStep(problem, a, b).branch_point()
         if point is not None:
             assert problem.looks <= 13  # halvings of the step took 50
             found.append(point)
@@ -88,7 +88,7 @@ def test_none_where_a_step_jumps_to_another_branch():
         ends.append(solve_at(problem, problem.unknowns(x, y, y**2 + 0.3 * x, p), Settings(), p))
     a, b = ends
     assert a.orientation * b.orientation < 0
-    assert Step(problem, a, b).branch_point() is None
+    assert BranchStep(problem, a, b).branch_point() is None
 
 
 def test_where_a_duffing_oscillator_loses_its_symmetry():
@@ -152,7 +152,7 @@ def test_a_neimark_sacker_point_beside_modes_that_take_no_part(pytestconfig, mor
     loads = replace(flow.loads, force=np.pad(flow.loads.force, wide))
     problem = ForcedOrbits(VariationalFlow(system, loads, 2 * np.pi * 85.9))
     steps = pairwise(Branch(problem, find_orbit(problem), 2 * np.pi * 85.8, 2 * np.pi * 86.3))
-    (special,) = [special for a, b in steps for special in special_points(Step(problem, a, b))]
+    (special,) = [special for a, b in steps for special in special_points(BranchStep(problem, a, b))]
     assert special.kind == "neimark_sacker"
     assert special.parameter / (2 * np.pi) == pytest.approx(86.16612275, rel=1e-8)
 

@@ -11,7 +11,7 @@ from scipy.special import ellipk
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.orbits.backbone import Backbone
-from beamsim.orbits.continuation import Branch, Settings, Step, solve_at
+from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, linear_mode
 from beamsim.orbits.special_points import special_points
 from beamsim.orbits.spring_families import SpringFamily
@@ -167,7 +167,7 @@ def test_energy_dependence_with_backlash(make_system, no_forcing):
     linear = energies < touching
     np.testing.assert_allclose(frequency[linear], np.sqrt(w2[0]), rtol=1e-12)
     assert np.all(np.diff(frequency[~linear]) > 0)
-    special = [s for a, b in itertools.pairwise(points) for s in special_points(Step(orbits, a, b))]
+    special = [s for a, b in itertools.pairwise(points) for s in special_points(BranchStep(orbits, a, b))]
     grazing = [np.exp(s.parameter) for s in special if s.kind == "grazing"]
     assert min(abs(np.array(grazing) / touching - 1)) < 1e-8
     _, _, zero = backbone_of(make_system, np.sqrt(w2), V[5], 1.0, mode=0, points=40)

@@ -11,7 +11,7 @@ from beamsim.analyses.continuation.folds import GrazingCurve, start_of_curve
 from beamsim.flow.periodic_flow import ContactDirection, PeriodicForcing, moved_system
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
-from beamsim.orbits.continuation import Branch, Settings, Step, solve_at
+from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points, switch_at_period_doubling
 
@@ -40,7 +40,7 @@ def walk(problem, low=0.5, high=0.8, **settings):
     points, special = [], []
     for point in branch:
         if points:
-            special += special_points(Step(problem, points[-1], point, branch.settings))
+            special += special_points(BranchStep(problem, points[-1], point, branch.settings))
         points.append(point)
     return branch, points, special
 

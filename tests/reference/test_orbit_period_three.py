@@ -15,7 +15,7 @@ from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits import continuation
-from beamsim.orbits.continuation import Branch, Settings, Step, solve_at
+from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
 from beamsim.orbits.special_points import special_points
 from beamsim.system.build import build_system
@@ -46,7 +46,7 @@ def found(orbits):
 def ring(orbits, found):
     branch = Branch(orbits, found, 2 * np.pi * 40, 2 * np.pi * 90)
     points = list(branch)
-    return branch, points, [s for a, b in itertools.pairwise(points) for s in special_points(Step(orbits, a, b))]
+    return branch, points, [s for a, b in itertools.pairwise(points) for s in special_points(BranchStep(orbits, a, b))]
 
 
 def after_one_period(orbits, point):
@@ -100,7 +100,7 @@ def test_curve_is_closed_and_the_same_both_ways(orbits, found, ring):
     assert np.min(np.abs(np.abs(np.angle(mu)) / (2 * np.pi) - 1 / 3)) < 0.01
     back = solve_at(orbits, found.u, Settings(), found.parameter, -float(np.sign(found.tangent[-1])))
     other = list(Branch(orbits, back, 2 * np.pi * 40, 2 * np.pi * 90))
-    again = [s for a, b in itertools.pairwise(other) for s in special_points(Step(orbits, a, b))]
+    again = [s for a, b in itertools.pairwise(other) for s in special_points(BranchStep(orbits, a, b))]
     folds, folds_again = (sorted(s.parameter for s in x if s.kind == "fold") for x in (special, again))
     np.testing.assert_allclose(folds, folds_again, rtol=1e-8)
     assert sorted(s.kind for s in special) == sorted(s.kind for s in again)

@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.analyses.continuation.motion import MeasuredMotion
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
-from beamsim.orbits.continuation import Settings, Step
+from beamsim.orbits.continuation import BranchStep, Settings
 from beamsim.outcomes import Stop, never
 
 ROUND_OFF = 1e-12  # relative: a point so near to a value has it
@@ -39,7 +39,7 @@ class Wanted:
     of: Callable[[BranchPoint], float]
     parameter: float | None = None  # that of the branch there, where the quantity is what is followed
 
-    def on(self, step: Step[Any]) -> BranchPoint | None:
+    def on(self, step: BranchStep[Any]) -> BranchPoint | None:
         """The motion on a step of a branch that has the value: exactly where it is followed, else to round-off.
 
         None where none is found.
@@ -87,7 +87,7 @@ def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
 
 def _edge(problem: Any, inner: BranchPoint, outer: BranchPoint, edge: float) -> list[BranchPoint]:
     """The point on the end of the range between two neighbours; nothing where the inner one is it."""
-    point = None if inner.parameter == edge else Step(problem, inner, outer, SETTINGS).at_parameter(edge)
+    point = None if inner.parameter == edge else BranchStep(problem, inner, outer, SETTINGS).at_parameter(edge)
     return [] if point is None else [point]
 
 
@@ -111,7 +111,7 @@ def with_points_at(
     points: list[BranchPoint] = []
     for a, b in pairwise([*branch.points, branch.points[-1]]):
         points.append(a)
-        step = Step(branch.problem, a, b, Settings(iterations=15))
+        step = BranchStep(branch.problem, a, b, Settings(iterations=15))
         between: list[tuple[Wanted, BranchPoint]] = []
         for each in wanted:
             if abs(each.of(a) - each.value) < ROUND_OFF * abs(each.value):
@@ -179,7 +179,7 @@ def _insert_maximum(
         nonlocal best
         if share not in heights:
             a, b, at = (points[k - 1], points[k], 1.0 + share) if share < 0 else (points[k], points[k + 1], share)
-            point = Step(problem, a, b, SETTINGS).point_at(at)
+            point = BranchStep(problem, a, b, SETTINGS).point_at(at)
             if point is None or (q.stable_only and not problem.orbit(point).stable):
                 heights[share] = 0.5 * floor
             else:

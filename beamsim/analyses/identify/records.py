@@ -46,7 +46,7 @@ from beamsim.measurements.read import ending_of
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, reading_measurement, split_heading
 from beamsim.measurements.tables import read_named_columns
 from beamsim.orbits.branch import BranchPoint
-from beamsim.orbits.continuation import Settings, Step, correct, correct_across, solve_at
+from beamsim.orbits.continuation import BranchStep, Settings, correct, correct_across, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.tracing import Budget, Tracer, trace_range
 from beamsim.scenario import Scenario
@@ -399,7 +399,7 @@ class _Curve:
 
     def fold(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
         """The fold between two points."""
-        return Step(self.orbits, a, b, _EXACT).locate(lambda p: float(p.tangent[-1]))
+        return BranchStep(self.orbits, a, b, _EXACT).locate(lambda p: float(p.tangent[-1]))
 
     def top(self, point: BranchPoint, peak: int) -> BranchPoint | None:
         """The largest peak beside a point, by parabolas through three of them; None where there is none."""
@@ -471,7 +471,7 @@ class _Curve:
         part, k = place
         inner = part[max(k - 1, 0)].point, part[min(k + 1, len(part) - 1)].point
         found = self.top(part[k].point, peak)
-        inside = found is not None and 0.0 <= Step(self.orbits, *inner).share(found) <= 1.0
+        inside = found is not None and 0.0 <= BranchStep(self.orbits, *inner).share(found) <= 1.0
         return Feature("top", found) if found is not None and inside else part[k]
 
 

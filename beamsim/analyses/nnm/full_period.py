@@ -19,7 +19,7 @@ import numpy as np
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.errors import NotTrustedError
 from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, reached_end
-from beamsim.orbits.continuation import Branch, Settings, Step, solve_at
+from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, never, tell, until
@@ -70,7 +70,7 @@ def _determinant(orbits: BrakeOrbits, point: BranchPoint) -> float:
 SINGULAR = 1e-5  # smallest singular value of b, scaled, against its largest, at a located point
 
 
-def symmetry_breaking(step: Step[BrakeOrbits]) -> SymmetryBreaking | None:
+def symmetry_breaking(step: BranchStep[BrakeOrbits]) -> SymmetryBreaking | None:
     """The point on a step of a branch where non-brake orbits leave; None without one.
 
     Resonances of a higher order than `LARGEST_RATIO` are left out.
@@ -268,7 +268,7 @@ def follow_full_period(
         raise NotTrustedError(f"full-period shooting found no motion to start from: {backbone.outcome}")
     breakings: list[SymmetryBreaking] = []  # along the backbone, its tongues, and the ways back into them; each once
     for a, b in until(_steps(branches) if settings.branches and not stop() else (), stop):
-        origin = symmetry_breaking(Step(branches.problem, a, b))
+        origin = symmetry_breaking(BranchStep(branches.problem, a, b))
         if origin is not None and not any(_alike(branches.problem, origin, known) for known in breakings):
             breakings.append(origin)
     reach = min(points[0].parameter, points[-1].parameter), max(points[0].parameter, points[-1].parameter)

@@ -14,7 +14,7 @@ from beamsim.analyses.run.orbit_energy import energy_error
 from beamsim.analyses.run.records import RECTANGULAR
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import FailedSearch, OrbitBranch
-from beamsim.orbits.continuation import Settings, Step
+from beamsim.orbits.continuation import BranchStep, Settings
 from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant
 from beamsim.orbits.special_points import special_points as special_points_on
 from beamsim.outcomes import Stop, never
@@ -126,7 +126,7 @@ def special_points(
             continue
         if stop():
             return tuple(special), failed, True
-        for located in special_points_on(Step(orbits, a, b, settings), failed):
+        for located in special_points_on(BranchStep(orbits, a, b, settings), failed):
             period = orbits.split(located.point.u)[1]
             special.append(special_result(located, job.shown(located.parameter), 1.0 / period, names))
     return tuple(special), failed, False

@@ -14,7 +14,7 @@ from beamsim.contacts.snubbers import springs_of
 from beamsim.errors import ScenarioError
 from beamsim.orbits.backbone import MODE_LOST, Backbone, Jump
 from beamsim.orbits.branch import INTERRUPTED, REACHED_END, BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import Branch, Settings, Step, solve_at
+from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
@@ -69,7 +69,7 @@ class ModeBranches:
             if low - ROUND_OFF <= factor <= high + ROUND_OFF:
                 if a.parameter in gaps and low < factor < high:
                     return None
-                return Step(self.problem, a, b, Settings(iterations=12)).at_parameter(factor)
+                return BranchStep(self.problem, a, b, Settings(iterations=12)).at_parameter(factor)
         return None
 
 

@@ -32,7 +32,7 @@ from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
-from beamsim.orbits.continuation import CLOSED_CURVE, Branch, Settings, Step, solve_at
+from beamsim.orbits.continuation import CLOSED_CURVE, Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.phase_resonance import (
     Appropriation,
@@ -183,7 +183,7 @@ class _Levels:
         halvings: int = 4,
     ) -> BranchPoint | None:  # fmt: skip
         """The motion between two neighbours where ``off`` vanishes; halved where a thin tongue lies in the way."""
-        crossing = Step(self.orbits, a, b, Settings(iterations=12)).locate(off, values)
+        crossing = BranchStep(self.orbits, a, b, Settings(iterations=12)).locate(off, values)
         if crossing is not None or halvings == 0:
             return crossing
         halfway = 0.5 * (a.parameter + b.parameter)

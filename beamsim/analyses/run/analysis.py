@@ -21,19 +21,19 @@ from beamsim.analyses.doubts import (
     reduction_checked,
 )
 from beamsim.analyses.run.aliasing import aliased_in_histories
+from beamsim.analyses.run.chunks import reached
 from beamsim.analyses.run.exact_motion import exact_motion_of, refuse_long_histories
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
 from beamsim.analyses.run.motion import (
+    Evaluation,
     RunMotion,
-    Steps,
     bodies_of_run,
     contact_instant,
     history_fields,
     no_histories,
     output_times,
     pull_warnings,
-    reached,
 )
 from beamsim.analyses.run.needed import EVERYTHING, Needed
 from beamsim.analyses.run.result import RunResult, Spectrum
@@ -135,13 +135,13 @@ def solved(
         refuse_long_histories(system, settings, times.size)
     motion = motion_of(system, settings, times, progress, stop, needed)
     sampled = motion.histories if needed.everything or needed.statistics else None
-    steps = Steps(stop)
+    evaluation = Evaluation(stop)
     if sampled is not None and sampled.time.size < reached(motion.marched.end, times).size:
-        steps.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
-    histories = no_histories() if sampled is None else history_fields(motion, sampled, steps)
+        evaluation.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
+    histories = no_histories() if sampled is None else history_fields(motion, sampled, evaluation)
     spectra: dict[tuple[str, str], Spectrum] = {}
     if needed.everything or needed.root_mean_squares:
-        spectra = steps.computed("the spectra", lambda: spectra_of(motion), spectra)
+        spectra = evaluation.computed("the spectra", lambda: spectra_of(motion), spectra)
     result = RunResult(
         scenario=scenario,
         method=motion.method,
@@ -152,25 +152,25 @@ def solved(
         events=motion.events,
         spectra=spectra,
         **histories,
-        **(bodies_of_run(motion, steps) if needed.everything else {}),
+        **(bodies_of_run(motion, evaluation) if needed.everything else {}),
         modes=system.modes,
         work=motion.work,
         low_pass_hz=settings.low_pass,
     )
-    warnings = _warnings(motion) + ([] if steps.left_out else coverage_notes(motion))
+    warnings = _warnings(motion) + ([] if evaluation.left_out else coverage_notes(motion))
     warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
-    summary = summary_of_run(motion, spectra, needed, steps)
+    summary = summary_of_run(motion, spectra, needed, evaluation)
     if needed.everything and sampled is not None:
         unknown = dict[str, float]()
-        aliased = steps.computed("aliasing", lambda: aliased_in_histories(motion, sampled), unknown, minor=True)
+        aliased = evaluation.computed("aliasing", lambda: aliased_in_histories(motion, sampled), unknown, minor=True)
         summary["aliased_in_histories"] = aliased or None
-    warnings += steps.computed(
+    warnings += evaluation.computed(
         "warnings of jumps", lambda: jump_warnings(motion, summary["peak_acceleration_g"]), list[str](), minor=True
     )
-    fields, notes = _asked_for(result, motion, needed, steps)
+    fields, notes = _asked_for(result, motion, needed, evaluation)
     fields["spectra"] = {key: replace(s, lines=()) if resting(*key, summary) else s for key, s in spectra.items()}
-    if steps.left_out and result.outcome.usable:
-        fields["outcome"] = interruption(f"before {', '.join(steps.left_out)}")
+    if evaluation.left_out and result.outcome.usable:
+        fields["outcome"] = interruption(f"before {', '.join(evaluation.left_out)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))
     result = result.with_summary(**summary, **figures_of_parts(result, summary))
     result = replace(result, wall_time_s=clock.perf_counter() - begin)
@@ -203,7 +203,9 @@ def _warnings(motion: RunMotion) -> list[str]:
     ]
 
 
-def _asked_for(result: RunResult, motion: RunMotion, needed: Needed, steps: Steps) -> tuple[dict[str, Any], list[str]]:
+def _asked_for(
+    result: RunResult, motion: RunMotion, needed: Needed, evaluation: Evaluation
+) -> tuple[dict[str, Any], list[str]]:
     """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
 
     Parameters
@@ -211,7 +213,7 @@ def _asked_for(result: RunResult, motion: RunMotion, needed: Needed, steps: Step
     result : of the motion.
     motion : it came from.
     needed : of it; what a note may follow from is computed in any case.
-    steps : of the evaluation.
+    evaluation : what is computed from the motion.
     """
     scenario, system, closed_form = result.scenario, motion.system, motion.trajectory is not None
     settings = not_none(scenario.run)
@@ -220,21 +222,23 @@ def _asked_for(result: RunResult, motion: RunMotion, needed: Needed, steps: Step
     if scenario.excitation.stationary and needed.statistics:
         from beamsim.analyses.run.random_response import largest_known, random_response
 
-        random = steps.computed("densities and statistics", lambda: random_response(result, system), None)
+        random = evaluation.computed("densities and statistics", lambda: random_response(result, system), None)
         if random is not None:
             fields |= {"random": random, "outcome": largest_known(result.outcome, random, settings)}
     counted = settings.from_ < motion.marched.end or not settings.from_
     if (impacts := motion.impacts) is not None and counted:
-        fields["impacts"] = steps.computed("statistics of impacts", impacts.result, result.impacts)
+        fields["impacts"] = evaluation.computed("statistics of impacts", impacts.result, result.impacts)
     if settings.fatigue is not None and (stresses := motion.stresses) is not None:
         end, extremes = motion.marched.end, motion.extremes[STRESS]
-        damage = steps.computed(
+        damage = evaluation.computed(
             "the damage of stress", lambda: fatigue_of(system, stresses, end, extremes), result.fatigue
         )
         fields["fatigue"] = damage
         notes += fatigue_warnings(damage, settings.fatigue)
     if settings.srs is not None and needed.has("srs_over_limit"):
-        fields["srs"] = steps.computed("shock response spectra", lambda: shock_response(system, motion.known), None)
+        fields["srs"] = evaluation.computed(
+            "shock response spectra", lambda: shock_response(system, motion.known), None
+        )
     if settings.srs is not None and not closed_form:
         notes += _coarse_samples(not_none(motion.histories).time, settings.srs)
     if settings.srs is not None:
@@ -243,7 +247,7 @@ def _asked_for(result: RunResult, motion: RunMotion, needed: Needed, steps: Step
         from beamsim.analyses.run.sensitivities import sensitivities_of
 
         unknown = result.sensitivities, list[str]()
-        fields["sensitivities"], said = steps.computed(
+        fields["sensitivities"], said = evaluation.computed(
             "sensitivities", lambda: sensitivities_of(scenario, motion), unknown
         )
         notes += said

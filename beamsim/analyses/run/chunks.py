@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+import numpy as np
+
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop, check_stop, stopped_by
+from beamsim.typing import Floats
+
+ROUND_OFF = 1e-12  # relative, of the last output time
 
 
 class ChunkObserver(ABC):
@@ -49,3 +54,13 @@ class ChunkObserver(ABC):
     @abstractmethod
     def evaluate(self, chunk: Trajectory) -> None:
         """Include a chunk, as the one after those before."""
+
+
+def samples_until(end: float, rate: float) -> int:
+    """Number of samples from 0 to an end, s, which the last one may pass by round-off."""
+    return int(end * rate * (1.0 + ROUND_OFF)) + 1
+
+
+def reached(end: float, times: Floats) -> Floats:
+    """The times up to the end of a motion, s."""
+    return times[: np.searchsorted(times, end * (1.0 + ROUND_OFF), side="right")]

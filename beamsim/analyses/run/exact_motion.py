@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 
 from beamsim.analyses.run.energy import EnergyBalance, energies_of_segments
-from beamsim.analyses.run.fatigue import StressObserver
+from beamsim.analyses.run.fatigue import PlateStress, StressObserver
 from beamsim.analyses.run.filters import LowPassed, filtered
 from beamsim.analyses.run.impacts import ImpactObserver, friction_contacts
 from beamsim.analyses.run.motion import RunMotion, memory_of, with_limit
@@ -17,7 +17,6 @@ from beamsim.analyses.run.needed import EVERYTHING, Needed
 from beamsim.analyses.run.observers import (
     HistoryRecorder,
     LatestPart,
-    PlateStress,
     StatesAtExtremes,
     StatesAtTimes,
 )

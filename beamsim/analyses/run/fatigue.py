@@ -1,8 +1,9 @@
-r"""Fatigue of bodies: the damage of the bending stress at every station, and where it is largest.
+r"""Stresses that are followed in the bodies: the largest of plates, and fatigue.
 
-The ranges of a count add up to half the total variation V of the stress, and none exceeds the difference R of its
-extremes. With an S-N line of exponent :math:`m \ge 1` the damage of a station is therefore at most
-:math:`R^{m-1} V / (2 N S^m)`. Stations are counted in the order of this bound, until it is below the largest damage.
+Fatigue is the damage of the bending stress at every station. The ranges of a count add up to half the total
+variation V of the stress, and none exceeds the difference R of its extremes. With an S-N line of exponent
+:math:`m \ge 1` the damage of a station is therefore at most :math:`R^{m-1} V / (2 N S^m)`. Stations are counted in
+the order of this bound, until it is below the largest damage.
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from beamsim.analyses.run.chunks import ChunkObserver
+from beamsim.analyses.run.chunks import ChunkObserver, reached
 from beamsim.analyses.run.impacts import BLOCKS, LEAST, jackknife
 from beamsim.analyses.run.result import Fatigue, Rainflow
 from beamsim.analyses.values import STRESS, Extreme
-from beamsim.flow.channels import outputs_of
+from beamsim.flow.channels import Observed, outputs_of
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop
 from beamsim.scenario.run import StressLife
@@ -24,8 +25,61 @@ from beamsim.structures.stations import COMPONENTS
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
 
+SAMPLES_OF_STRESS = 2000  # of a run, at least, of which the largest von Mises stress is taken
 COUNTED_AT_ONCE = 8  # stations, after the one whose bound is largest
 SAME_DAMAGE = 1e-9  # relative; of stations with the same damage the first one is reported
+
+
+class PlateStress(ChunkObserver):
+    """The largest von Mises stress at the surface of every plate, of some samples.
+
+    Parameters
+    ----------
+    system : with its plates.
+    times : (nt,) s, all output times.
+    stop : see `ChunkObserver`.
+    """
+
+    def __init__(self, system: StructuralSystem, times: Floats, stop: Stop) -> None:
+        super().__init__(stop)
+        self._times, self._channels = times[:: max(1, times.size // SAMPLES_OF_STRESS)], system.channels.of_keys(STRESS)
+        self._found, stress = 0, system.stress
+        plates = {body.body for body in system.bodies if body.moments == len(COMPONENTS)}
+        self._parts = dict[str, slice]()
+        if stress is not None:
+            alone = len(stress.stations.parts) == 1
+            named = {stress.bodies[0] if alone else part.body: part.stations for part in stress.stations}
+            self._parts = {name: stations for name, stations in named.items() if name in plates}
+        self._squares = {
+            name: np.zeros((part.stop - part.start) // len(COMPONENTS)) for name, part in self._parts.items()
+        }  # fmt: skip
+
+    def evaluate(self, chunk: Trajectory) -> None:
+        """See `ChunkObserver`."""
+        last = reached(chunk.end, self._times).size
+        if not self._parts or last == self._found:
+            return
+        at_once = 256  # samples
+        output_of = Observed(chunk.flow, self._channels).linear
+        for first in range(self._found, last, at_once):
+            times = np.minimum(self._times[first : min(first + at_once, last)], chunk.end)
+            sampled = chunk.sample(times, output_of)
+            for name, part in self._parts.items():
+                x, y, shear = np.moveaxis(sampled[:, part].reshape(sampled.shape[0], len(COMPONENTS), -1), 1, 0)
+                square = (x**2 - x * y + y**2 + 3 * shear**2).max(axis=0)
+                self._squares[name] = np.maximum(self._squares[name], square)
+        self._found = last
+
+    def result(self) -> dict[str, Floats]:
+        """(nx,) Pa, at the stations of every plate by its name.
+
+        Raises
+        ------
+        Interrupted
+            If a part of the motion is not evaluated.
+        """
+        self.finish()
+        return {name: np.sqrt(square) for name, square in self._squares.items()}
 
 
 class StressObserver(ChunkObserver):

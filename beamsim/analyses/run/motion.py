@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from beamsim.analyses.run.chunks import samples_until
 from beamsim.analyses.run.energy import EnergyBalance
 from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
 from beamsim.analyses.run.result import (
@@ -47,19 +48,17 @@ from beamsim.outcomes import Interrupted, Outcome, Stop, check_stop, stopped_by
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.scenario.run import Run
+from beamsim.structures.stations import COMPONENTS
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
 from beamsim.typing import Bools, Floats, not_none
 
 if TYPE_CHECKING:
-    from beamsim.analyses.run.fatigue import StressObserver
+    from beamsim.analyses.run.fatigue import PlateStress, StressObserver
     from beamsim.analyses.run.impacts import ImpactObserver
-    from beamsim.analyses.run.observers import PlateStress
 
 Value = TypeVar("Value")
 
-COMPONENTS = 3  # of the stress at the surface of a plate: sigma_x, sigma_y, tau_xy
-ROUND_OFF = 1e-12  # relative, of the last output time
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
 
 
@@ -91,7 +90,7 @@ class AtContact(NamedTuple):
 
 
 @dataclass
-class Steps:
+class Evaluation:
     """What is derived from a motion, one step after the other; after an interruption the others are left out.
 
     Parameters
@@ -129,14 +128,14 @@ def no_histories() -> dict[str, Any]:
     }  # fmt: skip
 
 
-def history_fields(motion: RunMotion, histories: Histories, steps: Steps) -> dict[str, Any]:
+def history_fields(motion: RunMotion, histories: Histories, evaluation: Evaluation) -> dict[str, Any]:
     """Everything at the output times, as fields of the result.
 
     Parameters
     ----------
     motion : of the run.
     histories : of the motion.
-    steps : of the evaluation.
+    evaluation : what is computed from the motion.
 
     Returns
     -------
@@ -148,7 +147,7 @@ def history_fields(motion: RunMotion, histories: Histories, steps: Steps) -> dic
         "probes": _probes(motion, histories),
         "snubbers": _snubbers(motion, histories),
         "springs": _springs(system, histories),
-        "friction": _friction(motion, histories, steps),
+        "friction": _friction(motion, histories, evaluation),
         "outputs": _outputs(system, histories),
         "base_acceleration": _signal(system.base_acceleration, histories.time),
         "base_displacement": _signal(system.base_displacement, histories.time),
@@ -214,16 +213,6 @@ class RunMotion:
     def extreme_times(self) -> Floats:
         """See `beamsim.analyses.values.extreme_times`."""
         return extreme_times(self.extremes)
-
-
-def reached(end: float, times: Floats) -> Floats:
-    """The times up to the end of a motion, s."""
-    return times[: np.searchsorted(times, end * (1.0 + ROUND_OFF), side="right")]
-
-
-def samples_until(end: float, rate: float) -> int:
-    """Number of samples from 0 to an end, s, which the last one may pass by round-off."""
-    return int(end * rate * (1.0 + ROUND_OFF)) + 1
 
 
 def output_times(scenario: Scenario) -> Floats:
@@ -334,7 +323,7 @@ def _springs(system: StructuralSystem, histories: Histories) -> dict[str, Spring
     return {s.name: SpringHistory(s.name, s.kind, s.masses, stretch[:, i], force[:, i]) for i, s in enumerate(springs)}
 
 
-def _friction(motion: RunMotion, histories: Histories, steps: Steps) -> dict[str, FrictionHistory]:
+def _friction(motion: RunMotion, histories: Histories, evaluation: Evaluation) -> dict[str, FrictionHistory]:
     system, scenario = motion.system, motion.system.scenario
     contacts, number = [each.item for each in scenario.located_friction], friction_contacts(system)
     figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
@@ -342,7 +331,9 @@ def _friction(motion: RunMotion, histories: Histories, steps: Steps) -> dict[str
     if contacts and motion.trajectory is not None and begin <= motion.trajectory.end:
         random = scenario.excitation.stationary and motion.outcome.complete
         counted = motion.trajectory.between(begin, motion.trajectory.end) if begin else motion.trajectory
-        figures = steps.computed("sliding", lambda: sliding_figures(system, counted, contacts, random=random), figures)
+        figures = evaluation.computed(
+            "sliding", lambda: sliding_figures(system, counted, contacts, random=random), figures
+        )
     return {
         c.name: FrictionHistory(
             turns=isinstance(c, OfHinge) or None,
@@ -404,13 +395,13 @@ def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, Output
     return outputs
 
 
-def bodies_of_run(motion: RunMotion, steps: Steps) -> dict[str, Any]:
+def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Any]:
     """Results along each body that has a continuous axis, as fields of the result.
 
     Parameters
     ----------
     motion : of the run.
-    steps : of the evaluation.
+    evaluation : what is computed from the motion.
 
     Returns
     -------
@@ -423,8 +414,8 @@ def bodies_of_run(motion: RunMotion, steps: Steps) -> dict[str, Any]:
         return np.asarray(largest(motion.extremes[STRESS])[of_body].reshape(moments, -1).max(axis=0))
 
     equilibrium, von_mises = system.static_equilibrium, dict[str, Floats]()
-    if any(body.moments == COMPONENTS for body in system.bodies):
-        von_mises = steps.computed("the von Mises stress of plates", motion.von_mises, von_mises)
+    if any(body.moments == len(COMPONENTS) for body in system.bodies):
+        von_mises = evaluation.computed("the von Mises stress of plates", motion.von_mises, von_mises)
     bodies = {
         body.body: BodyResult(
             position=body.position,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.analyses.run.chunks import ChunkObserver
+from beamsim.analyses.run.chunks import reached
 from beamsim.analyses.run.energy import energies, power_factors
-from beamsim.analyses.run.motion import COMPONENTS, AtContact, Histories, largest_contact, reached
+from beamsim.analyses.run.motion import AtContact, Histories, largest_contact
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.analyses.values import STRESS, Extremes, extreme_times
+from beamsim.analyses.values import Extremes, extreme_times
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
@@ -19,7 +19,6 @@ from beamsim.typing import Floats
 
 VALUES_AT_ONCE = 2**22  # outputs and states at the times that are computed together
 FEWEST_SAMPLES = 1000  # that are evaluated whatever time that takes
-SAMPLES_OF_STRESS = 2000  # of a run, at least, of which the largest von Mises stress is taken
 
 
 class HistoryRecorder:
@@ -145,55 +144,3 @@ class StatesAtTimes:
     def result(self) -> Floats:
         """(nt or fewer, N)."""
         return np.concatenate(self._states)
-
-
-class PlateStress(ChunkObserver):
-    """The largest von Mises stress at the surface of every plate, of some samples.
-
-    Parameters
-    ----------
-    system : with its plates.
-    times : (nt,) s, all output times.
-    stop : see `ChunkObserver`.
-    """
-
-    def __init__(self, system: StructuralSystem, times: Floats, stop: Stop) -> None:
-        super().__init__(stop)
-        self._times, self._channels = times[:: max(1, times.size // SAMPLES_OF_STRESS)], system.channels.of_keys(STRESS)
-        self._found, stress = 0, system.stress
-        plates = {body.body for body in system.bodies if body.moments == COMPONENTS}
-        self._parts = dict[str, slice]()
-        if stress is not None:
-            alone = len(stress.stations.parts) == 1
-            named = {stress.bodies[0] if alone else part.body: part.stations for part in stress.stations}
-            self._parts = {name: stations for name, stations in named.items() if name in plates}
-        self._squares = {
-            name: np.zeros((part.stop - part.start) // COMPONENTS) for name, part in self._parts.items()
-        }  # fmt: skip
-
-    def evaluate(self, chunk: Trajectory) -> None:
-        """See `ChunkObserver`."""
-        last = reached(chunk.end, self._times).size
-        if not self._parts or last == self._found:
-            return
-        at_once = 256  # samples
-        output_of = Observed(chunk.flow, self._channels).linear
-        for first in range(self._found, last, at_once):
-            times = np.minimum(self._times[first : min(first + at_once, last)], chunk.end)
-            sampled = chunk.sample(times, output_of)
-            for name, part in self._parts.items():
-                x, y, shear = np.moveaxis(sampled[:, part].reshape(sampled.shape[0], COMPONENTS, -1), 1, 0)
-                square = (x**2 - x * y + y**2 + 3 * shear**2).max(axis=0)
-                self._squares[name] = np.maximum(self._squares[name], square)
-        self._found = last
-
-    def result(self) -> dict[str, Floats]:
-        """(nx,) Pa, at the stations of every plate by its name.
-
-        Raises
-        ------
-        Interrupted
-            If a part of the motion is not evaluated.
-        """
-        self.finish()
-        return {name: np.sqrt(square) for name, square in self._squares.items()}

@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.analyses.gapping import gapping_ratios
 from beamsim.analyses.run.linear_prediction import OfSnubbers, gapping_of_run
-from beamsim.analyses.run.motion import RunMotion, Steps
+from beamsim.analyses.run.motion import Evaluation, RunMotion
 from beamsim.analyses.run.needed import Needed
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
 from beamsim.analyses.values import (
@@ -133,7 +133,7 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
 
 
 def summary_of_run(
-    motion: RunMotion, spectra: dict[tuple[str, str], Spectrum], needed: Needed, steps: Steps
+    motion: RunMotion, spectra: dict[tuple[str, str], Spectrum], needed: Needed, evaluation: Evaluation
 ) -> dict[str, Any]:
     """What does not repeat a field of the result.
 
@@ -142,7 +142,7 @@ def summary_of_run(
     motion : of the run.
     spectra : by name and quantity; where they were left out, root mean squares are nan.
     needed : entries; how gapping is predicted takes longer than most.
-    steps : of the evaluation.
+    evaluation : what is computed from the motion.
 
     Returns
     -------
@@ -180,7 +180,9 @@ def summary_of_run(
     predicted = needed.has("gapping_ratio") and system.snubbers
     nothing: OfSnubbers = {}
     of_snubbers = (
-        steps.computed("the level that changes contact", lambda: gapping_of_run(motion, summary), nothing, minor=True)
+        evaluation.computed(
+            "the level that changes contact", lambda: gapping_of_run(motion, summary), nothing, minor=True
+        )
         if predicted
         else nothing
     )
