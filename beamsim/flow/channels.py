@@ -14,7 +14,7 @@ from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transforms import NEIGHBOURS, evenly_spaced_integrals, interpolated
 from beamsim.outcomes import check_stop
-from beamsim.system.equations import ChannelSet, Key, Rows
+from beamsim.system.equations import ChannelSet, Key, Sizes
 from beamsim.system.state_equations import RowsOf
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -23,37 +23,40 @@ r"""A window on [0, T] as a sum of :math:`c e^{-i \pi s u / T}`: whole numbers s
 MARGIN = 18  # half steps of frequency beyond the highest, that windows need
 
 
-def outputs_of(flow: ExactFlow, rows: Rows) -> RowsOf:
+def outputs_of(flow: ExactFlow, rows: Floats) -> RowsOf:
     """Rows of channels on the equations of a flow, cubic springs apart.
 
     Parameters
     ----------
     flow : of the system that the channels belong to.
-    rows : (k,) of them.
+    rows : (k, W) of them, see `beamsim.system.equations.Sizes`.
 
     Returns
     -------
     The rows (k, V) by the phases of the contacts.
     """
-    equations = flow.equations
-    fixed = equations.rows(rows.count, coordinates=rows.displacement, velocities=rows.velocity)
-    fixed += equations.constant(rows.constant) + rows.load @ equations.signals(np.arange(len(flow.forcing.signal)))
+    equations, system, signals = flow.equations, flow.system, len(flow.forcing.signal)
+    parts = Sizes(system.size, system.contacts.count, signals, 0).parts  # those of cubic springs are the last ones
+    of = {name: rows[:, columns] for name, columns in parts.items()}
+    fixed = equations.rows(rows.shape[0], coordinates=of["displacement"], velocities=of["velocity"])
+    fixed += equations.constant(of["constant"][:, 0]) + of["load"] @ equations.signals(np.arange(signals))
     if flow.observers:  # of which the first is the base's acceleration
-        fixed += rows.base_acceleration[:, None] * equations.signals(np.array([flow.first_observer]))
+        fixed += of["base_acceleration"] * equations.signals(np.array([flow.first_observer]))
     if flow.base_channel >= 0:
-        fixed += rows.base_displacement[:, None] * equations.signals(np.array([flow.base_channel]))
-    varying = np.flatnonzero(np.hstack([rows.acceleration, rows.contact, rows.opening]).any(axis=1))
-    of_phases = rows.some(varying)
+        fixed += of["base_displacement"] * equations.signals(np.array([flow.base_channel]))
+    of_phases = {name: of[name] for name in ("contact", "opening", "acceleration")}
+    varying = np.flatnonzero(np.hstack([*of_phases.values()]).any(axis=1))
+    contact, opening, acceleration = (part[varying] for part in of_phases.values())
 
     def rows_of(phases: Ints) -> Floats:
         if not varying.size:
             return fixed
         at, every = flow.at(phases), fixed.copy()
-        every[varying] += of_phases.contact @ at.force
-        if of_phases.opening.any():
-            every[varying] += of_phases.opening @ at.openings
-        if of_phases.acceleration.any():
-            every[varying] += of_phases.acceleration @ at.rates[equations.velocities]
+        every[varying] += contact @ at.force
+        if opening.any():
+            every[varying] += opening @ at.openings
+        if acceleration.any():
+            every[varying] += acceleration @ at.rates[equations.velocities]
         return every
 
     return rows_of

@@ -18,10 +18,10 @@ than this.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -105,61 +105,54 @@ Key = tuple[str, str]  # section and quantity
 
 
 class Sizes(NamedTuple):
-    """Of what channels are made of."""
+    """Numbers of coordinates, contacts, signals and cubic springs, which give the columns of the rows of channels.
 
-    coordinates: int
-    contacts: int
-    signals: int
-    cubic: int
+    The parts of a row, by name: ``displacement``, ``velocity`` and ``acceleration`` for a unit of each coordinate;
+    ``contact`` for the force of each contact, N; ``opening`` for the distance of each contact to its face as it is now,
+    m, 0 while it touches; ``load`` for each signal of the forcing; ``base_acceleration`` and ``base_displacement``, for
+    m/s^2 and m of the base; ``constant``; ``cubic`` for the pull of each cubic spring, N, beside what that does to the
+    acceleration.
+    """
 
+    coordinates: int  # n
+    contacts: int  # m
+    signals: int  # L
+    cubic: int  # c
 
-@dataclass(frozen=True)
-class Rows:
-    """k linear functions of the motion of n coordinates relative to the base, of m contacts and of L signals."""
+    @property
+    def parts(self) -> dict[str, slice]:
+        """Columns of each part."""
+        n, m, signals, cubic = self
+        sizes = {
+            "displacement": n, "velocity": n, "acceleration": n, "contact": m, "opening": m, "load": signals,
+            "base_acceleration": 1, "base_displacement": 1, "constant": 1, "cubic": cubic,
+        }  # fmt: skip
+        ends = np.cumsum([0, *sizes.values()]).tolist()
+        return {name: slice(first, last) for name, first, last in zip(sizes, ends, ends[1:], strict=False)}
 
-    displacement: Floats  # (k, n) for a unit of each coordinate
-    velocity: Floats  # (k, n)
-    acceleration: Floats  # (k, n)
-    base_acceleration: Floats  # (k,) for m/s^2 of the base
-    base_displacement: Floats  # (k,) for m of the base
-    contact: Floats  # (k, m) for the force of each contact, N
-    opening: Floats  # (k, m) for the distance of each contact to its face as it is now, m; 0 while it touches
-    load: Floats  # (k, L) for each signal of the forcing
-    constant: Floats  # (k,)
-    cubic: Floats  # (k, c) for the pull of each cubic spring, N, beside what that does to the acceleration
-
-    @classmethod
-    def of(cls, count: int, sizes: Sizes, **given: Any) -> Self:
-        """Rows of which some parts are given, the others being zero.
+    def rows(self, count: int, **given: Floats | float) -> Floats:
+        """Rows of channels of which some parts are given, the others being zero.
 
         Parameters
         ----------
         count : k.
-        sizes : of the parts.
-        given : by name of the part, arrays of its shape, or of one that broadcasts to it.
+        given : by name of the part, arrays (k, width of the part) or what broadcasts to it; (k,) of a part of one
+            column.
+
+        Returns
+        -------
+        (k, W) array
         """
-        n, m, signals, cubic = sizes
-        shapes: dict[str, tuple[int, ...]] = {
-            "displacement": (count, n), "velocity": (count, n), "acceleration": (count, n),
-            "base_acceleration": (count,), "base_displacement": (count,), "contact": (count, m),
-            "opening": (count, m), "load": (count, signals), "constant": (count,), "cubic": (count, cubic),
-        }  # fmt: skip
-        return cls(**{name: np.zeros(shape) + given.get(name, 0.0) for name, shape in shapes.items()})
+        parts = self.parts
+        rows = np.zeros((count, parts["cubic"].stop))
+        for name, values in given.items():
+            part = rows[:, parts[name]]
+            part[:] = np.reshape(values, (-1, 1)) if part.shape[1] == 1 else values
+        return rows
 
-    @property
-    def count(self) -> int:
-        """k."""
-        return self.constant.size
-
-    def some(self, which: Ints | slice) -> Self:
-        """Some of the rows."""
-        return type(self)(*(getattr(self, part.name)[which] for part in fields(self)))
-
-    @classmethod
-    def joined(cls, rows: Iterable[Self]) -> Self:
-        """All rows, one after the other; at least one."""
-        every = list(rows)
-        return cls(*(np.concatenate([getattr(each, part.name) for each in every]) for part in fields(cls)))
+    def part(self, rows: Floats, name: str) -> Floats:
+        """(k, width) one part of rows (k, W), a view."""
+        return rows[:, self.parts[name]]
 
 
 @dataclass(frozen=True)
@@ -173,7 +166,7 @@ class Channel:
     name: str
     quantity: str
     unit: str
-    rows: Rows
+    rows: Floats  # (k, W), see `Sizes`
     at: str = ""  # for people
     squared: bool = False
     both_ways: bool = False  # a contact force that counts where it pulls as where it pushes: what it met is held
@@ -186,7 +179,7 @@ class Channel:
     @property
     def columns(self) -> int:
         """Number of its values at one time."""
-        return 1 if self.squared else self.rows.count
+        return 1 if self.squared else self.rows.shape[0]
 
 
 class Places(dict[Key, Ints]):
@@ -216,26 +209,26 @@ class ChannelSet:
         return self.only(lambda channel: channel.key not in keys)
 
     @cached_property
-    def linear(self) -> Rows:
+    def linear(self) -> Floats:
         """Rows of the linear channels, of which each is a value."""
         return self._joined([channel for channel in self.channels if not channel.squared])
 
     @cached_property
-    def squared(self) -> Rows:
+    def squared(self) -> Floats:
         """Rows of the energies."""
         return self._joined(self._energies)
 
     @cached_property
     def squares(self) -> Ints:
         """First of the rows of each energy."""
-        return np.cumsum([0, *(channel.rows.count for channel in self._energies)])[:-1]
+        return np.cumsum([0, *(channel.rows.shape[0] for channel in self._energies)])[:-1]
 
     @property
     def _energies(self) -> list[Channel]:
         return [channel for channel in self.channels if channel.squared]
 
-    def _joined(self, channels: Sequence[Channel]) -> Rows:
-        return Rows.joined([channel.rows for channel in channels] or [Rows.of(0, self.sizes)])
+    def _joined(self, channels: Sequence[Channel]) -> Floats:
+        return np.concatenate([self.sizes.rows(0), *(channel.rows for channel in channels)])
 
     @cached_property
     def order(self) -> Ints:

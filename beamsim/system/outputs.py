@@ -16,7 +16,7 @@ from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import DEFLECTION, SLOPE, UPWARDS, LoadSite, Place, Site
 from beamsim.structures.stations import Recovery
 from beamsim.structures.support_forces import Support, supports_of
-from beamsim.system.equations import Channel, Forcing, Rows, Sizes
+from beamsim.system.equations import Channel, Forcing, Sizes
 from beamsim.system.parts import (
     Moved,
     Parts,
@@ -136,7 +136,7 @@ class _Asked:
         return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
     def _channel(self, output: Any, at: str, count: int = 1, *, squared: bool = False, **given: Any) -> Channel:
-        rows, unit = Rows.of(count, self.sizes, **given), self.parts.scenario.output_unit(output)
+        rows, unit = self.sizes.rows(count, **given), self.parts.scenario.output_unit(output)
         return Channel("outputs", output.name, output.kind, unit, rows, at, squared)
 
     def _recovered(self, output: Any) -> Channel:
@@ -207,8 +207,9 @@ class _Asked:
             0.0 if ground or not isinstance(site, Place) else structure.base_motion_at(site, base)
             for site, ground in zip(self.contact_sites, self.contacts.on_ground, strict=True)
         ]
-        contact = channel.rows.contact + np.array(levers) * self.contacts.sign
-        return replace(channel, rows=replace(channel.rows, contact=contact))
+        rows = channel.rows.copy()
+        rows[:, self.sizes.parts["contact"]] += np.array(levers) * self.contacts.sign
+        return replace(channel, rows=rows)
 
     def _summed(self, output: Any, at: str, supports: Sequence[tuple[float, Support]]) -> Channel:
         """The sum of the forces of supports, each with a factor."""

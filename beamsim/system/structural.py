@@ -18,7 +18,7 @@ from beamsim.scenario import Scenario
 from beamsim.structures.named_matrices import FileSummary
 from beamsim.structures.places import Place
 from beamsim.structures.stations import Recovery, Stations, StressRows, stress_rows
-from beamsim.system.equations import Channel, ChannelSet, Forcing, PiecewiseLinearSystem, Rows, SineLoads, Sizes
+from beamsim.system.equations import Channel, ChannelSet, Forcing, PiecewiseLinearSystem, SineLoads, Sizes
 from beamsim.system.modes import Assessment, ModeTable
 from beamsim.system.parts import exciting_forces
 from beamsim.typing import Floats
@@ -201,11 +201,11 @@ def _of_probes(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     channels = []
     for probe, base_influence in zip(system.probes, system.base_influence, strict=True):
         channels += [
-            Channel("probes", probe.name, "displacement", "m", Rows.of(1, sizes, displacement=probe.shape)),
-            Channel("probes", probe.name, "velocity", "m/s", Rows.of(1, sizes, velocity=probe.shape)),
+            Channel("probes", probe.name, "displacement", "m", sizes.rows(1, displacement=probe.shape)),
+            Channel("probes", probe.name, "velocity", "m/s", sizes.rows(1, velocity=probe.shape)),
             Channel(
                 "probes", probe.name, "absolute_acceleration", "m/s^2",
-                Rows.of(1, sizes, acceleration=probe.shape, base_acceleration=base_influence),
+                sizes.rows(1, acceleration=probe.shape, base_acceleration=base_influence),
             ),
         ]  # fmt: skip
     return channels
@@ -216,19 +216,18 @@ def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     unit = np.eye(contacts.count)
     for j, snubber in enumerate(system.snubbers):
         sign, shape = contacts.sign[j], contacts.shape[j]
-        penetration = Rows.of(
-            1, sizes, displacement=-sign * shape, constant=-contacts.gap[j],
+        penetration = sizes.rows(1, displacement=-sign * shape, constant=-contacts.gap[j],
             base_displacement=-sign * contacts.base_influence[j],
             load=0.0 if influence is None else -sign * influence[j],
         )  # fmt: skip
-        way, force = snubber.gap_unit, Rows.of(1, sizes, contact=unit[j])
+        way, force = snubber.gap_unit, sizes.rows(1, contact=unit[j])
         holds = contacts.laws[j].latches
         channels += [
             Channel("snubbers", snubber.name, "force", snubber.force_unit, force, both_ways=holds),
             Channel("snubbers", snubber.name, "penetration", way, penetration),
-            Channel("snubbers", snubber.name, "opening", way, Rows.of(1, sizes, opening=unit[j])),
-            Channel("snubbers", snubber.name, "displacement", way, Rows.of(1, sizes, displacement=shape)),
-            Channel("snubbers", snubber.name, "velocity", f"{way}/s", Rows.of(1, sizes, velocity=shape)),
+            Channel("snubbers", snubber.name, "opening", way, sizes.rows(1, opening=unit[j])),
+            Channel("snubbers", snubber.name, "displacement", way, sizes.rows(1, displacement=shape)),
+            Channel("snubbers", snubber.name, "velocity", f"{way}/s", sizes.rows(1, velocity=shape)),
         ]
     return channels
 
@@ -246,11 +245,10 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
             for part in (spring.law.parts if split else None) or (None,):
                 of_contacts[contact] = 1.0 if part is None else part.direction
                 contact += 1
-        force = Rows.of(
-            1, sizes, displacement=spring.linear * spring.shape,
+        force = sizes.rows(1, displacement=spring.linear * spring.shape,
             base_displacement=spring.linear * spring.base_influence, contact=of_contacts, cubic=pull,
         )  # fmt: skip
-        stretch = Rows.of(1, sizes, displacement=spring.shape, base_displacement=spring.base_influence)
+        stretch = sizes.rows(1, displacement=spring.shape, base_displacement=spring.base_influence)
         section = "friction" if spring.kind == "friction" else "springs"
         channels += [
             Channel(section, spring.name, "stretch", spring.gap_unit, stretch),
@@ -263,5 +261,5 @@ def _of_stations(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     stress = system.stress
     if stress is None:
         return []
-    rows = Rows.of(stress.row.shape[0], sizes, displacement=stress.row, base_acceleration=stress.base)
+    rows = sizes.rows(stress.row.shape[0], displacement=stress.row, base_acceleration=stress.base)
     return [Channel("bodies", "", "bending_stress", "Pa", rows)]

@@ -7,7 +7,7 @@ import numpy as np
 from beamsim.analyses.values import ACCELERATION
 from beamsim.flow.channels import Observed, outputs_of
 from beamsim.flow.exact import ExactFlow
-from beamsim.system.equations import Rows, Sizes
+from beamsim.system.equations import Sizes
 from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import StructuralSystem
 
@@ -26,7 +26,7 @@ def rows(flow: ExactFlow, count: int, **given: object) -> RowsOf:
     """Rows of which some parts are given, the others being zero."""
     dynamics = flow.system
     sizes = Sizes(dynamics.size, dynamics.contacts.count, len(flow.forcing.signal), 0)
-    return outputs_of(flow, Rows.of(count, sizes, **given))
+    return outputs_of(flow, sizes.rows(count, **given))
 
 
 def velocities(flow: ExactFlow) -> RowsOf:

@@ -48,10 +48,11 @@ def responses(system, speed, section=""):
     exciting = signals @ forcing.load
     loads = np.vstack([contacts.sign[:, None] * contacts.shape, dynamics.constant_load, exciting]).T
     q = np.linalg.solve(np.diag(dynamics.stiffness - speed**2) + iw * dynamics.damping, loads)
-    found = rows.displacement @ q + iw * (rows.velocity @ q) - speed**2 * (rows.acceleration @ q)
-    found[:, -1] += rows.load @ signals
+    of = {name: rows[:, columns] for name, columns in system.channels.sizes.parts.items()}
+    found = of["displacement"] @ q + iw * (of["velocity"] @ q) - speed**2 * (of["acceleration"] @ q)
+    found[:, -1] += of["load"] @ signals
     if system.base_acceleration is not None:  # the signals of the base are the last ones
-        found[:, -1] += rows.base_acceleration - rows.base_displacement / speed**2
+        found[:, -1] += (of["base_acceleration"] - of["base_displacement"] / speed**2)[:, 0]
     return found
 
 
@@ -60,7 +61,10 @@ def described(system):
     contacts, rest = system.dynamics.contacts, system.static_equilibrium
     rows = rows_of(system)
     found = {f"channels at {speed:.3g} rad/s": responses(system, speed) for speed in SPEEDS}
-    found |= {f"channels by {name}": getattr(rows, name) for name in ("contact", "opening", "constant", "cubic")}
+    found |= {
+        f"channels by {name}": system.channels.sizes.part(rows, name)
+        for name in ("contact", "opening", "constant", "cubic")
+    }
     found |= {name: np.asarray(getattr(contacts, name), dtype=float) for name in
               ("gap", "sign", "on_ground", "levers", "pressing", "pressed")}  # fmt: skip
     found |= {f"laws: {name}": np.asarray(of, dtype=float) for name, of in contacts.arrays._asdict().items()}

@@ -149,21 +149,17 @@ class Measurement:
         exact = self._under(flow, float(edges[-1]))
         owner, direction = self.system.dynamics.contacts.owners_of_parts
         first = np.diff(owner, prepend=-1) > 0  # the part that touches first, whose face is that of the contact
-        by_part = tuple(
-            replace(
-                channel,
-                rows=replace(
-                    channel.rows,
-                    contact=channel.rows.contact[:, owner] * direction,
-                    opening=channel.rows.opening[:, owner] * first,
-                ),
-            )
-            for channel in self.channels.channels
-        )
+        sizes = self.channels.sizes
+        split = sizes._replace(contacts=owner.size)
+
+        def by_part(rows: Floats) -> Floats:
+            parts = {name: sizes.part(rows, name) for name in sizes.parts}
+            contact, opening = parts.pop("contact")[:, owner] * direction, parts.pop("opening")[:, owner] * first
+            return split.rows(rows.shape[0], contact=contact, opening=opening, **parts)
+
+        channels = tuple(replace(channel, rows=by_part(channel.rows)) for channel in self.channels.channels)
         base = exact.forcing.base_displacement
-        known = SteppedChannels(
-            replace(self.system, base_displacement=base), exact, replace(self.channels, channels=by_part)
-        )
+        known = SteppedChannels(replace(self.system, base_displacement=base), exact, ChannelSet(channels, split))
 
         def values(times: Floats, inside: Floats) -> Floats:
             segment = np.clip(np.searchsorted(edges, inside, side="right") - 1, 0, phases.shape[0] - 1)

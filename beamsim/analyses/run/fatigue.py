@@ -96,7 +96,7 @@ class StressObserver(ChunkObserver):
     def __init__(self, system: StructuralSystem, stop: Stop) -> None:
         super().__init__(stop)
         self._rows = system.channels.of_keys(STRESS).linear
-        self._variation, self._turns = np.zeros(self._rows.count), [list[Floats]() for _ in range(self._rows.count)]
+        self._variation, self._turns = np.zeros(self._rows.shape[0]), [list[Floats]() for _ in self._rows]
 
     def evaluate(self, chunk: Trajectory) -> None:
         """See `ChunkObserver`."""
@@ -122,7 +122,7 @@ class StressObserver(ChunkObserver):
         return chunk.variation(outputs_of(chunk.flow, self._rows))
 
     def _turns_of(self, chunk: Trajectory, station: int) -> Floats:
-        one = outputs_of(chunk.flow, self._rows.some(np.array([station])))
+        one = outputs_of(chunk.flow, self._rows[[station]])
         return reversals(chunk.turning_points(one, np.arange(chunk.time.size)).value)
 
 

@@ -36,7 +36,7 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.studies import VariedParameter, resolve_parameter
 from beamsim.system.build import build_system
-from beamsim.system.equations import ChannelSet, Rows
+from beamsim.system.equations import ChannelSet
 from beamsim.system.parts import Parts, SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
@@ -67,7 +67,7 @@ class Varied(NamedTuple):
 
     number: VariedParameter
     rates: Differences
-    rows: dict[FlowOutputs, Rows]  # of the channels, of the systems on both sides
+    rows: dict[FlowOutputs, Floats]  # of the channels, of the systems on both sides
     start: Floats  # (N,) change of the state at the start
 
 
@@ -401,8 +401,8 @@ class _Along:
         flow, kept = self.motion.flow, found.kept
         phases, v = flow.states[self.motion.state[peak.segment]].phases, kept.instant.v[place]
 
-        def factors(side: FlowOutputs, rows: Mapping[FlowOutputs, Rows]) -> Floats:
-            row = rows[side].some(slice(peak.row, peak.row + 1))
+        def factors(side: FlowOutputs, rows: Mapping[FlowOutputs, Floats]) -> Floats:
+            row = rows[side][peak.row : peak.row + 1]
             return np.asarray(side.outputs(outputs_of(side.flow, row), phases)[0])
 
         own = factors(self.outputs, {self.outputs: self.channels.linear})

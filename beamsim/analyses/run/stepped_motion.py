@@ -17,7 +17,7 @@ from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
 from beamsim.scenario.run import Run
-from beamsim.system.equations import ChannelSet, Key, Rows
+from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
 
@@ -158,15 +158,15 @@ class SteppedChannels(Observed):
 
         return self.channels.values(of_rows)
 
-    def _beside(self, rows: Rows, times: Floats, y: Floats) -> Floats | float:
+    def _beside(self, rows: Floats, times: Floats, y: Floats) -> Floats | float:
         """(nt, k) what the flow does not know: cubic springs, and a motion of the base that no contact feels."""
-        system, flow = self._system, self._flow
+        system, flow, of = self._system, self._flow, self.channels.sizes.part
         base = 0.0 if system.base_displacement is None else system.base_displacement(times)
-        beside = 0.0 if flow.base_channel >= 0 else np.multiply.outer(base, rows.base_displacement)
+        beside = 0.0 if flow.base_channel >= 0 else np.outer(base, of(rows, "base_displacement"))
         if not system.cubic.count:
             return beside
         pull = system.cubic.stiffness * system.cubic.stretch(y[:, : system.dynamics.size], base) ** 3
-        return beside + pull @ (rows.cubic - rows.acceleration @ system.cubic.shape.T).T
+        return beside + pull @ (of(rows, "cubic") - of(rows, "acceleration") @ system.cubic.shape.T).T
 
 
 class SteppedOutputs:
