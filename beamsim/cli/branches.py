@@ -41,10 +41,16 @@ def continuation_screen(result: ContinuationResult) -> Screen:
         where = extent(curve["smallest_hz"], curve["largest_hz"], "Hz")
         lines.append(f"folds in {result.second_parameter}: {extent(low, high, result.second_unit)}, at {where}")
     for of in s.get("multiple_scales", ()):
-        orders = ", ".join(f"{order:.2f}" for order in of["observed_orders"])
-        lines.append(f"multiple scales: differences from the exact motions vanish with orders {orders}")
+        lines.append(f"multiple scales: differences from the exact motions {_vanishing(of['observed_orders'])}")
     lines += limit_lines(result)
     return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+
+
+def _vanishing(orders: Sequence[float | None]) -> str:
+    """The orders in which differences from exact motions vanish; an order is unknown where there is no difference."""
+    if not any(is_known(order) for order in orders):
+        return "have no order that could be measured: there are none, or round-off is larger"
+    return f"vanish with orders {', '.join(f'{order:.2f}' if is_known(order) else 'unknown' for order in orders)}"
 
 
 def _followed(result: ContinuationResult, numbers: Numbers, level: float, period: int) -> dict[str, str]:
@@ -287,8 +293,7 @@ def _departures(result: NormalModeResult) -> Iterator[str]:
         branches = counted(len(full["never_at_rest"]), "branch", "branches")
         yield f"full period: {branches} of motions that are never at rest"
     if of := s.get("multiple_scales"):
-        orders = ", ".join(f"{order:.2f}" for order in of["observed_order_frequency"])
-        yield f"multiple scales: differences of the frequency vanish with orders {orders}"
+        yield f"multiple scales: differences of the frequency {_vanishing(of['observed_order_frequency'])}"
     if of := s.get("relaxed_minimisation"):
         apart = percent(of["largest_frequency_difference"], 2)
         reached = f"{of['steps_reached']} of {of['steps']} steps, frequency within {apart} of the exact one"

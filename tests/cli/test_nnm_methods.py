@@ -176,3 +176,14 @@ def test_a_range_of_many_decades_is_covered(tmp_path):
     exact = 1 / (np.pi + np.pi / np.sqrt(1 + backbone.parameter))
     np.testing.assert_allclose(backbone.frequency_hz, exact, rtol=1e-9)
     assert np.all(np.diff(backbone.parameter) <= 0.25 * np.maximum(1, backbone.parameter[1:]))
+
+
+def test_an_order_of_no_difference_is_not_printed(tmp_path):
+    """A spring in the support changes nothing."""
+    case = CONFIGS / "ms_beam_tip_mode_1.yaml"
+    done = invoke(
+        "nnm", case, "-o", tmp_path, "--no-plots", "--set", "snubbers[0].position=2.7e-10", "--set", "beam.elements=4"
+    )
+    assert done.exit_code == 0
+    assert "differences of the frequency have no order that could be measured" in done.stdout
+    assert "nan" not in done.stdout
