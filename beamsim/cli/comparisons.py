@@ -22,9 +22,8 @@ from beamsim.measurements.channels import history_named, read_tests
 from beamsim.outcomes import OnLimit, exit_code
 from beamsim.scenario import load_scenario
 from beamsim.scenario.base import path_text
-from beamsim.scenario.files import DecimalMark
+from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.loading import describe
-from beamsim.scenario.records import RecordPreparation
 from beamsim.store.results import kind_of, stored_result
 
 

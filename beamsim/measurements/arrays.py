@@ -6,6 +6,7 @@ conventions): ``scale_factor``, ``add_offset``, ``_FillValue``, ``missing_value`
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
 from beamsim.measurements.signal import (
     MeasuredSignal,
+    MeasurementError,
     axis_kind,
     label_of,
     split_heading,
@@ -83,10 +85,36 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
         for name, of_rows in labels.items():
             whole = _unpacked(name, datasets[name])
             folder, _, last = name.rpartition("/")
-            for label, values in zip(of_rows, whole.values.reshape(len(of_rows), -1), strict=True):
-                own = f"{folder}/{label}/{last}"
-                arrays[own], called[own] = replace(whole, values=values), f"{label} {last}"
+            units = _listed(datasets[name], "units_of_each", str) or [whole.unit] * len(of_rows)
+            absent = _listed(datasets[name], "absent", int)
+            if len(units) != len(of_rows):
+                raise MeasurementError(f"is damaged (units_of_each of {name})", "export it again")
+            rows = zip(of_rows, units, whole.values.reshape(len(of_rows), -1), strict=True)
+            for number, (label, unit, values) in enumerate(rows):
+                if number not in absent:
+                    own = f"{folder}/{label}/{last}"
+                    arrays[own], called[own] = replace(whole, values=values, unit=stated(unit)), f"{label} {last}"
     return [_signal(name, called[name], arrays, path) for name in arrays]
+
+
+def _listed(item: h5py.Dataset, name: str, of: type) -> list[Any]:
+    """What an attribute lists about the rows of an array of a result file, see docs/result_files.md; nothing elsewhere.
+
+    Raises
+    ------
+    MeasurementError
+        If it is no JSON list of texts, or of numbers.
+    """
+    text = text_of_attribute(item.attrs.get(name, ""))
+    if not text:
+        return []
+    try:
+        listed = json.loads(text)
+    except ValueError:
+        listed = None
+    if not isinstance(listed, list) or any(type(each) is not of for each in listed):
+        raise MeasurementError(f"is damaged ({name} of {item.name})", "export it again")
+    return listed
 
 
 def _labels_of_rows(item: h5py.Dataset) -> tuple[str, ...]:

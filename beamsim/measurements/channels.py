@@ -18,10 +18,9 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import spoken
-from beamsim.scenario.files import DecimalMark
+from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.identification import SteadyTest, TransientTest
 from beamsim.scenario.quantities import level_unit, meant, motion_dimension
-from beamsim.scenario.records import RecordPreparation
 
 AXIS_UNIT = "axis_unit (--axis-unit)"  # where a user can give the unit of an axis
 

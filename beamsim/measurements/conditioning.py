@@ -31,7 +31,7 @@ import numpy as np
 
 from beamsim.measurements.signal import LARGEST_VALUE, MeasuredSignal, MeasurementError
 from beamsim.scenario import units
-from beamsim.scenario.records import RecordPreparation
+from beamsim.scenario.files import RecordPreparation
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.typing import Floats
 

@@ -36,8 +36,7 @@ from beamsim.scenario.body import (
 )
 from beamsim.scenario.connections import base_problems
 from beamsim.scenario.distributed import AreaLoad, LineLoad
-from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile, DecimalMark
-from beamsim.scenario.records import RecordPreparation
+from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile, DecimalMark, RecordPreparation
 from beamsim.scenario.units import LEVEL_PSD, STANDARD_GRAVITY, UnitError, read_level
 
 AtLeastTwo = Field(min_length=2)

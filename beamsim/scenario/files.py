@@ -1,4 +1,4 @@
-"""Text tables in files: the keys that say how one is read."""
+"""Files that a section names: how a text table is read, and how a measured record is prepared before it is used."""
 
 from __future__ import annotations
 
@@ -29,3 +29,16 @@ class CurveFile(TableFile):
 
 AnyTableFile = Annotated[TableFile, ShortFor("file")]
 SHORT_FOR_FILE = ShortFor("file")
+
+
+class RecordPreparation(Schema):
+    """What is done to the values of a record, in the order of the keys."""
+
+    factor: q.NonzeroNumber = 1.0
+    """Factor by which the values are multiplied; -1 for a sensor that was mounted upside down."""
+    remove: Literal["mean", "trend"] | None = None
+    """Taken away from a time history: its mean, such as gravity or the offset of an amplifier, or the straight line
+    that fits it best."""
+    high_pass: q.Frequency | None = None
+    """-3 dB frequency of a high-pass filter without phase (Butterworth, fourth order) against drift of a time history;
+    well below the lowest frequency of the motion."""

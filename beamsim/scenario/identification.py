@@ -27,10 +27,9 @@ from beamsim.scenario.base import (
 )
 from beamsim.scenario.body import Ratios
 from beamsim.scenario.excitation import Excitation, FrequencyRange, Harmonic, level_problems, not_harmonic
-from beamsim.scenario.files import DecimalMark
+from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.parameters import choices_at, each_once, find_parameters, in_metres, read_as, side_at, value_at
 from beamsim.scenario.quantities import Rate
-from beamsim.scenario.records import RecordPreparation
 from beamsim.scenario.run import Start
 from beamsim.scenario.sweep import no_stop_of_hinge, stops_of_hinges
 

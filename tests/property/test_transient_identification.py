@@ -259,9 +259,10 @@ def test_sweeps_up_and_down_with_their_jumps():
     ],
 )
 def test_what_is_wrong_with_a_test_is_said_of_its_keys(keys, path):
-    scenario, times = load_scenario(case(transient(**keys))), np.arange(100.0)
+    times = np.arange(100.0)
+    signals = [MeasuredSignal("mass", times, np.sin(times), unit="m")]
     with pytest.raises(ScenarioError) as caught:
-        identify_stiffness(scenario, [MeasuredSignal("mass", times, np.sin(times), unit="m")])
+        identify_stiffness(load_scenario(case(transient(**keys))), signals)
     assert caught.value.problems[0].path == f"identify_stiffness.nonlinear.{path}"
 
 

@@ -192,16 +192,16 @@ def test_the_scenario_in_a_result_opens_no_file(whole, tmp_path):
 def test_datasets_that_are_not_as_written_are_refused(whole, tmp_path):
     def replaced(**options):
         def edit(file):
-            del file["time"]
-            file.create_dataset("time", **options)
+            del file["histories/time"]
+            file.create_dataset("histories/time", **options)
 
         return edit
 
     def virtual(file):
-        del file["time"]
+        del file["histories/time"]
         layout = h5py.VirtualLayout((5,), "f8")
         layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "x", (5,))
-        file.create_virtual_dataset("time", layout)
+        file.create_virtual_dataset("histories/time", layout)
 
     (tmp_path / "raw").write_bytes(bytes(40))
     for edit in (
@@ -219,7 +219,7 @@ def test_datasets_that_are_not_as_written_are_refused(whole, tmp_path):
 def test_an_older_layout_is_named(whole):
     def edit(file):
         file.attrs["schema_version"] = 2
-        del file["time"]
+        del file["histories/time"]
 
     with pytest.raises(ResultFileError, match=r"schema_version 2, written by beamsim .* run its scenario again"):
         open_result(edited(whole, edit))

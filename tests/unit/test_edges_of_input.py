@@ -117,7 +117,7 @@ def test_times_that_are_not_finite_are_not_animated(tmp_path):
     path = tmp_path / "r.h5"
     path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))
     with h5py.File(path, "a") as file:
-        file["time"][...] = np.nan
+        file["histories/time"][...] = np.nan
     done = invoke("animate", path, "-o", tmp_path)
     assert done.exit_code == 2, done.output
     assert "damaged (its times are not those of a run); run the case again" in done.output

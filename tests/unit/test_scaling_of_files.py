@@ -268,3 +268,30 @@ def test_a_record_that_is_not_used_may_be_wrong(tmp_path):
     assert bad.fault is not None
     assert bad.fault[0].startswith("states 20 samples and has 9")
     assert TAG in (tmp_path / "a.uff").read_text()
+
+
+def reactions(path, **attributes):
+    """Three outputs of a result, of which the last was not computed."""
+    with h5py.File(path, "w") as file:
+        group = file.create_group("outputs")
+        group["output"], group["time"] = np.array(["foot", "hinge", "none"], dtype=object), np.arange(20) / 100
+        group["time"].attrs["units"] = "s"
+        group["value"] = np.array([Y, 2 * Y, np.nan * Y])
+        for axis, name in enumerate(("output", "time")):
+            group[name].make_scale(name)
+            group["value"].dims[axis].attach_scale(group[name])
+        of_each = {"units": "see units_of_each", "units_of_each": '["N", "N m", "N"]', "absent": "[2]"}
+        group["value"].attrs.update(of_each | attributes)
+    return {each.name: each for each in read_file(path) if each.name.endswith("value")}
+
+
+def test_rows_of_a_result_have_units_of_their_own(tmp_path):
+    signals = reactions(tmp_path / "a.h5")
+    assert {name: each.unit for name, each in signals.items()} == {"foot value": "N", "hinge value": "N m"}
+    np.testing.assert_array_equal(signals["hinge value"].y, 2 * Y)
+
+
+@pytest.mark.parametrize("given", ['["N"]', "N", '{"foot": "N"}', "[1, 2, 3]", "[[]]"])
+def test_units_of_rows_that_are_not_listed_are_damage(tmp_path, given):
+    with pytest.raises(MeasurementError, match=r"is damaged .units_of_each of"):
+        reactions(tmp_path / "a.h5", units_of_each=given)

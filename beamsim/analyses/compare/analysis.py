@@ -28,9 +28,8 @@ from beamsim.measurements.conditioning import conditioned, offset_warnings
 from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
 from beamsim.scenario.excitation import spoken
-from beamsim.scenario.files import DecimalMark
+from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.quantities import motion_dimension
-from beamsim.scenario.records import RecordPreparation
 from beamsim.scenario.run import ShockSpectrumSettings, SpectrumSettings
 from beamsim.scenario.units import ACCELERATION, FORCE, MOMENT, Dimension
 from beamsim.typing import Complexes, Floats, Ints

@@ -52,10 +52,10 @@ from beamsim.orbits.tracing import Budget, Tracer, trace_range
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.files import RecordPreparation
 from beamsim.scenario.identification import NonlinearFit, SweepTest, TransientTest
 from beamsim.scenario.loading import describe
 from beamsim.scenario.quantities import level_unit
-from beamsim.scenario.records import RecordPreparation
 from beamsim.scenario.run import Run
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds

@@ -13,7 +13,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from beamsim.analyses.run.motion import Histories, RunMotion
+from beamsim.analyses.run.motion import RunMotion
+from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.spectra import spectral
 from beamsim.analyses.values import FORCE
 from beamsim.flow.channels import Observed

@@ -21,7 +21,6 @@ from beamsim.analyses.doubts import (
     reduction_checked,
 )
 from beamsim.analyses.run.aliasing import aliased_in_histories
-from beamsim.analyses.run.chunks import reached
 from beamsim.analyses.run.exact_motion import exact_motion_of, refuse_long_histories
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
@@ -36,6 +35,7 @@ from beamsim.analyses.run.motion import (
     pull_warnings,
 )
 from beamsim.analyses.run.needed import EVERYTHING, Needed
+from beamsim.analyses.run.observers import reached
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time

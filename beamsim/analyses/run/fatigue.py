@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from beamsim.analyses.run.chunks import ChunkObserver, reached
 from beamsim.analyses.run.impacts import BLOCKS, LEAST, jackknife
+from beamsim.analyses.run.observers import ChunkObserver, reached
 from beamsim.analyses.run.result import Fatigue, Rainflow
 from beamsim.analyses.values import STRESS, Extreme
 from beamsim.flow.channels import Observed, outputs_of

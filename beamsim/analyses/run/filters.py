@@ -28,8 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.chunks import reached
-from beamsim.analyses.run.motion import Histories
+from beamsim.analyses.run.observers import Histories, reached
 from beamsim.analyses.run.result import MAIN_QUANTITY, MatchedSpectrum, ShockResponse, ShockSpectrum
 from beamsim.analyses.values import ACCELERATION, outer
 from beamsim.errors import Problem, ScenarioError

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.chunks import ChunkObserver
+from beamsim.analyses.run.observers import ChunkObserver
 from beamsim.analyses.run.result import FigureInterval, Impacts, Rainflow, SnubberImpacts
 from beamsim.contacts.laws import PRESSING
 from beamsim.contacts.sliders import STICK

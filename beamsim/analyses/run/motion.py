@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from beamsim.analyses.run.chunks import samples_until
 from beamsim.analyses.run.energy import EnergyBalance
 from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
+from beamsim.analyses.run.observers import AtContact, Histories, largest_contact, samples_until
 from beamsim.analyses.run.result import (
     ONLY_BEAM,
     BodyResult,
@@ -32,7 +32,6 @@ from beamsim.analyses.values import (
     FORCE,
     STRESS,
     Extremes,
-    by_magnitude,
     extreme_times,
     largest,
     largest_pulls,
@@ -49,9 +48,8 @@ from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.scenario.run import Run
 from beamsim.structures.stations import COMPONENTS
-from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import SnubberNumbers, StructuralSystem
-from beamsim.typing import Bools, Floats, not_none
+from beamsim.typing import Floats, not_none
 
 if TYPE_CHECKING:
     from beamsim.analyses.run.fatigue import PlateStress, StressObserver
@@ -60,33 +58,6 @@ if TYPE_CHECKING:
 Value = TypeVar("Value")
 
 SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
-
-
-@dataclass(frozen=True)
-class Histories:
-    """A motion at the output times."""
-
-    time: Floats  # (nt,) s
-    channels: ChannelSet
-    values: Floats  # (nt, C) of the channels
-    touching: Bools  # (nt, m) whether each contact touches
-    energy: EnergyHistory
-
-    def of(self, key: Key) -> Floats:
-        """(nt, k) of the channels of a section and quantity: no copy where they are evenly spaced, as most are."""
-        columns = self.channels.places[key]
-        distance = np.diff(columns)
-        if columns.size and np.all(distance == distance[:1]) and np.all(distance > 0):
-            return self.values[:, columns[0] : columns[-1] + 1 : distance[0] if distance.size else 1]
-        return np.asarray(self.values[:, columns])
-
-
-class AtContact(NamedTuple):
-    """A motion at a time."""
-
-    time: float  # s
-    state: Floats  # (2n or more,)
-    opening: Floats  # (snubbers or more,) m, distances to the faces as they are then
 
 
 @dataclass
@@ -350,24 +321,6 @@ def _friction(motion: RunMotion, histories: Histories, evaluation: Evaluation) -
         )
         for i, (c, j, of_contact) in enumerate(zip(contacts, number, figures, strict=True))
     }
-
-
-class LargestContact(NamedTuple):
-    """The largest contact force of a motion."""
-
-    snubber: int
-    force: float  # N
-    time: float  # s
-
-
-def largest_contact(system: StructuralSystem, extremes: Extremes) -> LargestContact | None:
-    """That of a structure of several bodies, of which there is a sketch; None without contact."""
-    if len(system.bodies) < 2 or not system.snubbers:
-        return None
-    forces, times = by_magnitude(system.channels.of_keys(FORCE).channels, extremes[FORCE])[2:]
-    forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # moments have no place in the sketch
-    at = int(forces.argmax())
-    return LargestContact(at, float(forces[at]), float(times[at])) if forces[at] > 0.0 else None
 
 
 def contact_instant(motion: RunMotion) -> ContactInstant | None:

@@ -1,24 +1,128 @@
-"""Histories, states and the last part of a motion that is given chunk by chunk."""
+"""What is taken of a motion chunk by chunk, while it is marched: histories, states, its last part.
+
+Every chunk is seen once and may be forgotten.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple
+
 import numpy as np
 
-from beamsim.analyses.run.chunks import reached
 from beamsim.analyses.run.energy import energies, power_factors
-from beamsim.analyses.run.motion import AtContact, Histories, largest_contact
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.analyses.values import Extremes, extreme_times
+from beamsim.analyses.values import FORCE, Extremes, by_magnitude, extreme_times
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
-from beamsim.outcomes import Interrupted, Stop, stopped_by
-from beamsim.system.equations import ChannelSet
+from beamsim.outcomes import Interrupted, Stop, check_stop, stopped_by
+from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Bools, Floats
 
 VALUES_AT_ONCE = 2**22  # outputs and states at the times that are computed together
 FEWEST_SAMPLES = 1000  # that are evaluated whatever time that takes
+ROUND_OFF = 1e-12  # relative, of the last output time
+
+
+class ChunkObserver(ABC):
+    """Evaluates chunk after chunk, the latest one when the next comes or when the result is asked for.
+
+    What takes long is so computed after the values of the motion itself, if the motion is one chunk.
+
+    Parameters
+    ----------
+    stop : asked during a march whether to end; there is no result then.
+    """
+
+    def __init__(self, stop: Stop) -> None:
+        self._stop, self._interrupted = stop, False
+        self._latest: Trajectory | None = None
+
+    def add(self, chunk: Trajectory) -> None:
+        """Take the next chunk."""
+        try:
+            with stopped_by(self._stop):
+                self.finish()
+        except Interrupted:
+            self._interrupted = True
+        self._latest = chunk
+
+    def finish(self) -> None:
+        """Evaluate the latest chunk.
+
+        Raises
+        ------
+        Interrupted
+            If this or an earlier chunk is not evaluated.
+        """
+        if self._interrupted:
+            raise Interrupted
+        if self._latest is not None:
+            check_stop()
+            self.evaluate(self._latest)
+        self._latest = None
+
+    @abstractmethod
+    def evaluate(self, chunk: Trajectory) -> None:
+        """Include a chunk, as the one after those before."""
+
+
+def samples_until(end: float, rate: float) -> int:
+    """Number of samples from 0 to an end, s, which the last one may pass by round-off."""
+    return int(end * rate * (1.0 + ROUND_OFF)) + 1
+
+
+def reached(end: float, times: Floats) -> Floats:
+    """The times up to the end of a motion, s."""
+    return times[: np.searchsorted(times, end * (1.0 + ROUND_OFF), side="right")]
+
+
+@dataclass(frozen=True)
+class Histories:
+    """A motion at the output times."""
+
+    time: Floats  # (nt,) s
+    channels: ChannelSet
+    values: Floats  # (nt, C) of the channels
+    touching: Bools  # (nt, m) whether each contact touches
+    energy: EnergyHistory
+
+    def of(self, key: Key) -> Floats:
+        """(nt, k) of the channels of a section and quantity: no copy where they are evenly spaced, as most are."""
+        columns = self.channels.places[key]
+        distance = np.diff(columns)
+        if columns.size and np.all(distance == distance[:1]) and np.all(distance > 0):
+            return self.values[:, columns[0] : columns[-1] + 1 : distance[0] if distance.size else 1]
+        return np.asarray(self.values[:, columns])
+
+
+class AtContact(NamedTuple):
+    """A motion at a time."""
+
+    time: float  # s
+    state: Floats  # (2n or more,)
+    opening: Floats  # (snubbers or more,) m, distances to the faces as they are then
+
+
+class LargestContact(NamedTuple):
+    """The largest contact force of a motion."""
+
+    snubber: int
+    force: float  # N
+    time: float  # s
+
+
+def largest_contact(system: StructuralSystem, extremes: Extremes) -> LargestContact | None:
+    """That of a structure of several bodies, of which there is a sketch; None without contact."""
+    if len(system.bodies) < 2 or not system.snubbers:
+        return None
+    forces, times = by_magnitude(system.channels.of_keys(FORCE).channels, extremes[FORCE])[2:]
+    forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # moments have no place in the sketch
+    at = int(forces.argmax())
+    return LargestContact(at, float(forces[at]), float(times[at])) if forces[at] > 0.0 else None
 
 
 class HistoryRecorder:

@@ -10,7 +10,8 @@ import numpy as np
 from beamsim.analyses.run.energy import EnergyBalance, power_factors, stored_energy
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
-from beamsim.analyses.run.motion import AtContact, Histories, RunMotion, largest_contact, with_limit
+from beamsim.analyses.run.motion import RunMotion, with_limit
+from beamsim.analyses.run.observers import AtContact, Histories, largest_contact
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, Extremes, searched
 from beamsim.flow.channels import Observed

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.analyses.run.aliasing import between_samples, share_above_half_rate
-from beamsim.analyses.run.chunks import reached, samples_until
+from beamsim.analyses.run.observers import reached, samples_until
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.result import (
