@@ -13,6 +13,7 @@ from beamsim.analyses.nnm import phase_resonance
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
+from beamsim.orbits.continuation import BranchStep
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result
 from tests.helpers.commands import invoke
@@ -67,13 +68,14 @@ def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch
 @pytest.mark.slow
 def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
     """Where no motion is found on the way from one point of the backbone to the next, halves of it are tried."""
-    real, tried = phase_resonance.locate, []
+    tried = []
 
-    def blocked(orbits, a, b, *rest):
-        tried.append(b.parameter - a.parameter)
-        return real(orbits, a, b, *rest) if len(tried) > 2 else None
+    class Blocked(BranchStep):
+        def locate(self, *functions):
+            tried.append(self.b.parameter - self.a.parameter)
+            return super().locate(*functions) if len(tried) > 2 else None
 
-    monkeypatch.setattr(phase_resonance, "locate", blocked)
+    monkeypatch.setattr(phase_resonance, "BranchStep", Blocked)
     levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
     motion = nnm(load_scenario(BACKBONE, SHORT | levels)).phase_resonance.motions[0]
     assert motion.predicted_energy == pytest.approx(held.phase_resonance.motions[0].predicted_energy, rel=1e-6)
