@@ -118,20 +118,28 @@ def _rows(member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
         case Dataset() as d:
             at = spot(member, place if d.per is None else by_name(place, d))
             if d.per is not None:
-                yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", f"keys of {at.name}, JSON")
+                yield (
+                    place.attributes,
+                    Row(
+                        f"{place.prefix}{member.name}",
+                        "",
+                        "attribute",
+                        f"JSON list of the names that {at.name} has values for",
+                    ),
+                )
             yield from _of_spot(at, d, member, place)
             if isinstance(d.along, Folded) and d.along.more is not None:
                 yield from _of_spot(spot(member, place, True, f"_by_{d.along.more.name}"), d, member, place)
         case Attribute() as d:
             yield from _attributes(member, d, place)
         case Group() as d if place.dims:
-            text = f"labels of those that have {d.path or d.prefix}, JSON list"
+            text = f"JSON list of the members that have {d.path or d.prefix}"
             yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", text)
         case Members() as d:
-            text = "keys in order, JSON: a list of each of what has them, or one where all have the same"
+            text = f"JSON list of the values of {d.dim} in order; of several owners a list for each, or one for all"
             yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", text)
             of = members_place(place, d)
-            meaning = next((m.declaration.meaning for m in members_of(d.of) if isinstance(m.declaration, Key)), "key")
+            meaning = next((m.declaration.meaning for m in members_of(d.of) if isinstance(m.declaration, Key)), "name")
             yield f"/{of.dataset}", Row(d.dim, "1", "is an axis", meaning)
         case Table() as d:
             below = table_place(place, member.name, d)

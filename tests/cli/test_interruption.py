@@ -127,7 +127,7 @@ import beamsim.cli
 import beamsim.cli.progress
 
 @contextmanager
-def telling(label, *, shown, afterwards="", most_hours=1000.0):
+def telling(label, *, shown, afterwards=""):
     reports = 0
     def tell(fraction):
         nonlocal reports
