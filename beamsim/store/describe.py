@@ -118,15 +118,8 @@ def _rows(member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
         case Dataset() as d:
             at = spot(member, place if d.per is None else by_name(place, d))
             if d.per is not None:
-                yield (
-                    place.attributes,
-                    Row(
-                        f"{place.prefix}{member.name}",
-                        "",
-                        "attribute",
-                        f"JSON list of the names that {at.name} has values for",
-                    ),
-                )
+                text = f"JSON list of the names that {at.name} has values for"
+                yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", text)
             yield from _of_spot(at, d, member, place)
             if isinstance(d.along, Folded) and d.along.more is not None:
                 yield from _of_spot(spot(member, place, True, f"_by_{d.along.more.name}"), d, member, place)
