@@ -16,7 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from beamsim.hdf5 import LIST, open_hdf5, read_array, scale_along, values_size
+from beamsim.hdf5 import ABSENT, LIST, OF_EACH, open_hdf5, read_array, scale_along, values_size
 from beamsim.input_files import demand_memory
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
@@ -85,10 +85,10 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
         for name, of_rows in labels.items():
             whole = _unpacked(name, datasets[name])
             folder, _, last = name.rpartition("/")
-            units = _listed(datasets[name], "units_of_each", str) or [whole.unit] * len(of_rows)
-            absent = _listed(datasets[name], "absent", int)
+            units = _listed(datasets[name], OF_EACH, str) or [whole.unit] * len(of_rows)
+            absent = _listed(datasets[name], ABSENT, int)
             if len(units) != len(of_rows):
-                raise MeasurementError(f"is damaged (units_of_each of {name})", "export it again")
+                raise MeasurementError(f"is damaged ({OF_EACH} of {name})", "export it again")
             rows = zip(of_rows, units, whole.values.reshape(len(of_rows), -1), strict=True)
             for number, (label, unit, values) in enumerate(rows):
                 if number not in absent:

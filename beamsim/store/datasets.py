@@ -31,6 +31,7 @@ from beamsim.fields import (
     made_of,
     members_of,
 )
+from beamsim.hdf5 import ABSENT, OF_EACH
 from beamsim.store.layout import (
     Axis,
     Spot,
@@ -44,10 +45,6 @@ from beamsim.store.layout import (
     table_place,
 )
 
-ABSENT = "absent"
-"""Attribute of a variable that some members do not have: their numbers, in C order over the dimensions of members."""
-OF_EACH = "units_of_each"
-"""Attribute of a variable whose unit differs from member to member: JSON list of their units, in the same order."""
 MIXED = "see units_of_each"
 ROW = "number of the row"
 """Meaning of the coordinate of rows that belong to several members, one after the other."""
@@ -81,6 +78,11 @@ class Item:
         """What the values are."""
         return str(self.attributes.get("long_name", ""))
 
+    @property
+    def absent(self) -> frozenset[int]:
+        """Numbers of the members that have no values, in C order over the dimensions of members."""
+        return frozenset(json.loads(str(self.attributes.get(ABSENT, "[]"))))
+
 
 Items = dict[str, Item]  # by path, "/" of the root, "/histories" of a dataset, "/histories/time" of a variable
 
@@ -95,13 +97,12 @@ def last(path: str) -> str:
     return path.rpartition("/")[2]
 
 
-class InParts(NamedTuple):
-    """A large array that members share, which is written part by part."""
+@dataclass(frozen=True)
+class LargeArray:
+    """What is known of a large array without its values."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
-    parts: tuple[tuple[Any, Any], ...]  # index and values
-    fill: Any
 
     @property
     def ndim(self) -> int:
@@ -117,6 +118,14 @@ class InParts(NamedTuple):
     def nbytes(self) -> int:
         """Bytes that the values take in memory."""
         return self.size * self.dtype.itemsize
+
+
+@dataclass(frozen=True)
+class InParts(LargeArray):
+    """A large array that members share, which is written part by part."""
+
+    parts: tuple[tuple[Any, Any], ...]  # index and values
+    fill: Any
 
     def part(self, index: Any) -> Any:
         """A part of the whole array."""
@@ -895,7 +904,7 @@ class Reader:
 
     def _absent_of(self, path: str, item: Item) -> frozenset[int]:
         if path not in self._absent:
-            self._absent[path] = frozenset(json.loads(str(item.attributes.get(ABSENT, "[]"))))
+            self._absent[path] = item.absent
         return self._absent[path]
 
 

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from beamsim.analyses.result import Result
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
-from beamsim.store.datasets import ABSENT, NAMES, OF_EACH, ROW, Item, Items, items_of, last, parent, part_of
+from beamsim.hdf5 import OF_EACH
+from beamsim.store.datasets import NAMES, ROW, Item, Items, items_of, last, parent, part_of
 from beamsim.store.results import (
     decode_summary,
     open_with_items,
@@ -172,7 +173,7 @@ def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[t
     across = [axis for axis in item.axes if axis not in rows]
     sizes = [items[axis].array.size for axis in across]
     of_each = json.loads(str(item.attributes.get(OF_EACH, "[]")))
-    absent = set(json.loads(str(item.attributes.get(ABSENT, "[]"))))
+    absent = item.absent
     count = int(np.prod(sizes, dtype=int))
     for flat, numbers in enumerate(np.ndindex(*sizes)):
         known = dict(zip(across, numbers, strict=True))

@@ -20,9 +20,10 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -37,7 +38,7 @@ from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.scenario import Scenario
 from beamsim.scenario.loading import stored_scenario
 from beamsim.scenario.scenario import SolvedFiles
-from beamsim.store.datasets import InParts, Item, Items, Reader, items_of, last
+from beamsim.store.datasets import InParts, Item, Items, LargeArray, Reader, items_of, last
 
 if TYPE_CHECKING:
     from beamsim.analyses.result import Result
@@ -489,7 +490,8 @@ def _attributes(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
     return values
 
 
-class StoredArray(NamedTuple):
+@dataclass(frozen=True)
+class StoredArray(LargeArray):
     """A large array of numbers in a result file, which is closed: values are read when they are used.
 
     Indexing reads a part, `numpy.asarray` the whole. Both raise a `ResultFileError` if the file has changed since, or
@@ -498,25 +500,8 @@ class StoredArray(NamedTuple):
 
     path: str
     name: str  # of the dataset
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
     state: FileState  # of the file
     within: tuple[Any, ...] = ()  # numbers and ranges along the axes of the dataset, of a part of it
-
-    @property
-    def ndim(self) -> int:
-        """Number of axes."""
-        return len(self.shape)
-
-    @property
-    def size(self) -> int:
-        """Number of values."""
-        return math.prod(self.shape)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes that the values take in memory."""
-        return self.size * self.dtype.itemsize
 
     def part(self, index: tuple[Any, ...]) -> StoredArray:
         """A part of the whole array.
@@ -526,7 +511,7 @@ class StoredArray(NamedTuple):
         index : a number or a range for each axis.
         """
         ranges = ((each, size) for each, size in zip(index, self.shape, strict=True) if isinstance(each, slice))
-        return self._replace(shape=tuple(len(range(*each.indices(size))) for each, size in ranges), within=index)
+        return replace(self, shape=tuple(len(range(*each.indices(size))) for each, size in ranges), within=index)
 
     def __getitem__(self, index: Any) -> Any:
         if self.within:
@@ -563,7 +548,7 @@ def _stored(dataset: h5py.Dataset, state: FileState) -> Any:
     flags = "flag_meanings" in dataset.attrs and dataset.dtype == np.uint8
     kind = np.dtype(np.bool_) if flags else dataset.dtype
     if values_size(dataset) > CHUNK_BYTES:
-        return StoredArray(os.path.abspath(dataset.file.filename), dataset.name, dataset.shape, kind, state)
+        return StoredArray(dataset.shape, kind, os.path.abspath(dataset.file.filename), dataset.name, state)
     try:
         return np.asarray(dataset[()]).view(kind)
     except OSError as error:

@@ -15,7 +15,6 @@ coordinates are in no data set 15, and the header names their bodies.
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -29,7 +28,7 @@ from beamsim.files import replacing
 from beamsim.matrix_files import DIRECTIONS
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
-from beamsim.store.datasets import ABSENT, NAMES, Item, Items, last, parent, part_of
+from beamsim.store.datasets import NAMES, Item, Items, last, parent, part_of
 from beamsim.structures.places import DEFLECTION
 from beamsim.structures.stations import NODES, Stations
 from beamsim.system.modes import ModeTable
@@ -274,7 +273,7 @@ def _names_at(
     if not places:
         yield "base", {}
         return
-    absent = json.loads(str(item.attributes.get(ABSENT, "[]")))
+    absent = item.absent
     for k, label in enumerate(items[item.axes[dims.index(places[0])]].values):
         if k not in absent:
             yield str(label), {places[0]: k}
