@@ -505,8 +505,8 @@ def _residual(terms: _Terms, equations: StateEquations, sources: Sources) -> Com
     z[F, power, of.slopes.start + F] = sources.exponent
     rising = np.flatnonzero(power)
     z[rising, power[rising] - 1, of.slopes.start + rising] = power[rising]
-    out = StateEquations(of, equations.phases, z.reshape(-1, of.width).T).rates.T.reshape(y.shape)
-    out = out - sources.exponent[:, None, None] * y - np.arange(1, degrees + 1)[:, None] * response[:, 1:]
+    rates = StateEquations(of, equations.phases, z.reshape(-1, of.width).T).rates.T.reshape(y.shape)
+    out = rates - sources.exponent[:, None, None] * y - np.arange(1, degrees + 1)[:, None] * response[:, 1:]
     out[np.arange(degrees) > power[:, None]] = 0.0
     return np.asarray(out)
 
