@@ -21,8 +21,8 @@ from beamsim.analyses.run.result import (
     Work,
 )
 from beamsim.analyses.run.spectra import spectrum
-from beamsim.analyses.values import judged
 from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.results.values import judged
 from beamsim.scenario.body import Located
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.structures.stations import ALONG, MASSES, Recovery, Stations

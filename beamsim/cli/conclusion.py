@@ -7,8 +7,6 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
 
-from beamsim.analyses.result import Result
-from beamsim.analyses.values import limits_not_met
 from beamsim.cli.failures import Interruption, interruptible, say, show
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_json, print_table
@@ -20,6 +18,8 @@ from beamsim.kinds import KINDS, named
 from beamsim.outcomes import exit_code
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import scale_for, shown_in
+from beamsim.results.result import Result
+from beamsim.results.values import limits_not_met
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.store.results import keep_result, refusing_damage
 

@@ -11,12 +11,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from beamsim.analyses.result import Result
-from beamsim.analyses.values import limit_label
 from beamsim.cli.printing import aligned, percent, under_headings
 from beamsim.cli.tables import ended, margins, of_states, predicted
 from beamsim.outcomes import STANDINGS, first_of
 from beamsim.plots.style import is_known, scale_for
+from beamsim.results.result import Result
+from beamsim.results.values import limit_label
 from beamsim.scenario.base import counted
 from beamsim.scenario.units import STANDARD_GRAVITY
 

@@ -14,12 +14,12 @@ from beamsim.analyses.designs.result import (
     parameter_label,
     responses_of,
 )
-from beamsim.analyses.values import VALUES, limit_label
 from beamsim.cli.printing import MOST_ROWS, more_rows
 from beamsim.cli.screens import SHOWN, Screen, rounded
 from beamsim.cli.tables import Labelled, Views, margins
 from beamsim.outcomes import OnLimit
 from beamsim.plots.style import amount, extent, is_known, margin_text
+from beamsim.results.values import VALUES, limit_label
 from beamsim.scenario.base import counted
 
 MOST_BEST = 5

@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
-from beamsim.analyses.values import limit_label, limit_unit, of_angles
 from beamsim.cli.printing import aligned, lines, percent, table_text, told
 from beamsim.fields import place_in_words, words
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import OnLimit, Outcome
 from beamsim.plots.style import amount, is_known, margin_text, scale_for, shown_in
+from beamsim.results.result import Result
+from beamsim.results.values import limit_label, limit_unit, of_angles
 from beamsim.scenario.base import counted
 from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.coexisting.result import CoexistingResult
-from beamsim.analyses.values import Value
 from beamsim.plots.drawing import HERTZ, MOST_CURVES, Chart, Curve, Picture, curve_style, marked
+from beamsim.results.values import Value
 
 _MARKS = "os^Dvx"
 _LABELS = ("stable, marks by share of the starts", "not periodic", "unstable")

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import ResponseBranch
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
-from beamsim.analyses.values import DISPLACEMENT, OUTPUT, Value
 from beamsim.plots.branches import BranchLine, branch_curves
 from beamsim.plots.drawing import (
     HERTZ,
@@ -27,6 +25,8 @@ from beamsim.plots.drawing import (
     over_frequencies,
 )
 from beamsim.plots.style import level_text, scale_for
+from beamsim.results.branch import ResponseBranch
+from beamsim.results.values import DISPLACEMENT, OUTPUT, Value
 from beamsim.typing import Floats
 
 _OVERLAID = ("#8a8f98", "#b08968", "#7d9a83", "#9a86ad")  # lighter than the curves above them

@@ -21,7 +21,6 @@ from beamsim.analyses.designs.result import (
     responses_of,
     varies,
 )
-from beamsim.analyses.values import BY_NAME, OUTPUT
 from beamsim.plots.drawing import (
     DARK,
     MOST_CURVES,
@@ -39,6 +38,7 @@ from beamsim.plots.drawing import (
     with_unit,
 )
 from beamsim.plots.style import Scale, amount, extent, scale_for
+from beamsim.results.values import BY_NAME, OUTPUT
 from beamsim.typing import Floats
 
 SHOWN = (

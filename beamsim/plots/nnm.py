@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from beamsim.analyses.branch import ModeBranch
 from beamsim.analyses.nnm.result import NormalModeResult, RelaxedComparison
 from beamsim.plots.branches import BranchLine, branch_curves
 from beamsim.plots.drawing import (
@@ -29,6 +28,7 @@ from beamsim.plots.multiple_scales import FACTOR, expansion_figures
 from beamsim.plots.phase_resonance import phase_resonance_figures
 from beamsim.plots.stations import draw_along
 from beamsim.plots.style import Scale
+from beamsim.results.branch import ModeBranch
 from beamsim.typing import Floats
 
 FLOOR = -120.0  # dB, of a spectrum

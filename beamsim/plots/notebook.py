@@ -8,10 +8,10 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from beamsim.analyses.result import Result
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.plots.drawing import plain_text
 from beamsim.plots.style import shown_in
+from beamsim.results.result import Result
 
 
 def figures_of(result: Result) -> dict[str, Figure]:

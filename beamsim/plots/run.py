@@ -25,7 +25,6 @@ from beamsim.analyses.run.result import (
     SnubberHistory,
     Spectrum,
 )
-from beamsim.analyses.values import OUTPUT
 from beamsim.fields import place_in_words
 from beamsim.plots.bodies import body_figures
 from beamsim.plots.drawing import (
@@ -50,6 +49,7 @@ from beamsim.plots.drawing import (
     with_unit,
 )
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
+from beamsim.results.values import OUTPUT
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.typing import Bools, Floats, Ints
 

@@ -14,7 +14,6 @@ from matplotlib.axes import Axes
 
 from beamsim.analyses.run.aliasing import NOTABLE
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, OUTPUT, Value
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,
@@ -34,6 +33,7 @@ from beamsim.plots.drawing import (
     over_frequencies,
 )
 from beamsim.plots.style import Scale, amount, level_text, scale_for
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, OUTPUT, Value
 from beamsim.scenario.reporting import limited_quantity
 from beamsim.typing import Floats
 

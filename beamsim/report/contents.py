@@ -7,8 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from re import fullmatch
 from typing import Any
 
-from beamsim.analyses.result import MARGINS, Result
-from beamsim.analyses.values import limit_label
 from beamsim.fields import figure_in_words, place_in_words
 from beamsim.kinds import KINDS, kind_of_class
 from beamsim.outcomes import STANDINGS, OnLimit
@@ -19,6 +17,8 @@ from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import amount, scale_for
 from beamsim.report.interactive import interactive
 from beamsim.report.page import NOTE, Cells, Page, Verdict, captioned, labelled, listing, picture, table
+from beamsim.results.result import MARGINS, Result
+from beamsim.results.values import limit_label
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Schema
 from beamsim.scenario.parameters import field_type

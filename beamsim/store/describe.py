@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from beamsim.analyses.result import Result
 from beamsim.fields import (
     OUTCOME,
     Attribute,
@@ -27,6 +26,7 @@ from beamsim.fields import (
     members_of,
 )
 from beamsim.kinds import KINDS, named
+from beamsim.results.result import Result
 from beamsim.store.layout import (
     Spot,
     StoragePlace,

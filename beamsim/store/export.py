@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamsim.analyses.result import Result
 from beamsim.errors import ResultFileError
 from beamsim.files import replacing
 from beamsim.hdf5 import OF_EACH
+from beamsim.results.result import Result
 from beamsim.store.datasets import NAMES, ROW, Item, Items, items_of, last, parent, part_of
 from beamsim.store.results import (
     decode_summary,

@@ -41,7 +41,7 @@ from beamsim.scenario.scenario import SolvedFiles
 from beamsim.store.datasets import InParts, Item, Items, LargeArray, Reader, items_of, last
 
 if TYPE_CHECKING:
-    from beamsim.analyses.result import Result
+    from beamsim.results.result import Result
 
 SCHEMA_VERSION = 4
 CHECKSUM = "checksum"

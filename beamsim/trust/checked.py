@@ -12,10 +12,10 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from beamsim.analyses.gapping import finite
-from beamsim.analyses.values import largest_along
 from beamsim.flow.compiled import processor_time
 from beamsim.outcomes import Progress, Stop, never, part_of
+from beamsim.responses.gapping import finite
+from beamsim.results.values import largest_along
 from beamsim.trust.convergence import (
     COMPARISON,
     NOT_ASKED,

@@ -18,16 +18,16 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from beamsim.analyses.result import Result
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.run.stepped_motion import relative_tolerance
-from beamsim.analyses.values import limited
 from beamsim.errors import ScenarioError
 from beamsim.fields import figure_in_words
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInChunks
 from beamsim.outcomes import Outcome, OutcomeKind, listed
+from beamsim.results.result import Result
+from beamsim.results.values import limited
 from beamsim.scenario import Scenario
 from beamsim.typing import Floats, Ints, not_none
 

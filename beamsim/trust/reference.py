@@ -12,9 +12,9 @@ from beamsim.analyses.run.motion import RunMotion, output_times
 from beamsim.analyses.run.result import ALLOWED_CHANGE, Against, AgainstFigure, EventLog, RunResult
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import figures_of_motion
-from beamsim.analyses.values import DISPLACEMENT, VALUES
 from beamsim.errors import Problem, ScenarioError
 from beamsim.outcomes import Outcome, OutcomeKind, never
+from beamsim.results.values import DISPLACEMENT, VALUES
 from beamsim.system.build import build_system
 from beamsim.trust.convergence import ContactEvents, divergence, places
 from beamsim.typing import not_none

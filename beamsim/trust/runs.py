@@ -28,7 +28,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamsim.analyses.gapping import finite, gapping_ratios
 from beamsim.analyses.run.analysis import Solution, motion_of, solved
 from beamsim.analyses.run.exact_motion import motion_in_chunks
 from beamsim.analyses.run.filters import FilteredMotion, filtered, shock_response
@@ -48,11 +47,12 @@ from beamsim.analyses.run.summary import (
     spectral_lines,
     static_figures,
 )
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Progress, Stop, check_stop, never, stopped_by
+from beamsim.responses.gapping import finite, gapping_ratios
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, extreme_times, searched
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY

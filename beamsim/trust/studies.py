@@ -22,13 +22,13 @@ from beamsim.analyses.designs.reliability import Exceedance, asked, concluded
 from beamsim.analyses.designs.responses import entries_of, means, responses_of_result
 from beamsim.analyses.designs.result import CaseOutcome, DesignsResult, RunOfDesign, objectives
 from beamsim.analyses.designs.search import search
-from beamsim.analyses.result import CONVERGENCE
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.analyses.values import BY_NAME, limited
 from beamsim.errors import BeamsimError, allowing_hours
 from beamsim.outcomes import Outcome, Stop, never, tell
 from beamsim.parallel import Cluster, Computation, most_processors, working
+from beamsim.results.result import CONVERGENCE
+from beamsim.results.values import BY_NAME, limited
 from beamsim.scenario import Scenario
 from beamsim.system.parts import SharedBuilds
 from beamsim.trust.checked import continuation, sweep

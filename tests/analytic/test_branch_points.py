@@ -10,12 +10,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.analyses.continuation.paths import response_model
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.period import cyclic
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points
+from beamsim.responses.parameters import response_model
 from beamsim.scenario import load_scenario
 
 MIX = np.linalg.qr(np.random.default_rng(3).normal(size=(4, 4)))[0]

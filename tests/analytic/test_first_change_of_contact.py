@@ -8,12 +8,12 @@ from independent import Stop, chain, integrate
 from typer.testing import CliRunner
 
 import beamsim
-from beamsim.analyses.gapping import contact_levels
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.cli.app import app
 from beamsim.cli.screens import contact_levels as lines_of
 from beamsim.cli.tables import table_rows
+from beamsim.responses.gapping import contact_levels
 from beamsim.scenario import load_scenario
 
 OTHER = "a table, branch, spring or friction changes first"

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.gapping import contact_levels, transfer
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.cli.tables import table_rows
+from beamsim.responses.gapping import contact_levels, transfer
 from beamsim.scenario import load_scenario
 
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import welch
 
 import beamsim
-from beamsim.analyses.values import limits_not_met
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import limit_curve
+from beamsim.results.values import limits_not_met
 from beamsim.scenario import load_scenario, units
 from beamsim.store.results import open_result, write_result
 

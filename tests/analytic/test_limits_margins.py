@@ -5,7 +5,7 @@ import math
 import pytest
 
 import beamsim
-from beamsim.analyses.values import limits_not_met, margin_of, margins
+from beamsim.results.values import limits_not_met, margin_of, margins
 from beamsim.scenario import load_scenario
 from beamsim.scenario.reporting import Limits
 

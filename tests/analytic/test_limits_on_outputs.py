@@ -3,7 +3,7 @@
 import pytest
 
 import beamsim
-from beamsim.analyses.values import limits_not_met
+from beamsim.results.values import limits_not_met
 from beamsim.scenario import load_scenario
 
 MASS = """\

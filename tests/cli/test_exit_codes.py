@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from beamsim.analyses.values import judged, margins_of
 from beamsim.cli.conclusion import conclude
 from beamsim.cli.failures import Interruption
 from beamsim.cli.options import Given
 from beamsim.errors import VerdictError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import STANDINGS, OnLimit, Outcome, OutcomeKind, exit_code, on_limit
+from beamsim.results.values import judged, margins_of
 from beamsim.scenario.reporting import Limits
 from tests.helpers.commands import invoke
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamsim.analyses.values import ACCELERATION
 from beamsim.flow.channels import Observed, outputs_of
 from beamsim.flow.exact import ExactFlow
+from beamsim.results.values import ACCELERATION
 from beamsim.system.equations import Sizes
 from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import StructuralSystem

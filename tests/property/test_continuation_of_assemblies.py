@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from assemblies import Assembly, parameters
 
-from beamsim.analyses.continuation.paths import response_model
 from beamsim.errors import ScenarioError
+from beamsim.responses.parameters import response_model
 from beamsim.scenario import load_scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.parameters import value_at

@@ -4,11 +4,11 @@ above it the contact that was named does."""
 import numpy as np
 import pytest
 
-from beamsim.analyses.gapping import contact_levels, static_penetration, transfer
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
+from beamsim.responses.gapping import contact_levels, static_penetration, transfer
 from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing
 

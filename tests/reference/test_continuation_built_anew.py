@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.analyses.continuation.paths import response_model
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import simulate
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.shooting import linear_guess
+from beamsim.responses.parameters import response_model
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
 from beamsim.system.build import build_family, build_system

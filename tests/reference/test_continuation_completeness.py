@@ -8,10 +8,10 @@ from sampling import slow_after
 from scipy.integrate import solve_ivp
 
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.analyses.continuation.paths import response_model
 from beamsim.cli.tables import all_rows, table_rows
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.outcomes import OutcomeKind
+from beamsim.responses.parameters import response_model
 from beamsim.scenario import Scenario, load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -7,8 +7,8 @@ import pytest
 from sampling import slow_after
 
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.analyses.continuation.paths import MovedSnubber
 from beamsim.flow.variational import VariationalFlow
+from beamsim.responses.parameters import MovedSnubber
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
 from beamsim.system.build import build_family, build_system
@@ -39,7 +39,7 @@ def settled_peak(key, value):
     """Largest tip displacement of the steady motion of a scenario with this value, from a transient."""
     scenario = load_scenario(BEAM, {key: value, "run": None})
     system = build_system(scenario)
-    from beamsim.analyses.continuation.paths import periodic_forcing
+    from beamsim.responses.loads import periodic_forcing
 
     flow = VariationalFlow(
         system.dynamics, periodic_forcing(scenario, system), 2 * np.pi * 65.0, scenario.excitation.level

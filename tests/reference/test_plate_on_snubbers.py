@@ -8,7 +8,7 @@ from numpy.polynomial import Legendre, Polynomial
 from scipy.linalg import eigh
 
 import beamsim
-from beamsim.analyses.gapping import contact_levels
+from beamsim.responses.gapping import contact_levels
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 

@@ -102,7 +102,7 @@ def test_clocks_and_time_stamps_change_nothing(stamp, clock, tmp_path, monkeypat
         def now(cls, tz=None):
             return cls.fromisoformat(clock).replace(tzinfo=tz)
 
-    monkeypatch.setattr("beamsim.analyses.result.datetime", Clock)
+    monkeypatch.setattr("beamsim.results.result.datetime", Clock)
     monkeypatch.setattr("time.time", lambda: Clock.now(UTC).timestamp())
     (tmp_path / "pad.csv").write_text("deflection (mm),force (N)\n0,0\n1,5\n")
     os.utime(tmp_path / "pad.csv", (stamp, stamp))

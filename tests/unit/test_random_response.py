@@ -11,7 +11,6 @@ from scipy.signal import butter, sosfilt
 from scipy.special import gamma
 
 import beamsim
-from beamsim.analyses.gapping import transfer
 from beamsim.analyses.run.fatigue import damage_interval
 from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.random_response import (
@@ -29,6 +28,7 @@ from beamsim.contacts.laws import OneSidedSpring, kelvin_voigt
 from beamsim.inputs.excitation import random_signals
 from beamsim.outcomes import exit_code
 from beamsim.plots.run import density, phase_density
+from beamsim.responses.gapping import transfer
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import RandomInput
 from beamsim.scenario.run import Reduction, StressLife

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from beamsim.analyses.gapping import contact_levels, transfer
 from beamsim.analyses.sweep.analysis import sweep, sweep_system
 from beamsim.analyses.sweep.stepped import frequencies_of
 from beamsim.flow.exact import ExactFlow
@@ -14,6 +13,7 @@ from beamsim.flow.transient import Motion, simulate
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, largest_exponent, settle
 from beamsim.outcomes import COMPLETE
+from beamsim.responses.gapping import contact_levels, transfer
 from beamsim.scenario import load_scenario
 from beamsim.system.equations import Forcing
 

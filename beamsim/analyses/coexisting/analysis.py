@@ -18,16 +18,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.branch import ResponseBranch
 from beamsim.analyses.coexisting.result import CoexistingMotion, CoexistingResult, SmallestDisturbance
 from beamsim.analyses.continuation.analysis import largest_values, response
-from beamsim.analyses.continuation.paths import ResponseModel, response_model
-from beamsim.analyses.continuation.refinement import Wanted, with_points_at
 from beamsim.analyses.designs.cases import Ended, Evaluator, failed_case
 from beamsim.analyses.designs.plan import Case
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.analyses.designs.statistics import probability
-from beamsim.analyses.doubts import curve_warnings, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.errors import NotTrustedError, ScenarioError
 from beamsim.flow.compiled import processor_time
@@ -39,6 +35,10 @@ from beamsim.orbits.steady import largest_exponent, settle, stepper_on, velocity
 from beamsim.orbits.tracing import SETTINGS, Budget, Tracer, coincides, follow, joined, side_branches
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, together
 from beamsim.parallel import Cluster, Computation, working
+from beamsim.responses.parameters import ResponseModel, response_model
+from beamsim.responses.points import Wanted, with_points_at
+from beamsim.results.branch import ResponseBranch
+from beamsim.results.validity import curve_warnings, reduction_checked
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
 from beamsim.scenario.sweep import BoxCoordinate, Coexisting, Continuation, HistoryStarts, PhaseStarts, StateStarts

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.continuation.result import OF_STABLE, ContinuationResult
-from beamsim.analyses.result import CONVERGENCE, MARGINS, MODES, PROCESSOR_TIME, STATUS
 from beamsim.fields import (
     JSON,
     ByName,
@@ -23,6 +22,7 @@ from beamsim.fields import (
     stored,
     table,
 )
+from beamsim.results.result import CONVERGENCE, MARGINS, MODES, PROCESSOR_TIME, STATUS
 from beamsim.typing import Floats, Ints
 
 _START = Counter("start_number", "number of the start")

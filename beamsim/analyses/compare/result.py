@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamsim.analyses.result import CONVERGENCE, MARGINS, Result
 from beamsim.analyses.run.result import Spectrum
 from beamsim.fields import (
     Counter,
@@ -22,6 +21,7 @@ from beamsim.fields import (
     table,
 )
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
+from beamsim.results.result import CONVERGENCE, MARGINS, Result
 from beamsim.typing import Bools, Complexes, Floats
 
 _ORDER = ("order",)

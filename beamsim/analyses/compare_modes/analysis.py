@@ -19,7 +19,6 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ValidationError
 
-from beamsim.analyses.result import Result
 from beamsim.errors import ScenarioError
 from beamsim.fields import Counter, Entry, Number, attribute, dataset, declared, list_of, record, stored
 from beamsim.measurements.read import TEXT, ending_of
@@ -27,6 +26,7 @@ from beamsim.measurements.signal import MeasurementError, reading_measurement, s
 from beamsim.measurements.tables import read_named_columns
 from beamsim.measurements.universal import ENDINGS, DataSet, data_sets
 from beamsim.outcomes import COMPLETE
+from beamsim.results.result import Result
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.body import AtPlace, Body
 from beamsim.scenario.files import DecimalMark

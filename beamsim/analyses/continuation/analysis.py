@@ -13,34 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import (
-    ChannelExtremes,
-    FoldBranch,
-    OutputExtremes,
-    ResponseBranch,
-    of_states,
-    special_result,
-)
 from beamsim.analyses.continuation.folds import follow_folds
 from beamsim.analyses.continuation.motion import MeasuredMotion, Measurement, measured
-from beamsim.analyses.continuation.paths import ResponseModel, response_model
-from beamsim.analyses.continuation.refinement import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.analyses.continuation.result import ContinuationResult, OverlayCurve
-from beamsim.analyses.doubts import curve_warnings, reduction_checked
 from beamsim.analyses.run.orbit_energy import balanced, largest_error
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepCurve, SweepResult
-from beamsim.analyses.values import (
-    DISPLACEMENT,
-    LIMITED,
-    OPENING,
-    OUTPUT,
-    STRESS,
-    Value,
-    largest_along,
-    limited,
-    margins_along,
-)  # fmt: skip
 from beamsim.errors import ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.orbits.branch import INTERRUPTED, SEARCH_FAILED, OrbitBranch
@@ -61,6 +39,28 @@ from beamsim.orbits.tracing import (
     trace_range,
 )
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, part_of
+from beamsim.responses.parameters import ResponseModel, response_model
+from beamsim.responses.points import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
+from beamsim.results.branch import (
+    ChannelExtremes,
+    FoldBranch,
+    OutputExtremes,
+    ResponseBranch,
+    of_states,
+    special_result,
+)
+from beamsim.results.validity import curve_warnings, reduction_checked
+from beamsim.results.values import (
+    DISPLACEMENT,
+    LIMITED,
+    OPENING,
+    OUTPUT,
+    STRESS,
+    Value,
+    largest_along,
+    limited,
+    margins_along,
+)  # fmt: skip
 from beamsim.scenario import Scenario
 from beamsim.scenario.sweep import Continuation, FrequencyPath, HarmonicBalance, SweptSine
 from beamsim.system.equations import ChannelSet
@@ -387,7 +387,7 @@ def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[
     }
 
 
-def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum]:
+def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[ReportedMaximum[MeasuredMotion]]:
     """Peak displacement of every probe; where there are limits, what they limit, of stable motions."""
 
     def largest_of(value: Value, columns: Ints) -> Callable[[MeasuredMotion], float]:

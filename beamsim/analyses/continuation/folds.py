@@ -19,10 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.analyses.branch import FoldBranch, of_states
 from beamsim.analyses.continuation.motion import Measurement
-from beamsim.analyses.continuation.paths import ResponseModel
-from beamsim.analyses.values import DISPLACEMENT
 from beamsim.flow.periodic_flow import ContactDirection, FlowMap, Frequency, Parameter, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint
 from beamsim.orbits.continuation import Branch, Settings, solve_at
@@ -30,6 +27,9 @@ from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.special_points import lowest
 from beamsim.orbits.tracing import Budget, joined, walk
 from beamsim.outcomes import Outcome, OutcomeKind, Where, both_directions
+from beamsim.responses.parameters import ResponseModel
+from beamsim.results.branch import FoldBranch, of_states
+from beamsim.results.values import DISPLACEMENT
 from beamsim.structures.assembly import snubber_site
 from beamsim.typing import Floats, not_none
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.paths import periodic_forcing
 from beamsim.analyses.continuation.result import ContinuationResult, ForcedExpansionComparison
 from beamsim.errors import ScenarioError, locating
 from beamsim.flow.periodic_flow import PeriodicForcing
@@ -21,6 +20,7 @@ from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.forced import ResonantForcing, SteadyMotion
 from beamsim.orbits.expansions.free import observed_orders, weakened
 from beamsim.orbits.shooting import ForcedOrbits
+from beamsim.responses.loads import periodic_forcing
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Forces, Harmonic
 from beamsim.scenario.sweep import Continuation, FrequencyPath

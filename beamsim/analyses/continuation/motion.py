@@ -16,8 +16,6 @@ import numpy as np
 from beamsim.analyses.run.orbit_energy import balance_error, energy_error
 from beamsim.analyses.run.records import RECTANGULAR
 from beamsim.analyses.run.stepped_motion import SteppedChannels
-from beamsim.analyses.sweep.stepped import harmonic_loads, sine_of
-from beamsim.analyses.values import DISPLACEMENT, LIMITED
 from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
@@ -25,6 +23,8 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.period import PIECES, polynomial_extrema
+from beamsim.responses.loads import harmonic_loads, sine_of
+from beamsim.results.values import DISPLACEMENT, LIMITED
 from beamsim.scenario.excitation import Sine
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem

@@ -8,10 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.branch import FoldBranch, ResponseBranch
-from beamsim.analyses.result import CONVERGENCE, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.sweep.result import SweepCurve
-from beamsim.analyses.values import DISPLACEMENT, VALUES
 from beamsim.fields import (
     Counter,
     Entry,
@@ -30,6 +27,9 @@ from beamsim.fields import (
     record,
     stored,
 )
+from beamsim.results.branch import FoldBranch, ResponseBranch
+from beamsim.results.result import CONVERGENCE, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.results.values import DISPLACEMENT, VALUES
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Floats
 

@@ -29,8 +29,8 @@ from beamsim.analyses.designs.result import (
     varies,
 )
 from beamsim.analyses.designs.statistics import probability, rank_correlations, statistics, swings
-from beamsim.analyses.values import margin_of, margins_of
 from beamsim.outcomes import OnLimit, Outcome, OutcomeKind, together
+from beamsim.results.values import margin_of, margins_of
 from beamsim.scenario.parameters import value_at
 from beamsim.scenario.studies import Value
 from beamsim.typing import Bools, Floats, Ints

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from beamsim.analyses.designs.responses import begins_response
 from beamsim.analyses.designs.result import Coordinate, DesignsResult, Tolerance, limited_response, objectives
-from beamsim.analyses.values import BY_NAME
 from beamsim.errors import Problem, ScenarioError
+from beamsim.results.values import BY_NAME
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, plain, suggestion
 from beamsim.scenario.parameters import replaced, value_at, with_values

@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.analyses.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_along, limited
+from beamsim.results.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_along, limited
 from beamsim.scenario import Scenario
 
 Responses = dict[str, float | list[float]]

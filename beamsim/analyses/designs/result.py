@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.analyses.designs.responses import describe, means
-from beamsim.analyses.result import CONVERGENCE, Result
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.values import Margins, limited
 from beamsim.errors import ScenarioError
 from beamsim.fields import (
     JSON,
@@ -40,6 +38,8 @@ from beamsim.fields import (
     table,
 )
 from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.results.result import CONVERGENCE, Result
+from beamsim.results.values import Margins, limited
 from beamsim.scenario import Scenario
 from beamsim.scenario.studies import Value
 from beamsim.scenario.units import Dimension, UnitError, read_quantity

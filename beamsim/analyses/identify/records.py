@@ -30,8 +30,6 @@ import numpy as np
 from pydantic import ValidationError
 
 from beamsim.analyses.continuation.motion import Measurement
-from beamsim.analyses.continuation.paths import periodic_forcing
-from beamsim.analyses.continuation.refinement import cut
 from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.result import SweepFit, TransientFit
 from beamsim.analyses.run.exact_motion import exact_flow
@@ -49,6 +47,8 @@ from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import BranchStep, Settings, correct, correct_across, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.tracing import Budget, Tracer, trace_range
+from beamsim.responses.loads import periodic_forcing
+from beamsim.responses.points import cut
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import Harmonic

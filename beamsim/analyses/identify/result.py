@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from beamsim.analyses.result import Result
 from beamsim.fields import (
     JSON,
     ByName,
@@ -31,6 +30,7 @@ from beamsim.fields import (
     table,
 )
 from beamsim.outcomes import COMPLETE, Outcome
+from beamsim.results.result import Result
 from beamsim.scenario import Scenario
 from beamsim.scenario.loading import stored_scenario
 from beamsim.typing import Complexes, Floats, Ints

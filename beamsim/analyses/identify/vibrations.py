@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.compare.analysis import Harmonics, best_phase, harmonics_of, period_multiple
-from beamsim.analyses.continuation.paths import periodic_forcing
 from beamsim.analyses.identify.fit import (
     MOST_EVALUATIONS,
     Best,
@@ -53,6 +52,7 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.measurements.signal import MeasuredSignal, MeasurementError
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, tell, together
+from beamsim.responses.loads import periodic_forcing
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import counted, path_text

@@ -9,9 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import ModeBranch, SpecialPointResult
-from beamsim.analyses.continuation.refinement import Wanted, with_points_at
-from beamsim.analyses.doubts import forces_beyond_tables, reduction_checked
 from beamsim.analyses.nnm.comparisons import (
     compare_expansion,
     compare_relaxed,
@@ -37,6 +34,9 @@ from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import linear_mode
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, combined, interruption, never
+from beamsim.responses.points import Wanted, with_points_at
+from beamsim.results.branch import ModeBranch, SpecialPointResult
+from beamsim.results.validity import forces_beyond_tables, reduction_checked
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.sweep import FullPeriodMethod, RelaxedMinimisationMethod

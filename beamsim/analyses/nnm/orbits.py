@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import ModeBranch, OrbitMotion, SpecialPointResult, of_states, special_result
 from beamsim.analyses.nnm.paths import ModeBranches, ModePath
 from beamsim.analyses.nnm.result import UNITS
 from beamsim.analyses.run.orbit_energy import energy_error
@@ -18,6 +17,7 @@ from beamsim.orbits.continuation import BranchStep, Settings
 from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant
 from beamsim.orbits.special_points import special_points as special_points_on
 from beamsim.outcomes import Stop, never
+from beamsim.results.branch import ModeBranch, OrbitMotion, SpecialPointResult, of_states, special_result
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.continuation.motion import Measurement
-from beamsim.analyses.continuation.paths import periodic_flow, periodic_forcing
 from beamsim.analyses.nnm.orbits import RATE, followed, line_frequencies
 from beamsim.analyses.nnm.paths import alike
 from beamsim.analyses.nnm.result import (
@@ -28,7 +27,6 @@ from beamsim.analyses.nnm.result import (
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.run.orbit_energy import unbalanced
 from beamsim.analyses.run.records import RECTANGULAR
-from beamsim.analyses.values import DISPLACEMENT
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
@@ -43,6 +41,8 @@ from beamsim.orbits.phase_resonance import (
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.tracing import joined
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, tell, together
+from beamsim.responses.loads import periodic_flow, periodic_forcing
+from beamsim.results.values import DISPLACEMENT
 from beamsim.scenario.excitation import Harmonic
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem

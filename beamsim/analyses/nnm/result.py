@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import ModeBranch, OrbitMotion
-from beamsim.analyses.result import CONVERGENCE, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.orbit_energy import largest_error
 from beamsim.fields import (
     Counter,
@@ -30,6 +28,8 @@ from beamsim.fields import (
     table,
 )
 from beamsim.outcomes import Outcome
+from beamsim.results.branch import ModeBranch, OrbitMotion
+from beamsim.results.result import CONVERGENCE, PROCESSOR_TIME, STATUS, Result
 from beamsim.structures.stations import Stations
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none

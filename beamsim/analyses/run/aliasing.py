@@ -16,8 +16,8 @@ import numpy as np
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.spectra import spectral
-from beamsim.analyses.values import FORCE
 from beamsim.flow.channels import Observed
+from beamsim.results.values import FORCE
 from beamsim.system.equations import ChannelSet
 from beamsim.typing import Floats, Ints
 

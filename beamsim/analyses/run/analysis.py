@@ -14,12 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from beamsim.analyses.doubts import (
-    compressed_beyond_tables,
-    deflection_warnings,
-    line_warnings,
-    reduction_checked,
-)
 from beamsim.analyses.run.aliasing import aliased_in_histories
 from beamsim.analyses.run.exact_motion import exact_motion_of, refuse_long_histories
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
@@ -40,12 +34,18 @@ from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import by_name, figures_of_parts, resting, summary_of_run
-from beamsim.analyses.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.hdf5 import is_as_written, open_hdf5
 from beamsim.input_files import reading
 from beamsim.inputs.statements import InputStatement
 from beamsim.outcomes import Stop, interruption
+from beamsim.results.validity import (
+    compressed_beyond_tables,
+    deflection_warnings,
+    line_warnings,
+    reduction_checked,
+)
+from beamsim.results.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.parameters import replaced

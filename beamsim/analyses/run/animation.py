@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.analyses.branch import OrbitMotion
 from beamsim.analyses.run.aliasing import between_samples
 from beamsim.analyses.run.analysis import built_at_orbit, motion_of
 from beamsim.analyses.run.needed import Needed
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.values import FORCE, OPENING
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.outcomes import Progress, never
+from beamsim.results.branch import OrbitMotion
+from beamsim.results.values import FORCE, OPENING
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
 from beamsim.structures.assembly import snubber_site

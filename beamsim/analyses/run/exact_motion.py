@@ -20,13 +20,6 @@ from beamsim.analyses.run.observers import (
     StatesAtExtremes,
     StatesAtTimes,
 )
-from beamsim.analyses.values import (
-    ACCELERATION,
-    STRESS,
-    Extreme,
-    Extremes,
-    outer,
-)
 from beamsim.errors import Problem, ScenarioError, locating
 from beamsim.flow.channels import Observed
 from beamsim.flow.compiled import processor_time
@@ -35,6 +28,13 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import MotionInChunks
 from beamsim.inputs.signal import StreamedSignal, common_record
 from beamsim.outcomes import Interrupted, Stop, never, stopped_by
+from beamsim.results.values import (
+    ACCELERATION,
+    STRESS,
+    Extreme,
+    Extremes,
+    outer,
+)
 from beamsim.scenario.run import Run
 from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem

@@ -30,7 +30,6 @@ import numpy as np
 
 from beamsim.analyses.run.observers import Histories, reached
 from beamsim.analyses.run.result import MAIN_QUANTITY, MatchedSpectrum, ShockResponse, ShockSpectrum
-from beamsim.analyses.values import ACCELERATION, outer
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.flow.contact_state import ContactState
@@ -40,6 +39,7 @@ from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
 from beamsim.outcomes import check_stop
+from beamsim.results.values import ACCELERATION, outer
 from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
 from beamsim.structures.places import UPWARDS, Link

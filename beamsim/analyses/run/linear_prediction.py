@@ -6,7 +6,7 @@ stops change. The integral is taken by Gauss-Legendre rules on panels that are s
 integrand varies over a half-power bandwidth; its error is below 1e-6.
 
 *Gapping.* The linear motion about equilibrium is that in which every contact keeps the phase that it has at rest. Of a
-sine it is the steady one (`beamsim.analyses.gapping`). Of a pulse, a record and other inputs it is marched from
+sine it is the steady one (`beamsim.responses.gapping`). Of a pulse, a record and other inputs it is marched from
 equilibrium: with :math:`\delta_0` the penetration at rest and :math:`\delta` that of the linear motion, the contact
 opens where the input is multiplied by
 
@@ -25,7 +25,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.gapping import (
+from beamsim.analyses.run.exact_motion import exact_flow
+from beamsim.analyses.run.motion import RunMotion
+from beamsim.analyses.run.result import MAIN_QUANTITY
+from beamsim.contacts.laws import ContactLaw
+from beamsim.flow.channels import Observed
+from beamsim.flow.transient import simulate
+from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
+from beamsim.outcomes import check_stop
+from beamsim.responses.gapping import (
     contact_levels,
     gapping,
     in_order,
@@ -34,15 +42,7 @@ from beamsim.analyses.gapping import (
     static_penetration,
     transfer,
 )
-from beamsim.analyses.run.exact_motion import exact_flow
-from beamsim.analyses.run.motion import RunMotion
-from beamsim.analyses.run.result import MAIN_QUANTITY
-from beamsim.analyses.values import FORCE, PENETRATION, Extremes
-from beamsim.contacts.laws import ContactLaw
-from beamsim.flow.channels import Observed
-from beamsim.flow.transient import simulate
-from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
-from beamsim.outcomes import check_stop
+from beamsim.results.values import FORCE, PENETRATION, Extremes
 from beamsim.scenario.excitation import RandomInput, Shock
 from beamsim.scenario.quantities import acceleration_amplitude
 from beamsim.scenario.run import Run

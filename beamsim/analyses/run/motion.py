@@ -27,15 +27,6 @@ from beamsim.analyses.run.result import (
     SpringHistory,
     Work,
 )
-from beamsim.analyses.values import (
-    DISPLACEMENT,
-    FORCE,
-    STRESS,
-    Extremes,
-    extreme_times,
-    largest,
-    largest_pulls,
-)
 from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.exact import ExactFlow
@@ -44,6 +35,15 @@ from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInChunks
 from beamsim.inputs.measured import highest_excited_hz
 from beamsim.outcomes import Interrupted, Outcome, Stop, check_stop, stopped_by
+from beamsim.results.values import (
+    DISPLACEMENT,
+    FORCE,
+    STRESS,
+    Extremes,
+    extreme_times,
+    largest,
+    largest_pulls,
+)
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.scenario.run import Run
@@ -182,7 +182,7 @@ class RunMotion:
 
     @property
     def extreme_times(self) -> Floats:
-        """See `beamsim.analyses.values.extreme_times`."""
+        """See `beamsim.results.values.extreme_times`."""
         return extreme_times(self.extremes)
 
 

@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from beamsim.analyses.values import ALWAYS_THERE, BY_ENTRY, PENETRATION, VALUES, limited, searched
+from beamsim.results.values import ALWAYS_THERE, BY_ENTRY, PENETRATION, VALUES, limited, searched
 from beamsim.scenario import Scenario
 from beamsim.system.equations import ChannelSet
 from beamsim.typing import Floats, not_none

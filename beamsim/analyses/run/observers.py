@@ -13,11 +13,11 @@ import numpy as np
 
 from beamsim.analyses.run.energy import energies, power_factors
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.analyses.values import FORCE, Extremes, by_magnitude, extreme_times
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import Interrupted, Stop, check_stop, stopped_by
+from beamsim.results.values import FORCE, Extremes, by_magnitude, extreme_times
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats

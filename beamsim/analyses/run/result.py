@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
-from beamsim.analyses.values import BY_ENTRY, VALUES, of_angles
 from beamsim.fields import (
     ByName,
     Counter,
@@ -33,6 +31,8 @@ from beamsim.fields import (
 )
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.statements import InputStatement
+from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.results.values import BY_ENTRY, VALUES, of_angles
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.modes import ModeTable
 from beamsim.system.structural import ContactUnits, SnubberNumbers
@@ -578,7 +578,7 @@ class RandomResponse:
         return over_limit(self.frequency_hz, ((s.name, s.density, s.limit) for s in self.recorded))
 
     def root_mean_squares(self) -> dict[str, dict[str, float]]:
-        """Those of the responses, by entry (see `beamsim.analyses.values`) and name."""
+        """Those of the responses, by entry (see `beamsim.results.values`) and name."""
         entries: dict[str, dict[str, float]] = {}
         for signal in self.signals:
             entries.setdefault(f"rms_{signal.quantity}", {})[signal.name] = signal.rms

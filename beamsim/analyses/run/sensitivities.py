@@ -25,13 +25,13 @@ import numpy as np
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.motion import RunMotion
 from beamsim.analyses.run.result import Derivative
-from beamsim.analyses.values import ACCELERATION, OPENING, VALUES, Value, searched
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log
 from beamsim.flow.variational import Differences, FlowOutputs, MotionDerivative, sensitivity
+from beamsim.results.values import ACCELERATION, OPENING, VALUES, Value, searched
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.studies import VariedParameter, resolve_parameter

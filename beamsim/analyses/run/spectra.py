@@ -19,10 +19,10 @@ from beamsim.analyses.run.records import (
     refined,
 )
 from beamsim.analyses.run.result import ALLOWED_REMAINDER, SpectralLine, Spectrum, UnresolvedLine
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT
 from beamsim.flow.channels import MotionPart, Observed
 from beamsim.flow.trajectory import Trajectory
 from beamsim.outcomes import check_stop
+from beamsim.results.values import ACCELERATION, DISPLACEMENT
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import MOST_FREQUENCIES, SpectrumSettings
 from beamsim.system.equations import ChannelSet

@@ -13,10 +13,10 @@ from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
 from beamsim.analyses.run.motion import RunMotion, with_limit
 from beamsim.analyses.run.observers import AtContact, Histories, largest_contact
 from beamsim.analyses.run.result import EnergyHistory
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, Extremes, searched
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, Extremes, searched
 from beamsim.scenario.run import Run
 from beamsim.system.equations import ChannelSet, Key
 from beamsim.system.structural import StructuralSystem

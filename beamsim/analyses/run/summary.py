@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.gapping import gapping_ratios
 from beamsim.analyses.run.linear_prediction import OfSnubbers, gapping_of_run
 from beamsim.analyses.run.motion import Evaluation, RunMotion
 from beamsim.analyses.run.needed import Needed
 from beamsim.analyses.run.result import MAIN_QUANTITY, RunResult, Spectrum
-from beamsim.analyses.values import (
+from beamsim.contacts.snubbers import FRICTION
+from beamsim.inputs.signal import common_record
+from beamsim.responses.gapping import gapping_ratios
+from beamsim.results.values import (
     ACCELERATION,
     ALWAYS,
     DISPLACEMENT,
@@ -33,8 +35,6 @@ from beamsim.analyses.values import (
     margins,
     values_of,
 )
-from beamsim.contacts.snubbers import FRICTION
-from beamsim.inputs.signal import common_record
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem

@@ -10,16 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.doubts import curve_warnings, reduction_checked
-from beamsim.analyses.gapping import (
-    contact_levels,
-    gapping,
-    gapping_ratios,
-    in_their_units,
-    pressed_phases,
-    static_penetration,
-    transfer,
-)
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
 from beamsim.analyses.sweep.peaks import find_peaks
 from beamsim.analyses.sweep.result import (
@@ -31,10 +21,20 @@ from beamsim.analyses.sweep.result import (
 )
 from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level, with_held_limits, with_limited_outputs
-from beamsim.analyses.values import ALWAYS, BY_ENTRY, OUTPUT, RESPONSE, VALUES, Margins, largest_along, margins_along
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import limit_curve, read_profile
 from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
+from beamsim.responses.gapping import (
+    contact_levels,
+    gapping,
+    gapping_ratios,
+    in_their_units,
+    pressed_phases,
+    static_penetration,
+    transfer,
+)
+from beamsim.results.validity import curve_warnings, reduction_checked
+from beamsim.results.values import ALWAYS, BY_ENTRY, OUTPUT, RESPONSE, VALUES, Margins, largest_along, margins_along
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import holds_levels
 from beamsim.scenario.reporting import Limits

@@ -21,12 +21,12 @@ from beamsim.analyses.sweep.result import (
     SweepCurve,
     SweepHistory,
 )
-from beamsim.analyses.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OPENING, STRESS
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.sliders import STICK, sliding_limit, snap
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OPENING, STRESS
 from beamsim.scenario.sweep import SteppedSine, SweptSine
 from beamsim.system.equations import Channel, ChannelSet, Key
 from beamsim.system.state_equations import RowsOf, StateEquations

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamsim.analyses.sweep.result import ResponsePeak, SweepCurve
-from beamsim.analyses.values import ALWAYS
+from beamsim.results.values import ALWAYS
 from beamsim.signals.quality import LEAST_PROMINENCE
 from beamsim.system.modes import ModeTable
 from beamsim.typing import Bools, Floats, Ints

@@ -6,11 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.branch import ChannelExtremes, OutputExtremes
-from beamsim.analyses.gapping import ContactLevels
-from beamsim.analyses.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
 from beamsim.analyses.run.result import Work
-from beamsim.analyses.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, of_angles
 from beamsim.fields import (
     ByName,
     Counter,
@@ -31,6 +27,10 @@ from beamsim.fields import (
 )
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.outcomes import Outcome
+from beamsim.responses.gapping import ContactLevels
+from beamsim.results.branch import ChannelExtremes, OutputExtremes
+from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESSOR_TIME, STATUS, Result
+from beamsim.results.values import BY_ENTRY, OUTPUT, RESPONSE, VALUES, AlongCurve, of_angles
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import LimitedQuantity
 from beamsim.signals.quality import QualityPeak, peaks_of

@@ -13,16 +13,14 @@ from beamsim.analyses.sweep.result import LevelWork, SteadyStates, SweepCurve, S
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import Motion, start
-from beamsim.inputs.profiles import phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, Exponent, Settled, largest_exponent, settle
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, tell
-from beamsim.scenario.excitation import Sine
+from beamsim.responses.loads import harmonic_loads, sine_of
 from beamsim.scenario.quantities import acceleration_amplitude, level_unit
 from beamsim.scenario.sweep import SteppedSine
 from beamsim.system.equations import Forcing
-from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats, not_none, of_kind
+from beamsim.typing import Floats, of_kind
 
 MOST_MEASURED = 240
 
@@ -95,49 +93,6 @@ def loads_at(one: SweepLevel, f: float) -> tuple[Forcing, tuple[Signal, ...]]:
     """The loads of a level at a frequency, Hz, see `harmonic_loads`."""
     omega = 2 * np.pi * f
     return harmonic_loads(one.system, omega, sine_of(one.system.scenario.sine, omega, one.value))
-
-
-def sine_of(excitation: Sine, omega: float, level: float) -> complex:
-    """Amplitude of ``exp(i omega t)`` of the sine that all loads follow: of an acceleration, a force or a factor.
-
-    Parameters
-    ----------
-    excitation : harmonic.
-    omega : rad/s.
-    level : of the excitation's own quantity, which is what stays the same at other frequencies.
-
-    Returns
-    -------
-    complex
-        m/s^2, N or 1; the sine is the real part.
-    """
-    quantity = excitation.quantity or "acceleration"
-    amplitude = acceleration_amplitude(abs(level), quantity, omega / (2 * np.pi))
-    return complex(-1j * amplitude * np.exp(1j * (excitation.phase + phase_of_acceleration(quantity, level))))
-
-
-def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tuple[Forcing, tuple[Signal, ...]]:
-    """The loads of a built system under a sine of one frequency.
-
-    Parameters
-    ----------
-    system : whose excitation is harmonic.
-    omega : rad/s.
-    sine : complex amplitude of ``exp(i omega t)``, of which the sine is the real part.
-
-    Returns
-    -------
-    forcing : the loads, and the displacement of the base where contacts on the ground need it.
-    observers : the base's acceleration; none where the base rests.
-    """
-
-    def signal(amplitude: complex) -> Signal:
-        return Signal(np.zeros(1), np.array([1j * omega]), np.full((1, 1, 1), amplitude))
-
-    forcing, moves = system.forcing, system.base_acceleration is not None
-    signals = tuple(signal(factor * sine) for factor in not_none(system.sine).at(np.array([omega]))[0])
-    base = None if forcing.base_displacement is None else signal(-sine / omega**2)
-    return Forcing(forcing.load, signals, base), (signal(sine),) if moves else ()
 
 
 def _cycles_to_measure(settings: SteppedSine, period: int) -> int:

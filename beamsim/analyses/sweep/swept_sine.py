@@ -24,8 +24,6 @@ from beamsim.analyses.sweep.result import (
     SweepHistory,
     SweepWork,
 )
-from beamsim.analyses.values import Margins, judged
-from beamsim.analyses.values import limited as limited_value
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.swept_motion import LevelControl, SweptLoads, SweptMotion
 from beamsim.inputs.drift import Correction, CorrectionSize, jumps
@@ -34,6 +32,8 @@ from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, never, part_of
+from beamsim.results.values import Margins, judged
+from beamsim.results.values import limited as limited_value
 from beamsim.scenario.quantities import level_unit, power_of
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario

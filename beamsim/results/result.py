@@ -10,7 +10,6 @@ from html import escape
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from beamsim.analyses.values import judged
 from beamsim.fields import (
     JSON,
     ByName,
@@ -28,6 +27,7 @@ from beamsim.fields import (
 )
 from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, interruption
+from beamsim.results.values import judged
 from beamsim.scenario import Scenario
 from beamsim.scenario.scenario import Record
 from beamsim.version import __version__

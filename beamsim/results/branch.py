@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.values import AlongCurve
 from beamsim.fields import (
     Counter,
     attribute,
@@ -25,6 +24,7 @@ from beamsim.fields import (
 )
 from beamsim.orbits.branch import SpecialPoint
 from beamsim.outcomes import Outcome
+from beamsim.results.values import AlongCurve
 from beamsim.typing import Bools, Complexes, Floats
 
 _POINT = (Counter("point", "number of the point along the branch"),)

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.values import of_angles
 from beamsim.fields import dataset, declared
+from beamsim.results.values import of_angles
 from beamsim.system.structural import ContactUnits, StructuralSystem
 from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
 

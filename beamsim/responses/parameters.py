@@ -14,19 +14,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from beamsim.analyses.sweep.stepped import sine_of
 from beamsim.contacts.contacts import Contacts
 from beamsim.errors import ScenarioError, locating
 from beamsim.flow.periodic_flow import ContactDirection, PeriodicFlow, PeriodicForcing
-from beamsim.flow.smooth_flow import SmoothFlow
-from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.outcomes import Outcome
+from beamsim.responses.loads import periodic_flow, periodic_forcing
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
 from beamsim.scenario.excitation import Forces, Harmonic
-from beamsim.scenario.quantities import power_of
 from beamsim.scenario.sweep import Continuation, HarmonicBalance, SnubberPath
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
@@ -135,30 +132,6 @@ class ResponseModel:
         return ForcedOrbits(flow, parameter if f.moved is None else f.path(flow))
 
 
-def periodic_flow(system: StructuralSystem, loads: PeriodicForcing, omega: float, level: float) -> PeriodicFlow:
-    """A flow with its derivatives, of cubic springs by series.
-
-    Parameters
-    ----------
-    system : whose motions are followed.
-    loads : at rad/s ``omega``, and times ``level``.
-    omega, level : of the excitation.
-
-    Returns
-    -------
-    PeriodicFlow
-        In closed form where the system has no cubic springs.
-
-    Raises
-    ------
-    ValueError
-        Where snubbers and cubic springs do not go together.
-    """
-    if system.cubic.count == 0:
-        return VariationalFlow(system.dynamics, loads, omega, level)
-    return SmoothFlow(system.dynamics, loads, omega, level, springs=system.cubic)
-
-
 def response_model(scenario: Scenario) -> ResponseModel:
     """Build the model of a scenario's continuation.
 
@@ -240,27 +213,6 @@ def _followed(scenario: Scenario, family: SystemFamily, at: str, path: Any) -> F
     place = snubber.place_paths[0] if kind == "position" else ()
     moved = MovedSnubber(family, (*located.path, *place, kind), tuple(contacts), kind, ratio)
     return FollowedParameter(kind, first, last, unit, points_at, snubber.name, moved)
-
-
-def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicForcing:
-    """The loads of a scenario with harmonic excitation, as functions of frequency, for a level of one.
-
-    The excitation's own quantity is what stays the same: a base acceleration held moves the base by ``A / omega^2``.
-    """
-    excitation, factors = scenario.sine, not_none(system.sine)
-    omega, held = 2 * np.pi * excitation.frequency, power_of(excitation.quantity)
-    sine = sine_of(excitation, omega, 1.0)
-    force = system.forcing.load * (sine * factors.at(np.array([omega]))[0])[:, None]
-    moves = system.forcing.base_displacement is not None
-    count, base = force.shape[0], int(moves)  # the base moves with a load of its own, which is no force
-    return PeriodicForcing(
-        np.ones(count + base, dtype=np.int64),
-        np.pad(force, ((0, base), (0, 0))),
-        np.append(held + factors.power, np.zeros(base)),
-        np.append(np.zeros(count), np.full(base, -sine / omega**2)),
-        np.append(np.zeros(count), np.full(base, held - 2.0)),
-        omega,
-    )
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from beamsim.analyses.continuation.motion import MeasuredMotion
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import BranchStep, Settings
 from beamsim.outcomes import Stop, never
@@ -20,13 +19,14 @@ SHARE = 1e-4  # of a step, to which a maximum is located: its height is then goo
 INSIDE = 0.375  # of the step at an end of a branch, where the search for a maximum begins
 
 SETTINGS = Settings()
-Measure = Callable[[BranchPoint], MeasuredMotion]
+Motion = TypeVar("Motion")  # what is measured of a point
 
 
-class ReportedMaximum(NamedTuple):
+@dataclass(frozen=True)
+class ReportedMaximum(Generic[Motion]):
     """A number of a motion whose maximum along the branch is reported."""
 
-    of: Callable[[MeasuredMotion], float]
+    of: Callable[[Motion], float]
     stable_only: bool
 
 
@@ -126,8 +126,11 @@ def with_points_at(
 
 
 def with_maxima(
-    branch: OrbitBranch, measure: Measure, quantities: Iterable[ReportedMaximum], stop: Stop = never
-) -> tuple[OrbitBranch, list[MeasuredMotion]]:
+    branch: OrbitBranch,
+    measure: Callable[[BranchPoint], Motion],
+    quantities: Iterable[ReportedMaximum[Motion]],
+    stop: Stop = never,
+) -> tuple[OrbitBranch, list[Motion]]:
     """The branch with a point at the largest value of each quantity, and all points measured.
 
     Parameters
@@ -159,16 +162,16 @@ def with_maxima(
 def _insert_maximum(
     problem: Any,
     points: list[BranchPoint],
-    measured: list[MeasuredMotion],
+    measured: list[Motion],
     k: int,
-    measure: Measure,
-    q: ReportedMaximum,
+    measure: Callable[[BranchPoint], Motion],
+    q: ReportedMaximum[Motion],
 ) -> None:
     """Locate the maximum within the two steps about point k by Brent's method, and add the point if it is higher."""
     from scipy.optimize import minimize_scalar
 
     floor = q.of(measured[k])
-    best: tuple[float, float, BranchPoint, MeasuredMotion] | None = None
+    best: tuple[float, float, BranchPoint, Motion] | None = None
     heights = {0.0: floor}  # by share of the step before point k (negative) or after it
     for share, other in ((-1.0, k - 1), (1.0, k + 1)):
         if 0 <= other < len(points):
