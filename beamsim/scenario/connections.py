@@ -423,10 +423,11 @@ class SnubberBase(Named):
         return self.law_ or ("no_tension" if self.maxwell else "kelvin_voigt")
 
     @property
-    def table(self) -> MeasuredForces | None:
-        """The force-deflection curve in its long form, where one is given."""
+    def table(self) -> MeasuredForces:
+        """The force-deflection curve in its long form, of a stop that has one."""
         given = self.force_deflection
-        if given is None or isinstance(given, MeasuredForces):
+        assert given is not None
+        if isinstance(given, MeasuredForces):
             return given
         return MeasuredForces(file=given) if isinstance(given, str) else MeasuredForces(points=given)
 

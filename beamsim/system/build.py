@@ -66,7 +66,7 @@ def constant_loads(parts: Parts) -> Floats:
     return np.array(loads).reshape(len(loads), parts.basis.size)
 
 
-def supported_start(parts: Parts, forcing: Forcing) -> Floats:
+def _start_on_supports(parts: Parts, forcing: Forcing) -> Floats:
     """(2 n,) where supports that move put the structure at t = 0: their static shapes and rates.
 
     A start is relative to it, as one is to a base that moves.
@@ -158,12 +158,16 @@ def time_dependent_loads(parts: Parts, pushing: _Pushing) -> TimeDependent:
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), parts.basis.size)
     on_ground = pushing.contacts.on_ground.any() or pushing.cubic.base_influence.any()
     displacement = motion.displacement if motion is not None and on_ground else None
-    influence = parts.influence(len(loads))
-    of_contacts = np.vstack([influence, np.zeros((len(parts.spring_sites), len(loads)))])[pushing.owner]
-    forcing = Forcing(
-        load, tuple(signal for _, signal in loads), displacement, of_contacts if influence.any() else None
-    )
-    return TimeDependent(motion, forcing, accounts)
+    influence = _influence_of_mountings(parts, pushing, len(loads)) if parts.has_moving_mountings else None
+    return TimeDependent(motion, Forcing(load, tuple(signal for _, signal in loads), displacement, influence), accounts)
+
+
+def _influence_of_mountings(parts: Parts, pushing: _Pushing, signals: int) -> Floats | None:
+    """(m, L) displacement of each contact's place from its mounting by a unit of each signal; None where it is 0."""
+    influence = parts.influence(signals)
+    if not influence.any():
+        return None
+    return np.vstack([influence, np.zeros((len(parts.spring_sites), signals))])[pushing.owner]
 
 
 def build_system(scenario: Scenario, shared: SharedBuilds | None = None, *, recovered: bool = True) -> StructuralSystem:
@@ -277,7 +281,9 @@ def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) ->
 def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     scenario, basis, damping = parts.scenario, parts.basis, parts.damping
     pushing = _pushing(parts)
-    free = _checked_for_mechanisms(parts, pushing)
+    if parts.moved:
+        _check_places_on_supports(parts)
+    free = _check_couplings(parts, pushing) if parts.structure.couplings else []
     loads, cubic, snubbers = constant_loads(parts), pushing.cubic, scenario.located_snubbers
     resting = np.vstack([loads, pushing.contacts.resting_load])
     contacts = resolve_preloads(pushing.contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
@@ -286,7 +292,10 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     first = equilibrium if beginning is contacts else _equilibrium(parts, beginning, resting, cubic)
     initial, warnings = initial_state(parts, beginning, resting, cubic, first)
     motion, forcing, accounts = time_dependent_loads(parts, pushing)
-    initial += supported_start(parts, forcing)
+    if parts.moved:
+        initial += _start_on_supports(parts, forcing)
+    if beginning.internal_states:
+        initial = np.append(initial, _settled(beginning, forcing, initial[: basis.size]))
 
     corrections = None if motion is None else motion.corrections
     held = any(holds_levels(each) for _, each in scenario.excitation.items)
@@ -298,7 +307,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     return StructuralSystem(
         dynamics=dynamics,
         forcing=forcing,
-        initial_state=np.append(initial, _settled(beginning, forcing, initial[: basis.size])),
+        initial_state=initial,
         probes=_describe_probes(parts),
         base_acceleration=motion.acceleration if motion else None,
         base_velocity=motion.velocity if motion else None,
@@ -315,10 +324,9 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
         remarks=(
             *parts.structure.remarks,
-            *open_loops(scenario, parts.structure),
             *free,
             *warnings,
-            *_remarks(snubbers, pushing.tables),
+            *(f"{at}.force_deflection: {table.remark}" for at, table in pushing.tables.items() if table.remark),
             *(correction.warnings(held=held) if correction else ()),
             *(f"{path}: {text}" for path, account in accounts for text in account.warnings),
         ),
@@ -332,7 +340,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
 class _Pushing:
     """What pushes on a structure beside loads."""
 
-    tables: Sequence[TableOfStop | None]  # of the snubbers
+    tables: Mapping[str, TableOfStop]  # by path of the snubbers that have one
     stops: Contacts  # the snubbers
     springs: tuple[SpringInfo, ...]
     cubic: CubicSprings
@@ -344,12 +352,13 @@ class _Pushing:
 def _pushing(parts: Parts) -> _Pushing:
     nonlinear, basis, snubbers = parts.scenario.nonlinear_springs, parts.basis, parts.scenario.located_snubbers
     tables = force_tables(parts.scenario)
-    curves = [None if table is None else table.curve for table in tables]
+    curves = [tables[at].curve if (at := path_text(each.path)) in tables else None for each in snubbers]
     stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
     stops = replace(stops, lever=parts.levers(parts.snubber_sites))
     springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), parts.levers(parts.spring_sites))
     cubic = cubic_springs(springs, basis.size)
-    _check_rigid_friction(parts, springs, stops)
+    if parts.scenario.located_friction:
+        _check_rigid_friction(parts, springs, stops)
     pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
     contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
     with_laws = [site for site, spring in zip(parts.spring_sites, springs, strict=True) if spring.law is not None]
@@ -363,18 +372,27 @@ def _pushing(parts: Parts) -> _Pushing:
     return _Pushing(tables, stops, springs, cubic, contacts, owner, sites)
 
 
-def _checked_for_mechanisms(parts: Parts, pushing: _Pushing) -> list[str]:
-    """Warnings of motions that contacts alone stop; ScenarioError where nothing does, or nothing can move."""
+def _check_couplings(parts: Parts, pushing: _Pushing) -> list[str]:
+    """Warnings of loops that joints do not close and of motions that contacts alone stop.
+
+    Raises
+    ------
+    ScenarioError
+        Where nothing stops a motion, or something acts where nothing can move.
+    """
     problems = held_problems(parts.structure, _acting(parts))
     if problems:
         raise ScenarioError(problems)
     stopping = np.vstack([pushing.stops.shape, *(spring.shape for spring in pushing.springs)])
     joints = [joint.name for joint in parts.scenario.joints]
     free = check_mechanisms(joints, parts.structure, parts.basis, stopping)
-    if parts.moved:
-        probes = [(("probes", k), site) for k, site in enumerate(parts.probe_sites)]
-        check_places(parts.moved, [*((located.path, site) for located, site in _located_sites(parts)), *probes])
-    return free
+    return [*open_loops(parts.scenario, parts.structure), *free]
+
+
+def _check_places_on_supports(parts: Parts) -> None:
+    """Refuse contacts and probes on what moves with a support."""
+    probes = [(("probes", k), site) for k, site in enumerate(parts.probe_sites)]
+    check_places(parts.moved, [*((located.path, site) for located, site in _located_sites(parts)), *probes])
 
 
 def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
@@ -385,14 +403,6 @@ def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
     if forcing.influence is not None:
         apart += forcing.influence @ [float(signal(0.0)) for signal in forcing.signal]
     return contacts.settled_states(-contacts.gap - contacts.sign * apart)
-
-
-def _remarks(snubbers: Sequence[Located], tables: Sequence[TableOfStop | None]) -> list[str]:
-    return [
-        f"{path_text(path)}.force_deflection: {table.remark}"
-        for (path, _, _, _), table in zip(snubbers, tables, strict=True)
-        if table is not None and table.remark
-    ]
 
 
 def _located_sites(parts: Parts) -> list[tuple[Located, Site]]:
@@ -468,12 +478,13 @@ def _refuse_memory(snubbers: Sequence[Located], stops: Contacts, springs: Sequen
 
 
 def _describe_snubbers(
-    parts: Parts, contacts: Contacts, equilibrium: Equilibrium, tables: Sequence[TableOfStop | None]
+    parts: Parts, contacts: Contacts, equilibrium: Equilibrium, tables: Mapping[str, TableOfStop]
 ) -> tuple[SnubberInfo, ...]:
     described = []
     force = springs_of(contacts).by_contact(equilibrium.force, contacts.sign)
     located = parts.scenario.located_snubbers
-    for i, (site, (_, _, s, _), table) in enumerate(zip(parts.snubber_sites, located, tables, strict=True)):
+    for i, (site, (path, _, s, _)) in enumerate(zip(parts.snubber_sites, located, strict=True)):
+        table = tables.get(path_text(path))
         unit = parts.structure.unit_stiffness(site)
         stiffness = contacts.laws[i].stiffness
         described.append(
@@ -494,9 +505,6 @@ def _describe_snubbers(
             )
         )
     return tuple(described)
-
-
-_FIELDS = ("displacement", "velocity")
 
 
 def initial_state(
@@ -529,24 +537,27 @@ def initial_state(
     elif start == "static_equilibrium":
         remedy = "start from rest, or hold the structure with a support, a preload or a load towards a snubber"
         q = _static_shape(parts, equilibrium, "run.start", "= static_equilibrium does not exist", remedy)
-    elif isinstance(start, OrbitStart):
-        raise ScenarioError(
-            Problem("run.start.orbit", "starts a run, and no other command", "leave run.start out, or `beamsim run`")
-        )
     elif isinstance(start, ReleasedForceStart):
-        extra = (start.released_force.force * parts.shape(start.released_force))[None, :]
-        held = find_equilibrium(
-            parts.stiffness, parts.basis.rigid, springs_of(contacts), np.vstack([loads, extra]), cubic
-        )
-        remedy = "let it push towards a snubber, or support the structure"
-        q = _static_shape(parts, held, "run.start.released_force", "holds no static shape", remedy)
+        q = _held_shape(parts, start, contacts, loads, cubic)
     elif isinstance(start, ModeStart):
         q = _mode_shape(parts, start.mode, start.amplitude)
-    elif isinstance(start, PolynomialStart):
-        q, v = (_given_field(parts, {parts.scenario.default_body: start}, name, warnings) for name in _FIELDS)
-    elif isinstance(start, BodiesStart):
-        q, v = (_given_field(parts, start.bodies, name, warnings) for name in _FIELDS)
+    elif isinstance(start, PolynomialStart | BodiesStart):
+        given = {parts.scenario.default_body: start} if isinstance(start, PolynomialStart) else start.bodies
+        q, v = (_given_field(parts, given, name, warnings) for name in ("displacement", "velocity"))
+    elif isinstance(start, OrbitStart):
+        remedy = "leave run.start out, or `beamsim run`"
+        raise ScenarioError(Problem("run.start.orbit", "starts a run, and no other command", remedy))
     return np.concatenate([q, v]), warnings
+
+
+def _held_shape(
+    parts: Parts, start: ReleasedForceStart, contacts: Contacts, loads: Floats, cubic: CubicSprings
+) -> Floats:
+    """(n,) static equilibrium under the constant loads (L, n) and a force that is then released."""
+    extra = (start.released_force.force * parts.shape(start.released_force))[None, :]
+    held = find_equilibrium(parts.stiffness, parts.basis.rigid, springs_of(contacts), np.vstack([loads, extra]), cubic)
+    remedy = "let it push towards a snubber, or support the structure"
+    return _static_shape(parts, held, "run.start.released_force", "holds no static shape", remedy)
 
 
 def _static_shape(parts: Parts, equilibrium: Equilibrium, path: str, problem: str, remedy: str) -> Floats:

@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path as FilePath
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import MeasurementError, axis_kind, opening_faults
 from beamsim.scenario import Scenario, units
-from beamsim.scenario.base import Unfit, counted, problem
+from beamsim.scenario.base import Path, Unfit, counted, path_text, problem
 from beamsim.scenario.connections import MeasuredForces, check_points
 from beamsim.scenario.files import DecimalMark
 from beamsim.typing import Floats
@@ -48,59 +48,64 @@ class TableOfStop:
 
 def curves_of(scenario: Scenario) -> tuple[ForceCurve | None, ...]:
     """The curve of each snubber, None of one with a stiffness; raises as `force_tables`."""
-    return tuple(None if table is None else table.curve for table in force_tables(scenario))
+    tables = force_tables(scenario)
+    return tuple(
+        tables[at].curve if (at := path_text(each.path)) in tables else None for each in scenario.located_snubbers
+    )
 
 
-def force_tables(scenario: Scenario) -> tuple[TableOfStop | None, ...]:
-    """The table of each snubber, None of one with a stiffness.
+def force_tables(scenario: Scenario) -> dict[str, TableOfStop]:
+    """The tables of snubbers by their paths; those with a stiffness have none.
 
     Raises
     ------
     ScenarioError
         For files that cannot be read and points that are no rising curve from zero.
     """
-    tables: list[TableOfStop | None] = []
-    for path, _, snubber, _ in scenario.located_snubbers:
-        if snubber.table is None:
-            tables.append(None)
-            continue
-        at = (*path, "force_deflection")
-        table = snubber.table
-        file = None
-        if table.file is not None:
-            file = found_in(table.file, scenario.folder_of(*at, "file"), scenario.folder_of(*at))
-            if not os.path.lexists(file):
-                remedy = "give its path, relative to the folder of the scenario"
-                raise ScenarioError(problem(at, f"= {table.file} does not exist", remedy))
-        try:
-            changed = 0 if file is None else _last_change(file)
-            as_given = table.model_copy(update={"scale": 1.0, "segment_factors": ()})
-            measured = _table(as_given, file, changed)  # is fitted once for all factors
-        except Unfit as error:
-            where = at if file is not None else (*at, *error.at)
-            raise ScenarioError(problem(where, _of_file(file, error.at) + error.message, error.remedy)) from None
-        except MeasurementError as fault:
-            raise ScenarioError(problem(at, _of_file(file, ()) + fault.message, fault.remedy)) from None
-        except ValueError as error:  # no curve fits the points
-            remedy = "it needs a column of deflections and one of forces, from zero on"
-            raise ScenarioError(problem(at, f"{_of_file(file, ())}cannot be used: {error}", remedy)) from None
-        segments = measured.curve.slopes.size
-        if len(table.segment_factors) not in (0, segments):
-            given = counted(len(table.segment_factors), "value")
-            message = f"has {given}, and the curve has {counted(segments, 'segment')}"
-            remedy = "give one factor for each segment, [1, 1, ...] to begin with"
-            raise ScenarioError(problem((*at, "segment_factors"), message, remedy))
-        tables.append(measured.scaled(table.scale, table.segment_factors))
-    return tuple(tables)
+    return {
+        path_text(path): _table_of(scenario, (*path, "force_deflection"), snubber.table)
+        for path, _, snubber, _ in scenario.located_snubbers
+        if snubber.force_deflection is not None
+    }
 
 
-def _last_change(file: Path) -> int:
+def _table_of(scenario: Scenario, at: Path, table: MeasuredForces) -> TableOfStop:
+    """The table at a path; both stops of a pair have the same."""
+    file = None
+    if table.file is not None:
+        file = found_in(table.file, scenario.folder_of(*at, "file"), scenario.folder_of(*at))
+        if not os.path.lexists(file):
+            remedy = "give its path, relative to the folder of the scenario"
+            raise ScenarioError(problem(at, f"= {table.file} does not exist", remedy))
+    try:
+        changed = 0 if file is None else _last_change(file)
+        as_given = table.model_copy(update={"scale": 1.0, "segment_factors": ()})
+        measured = _table(as_given, file, changed)  # is fitted once for all factors
+    except Unfit as error:
+        where = at if file is not None else (*at, *error.at)
+        raise ScenarioError(problem(where, _of_file(file, error.at) + error.message, error.remedy)) from None
+    except MeasurementError as fault:
+        raise ScenarioError(problem(at, _of_file(file, ()) + fault.message, fault.remedy)) from None
+    except ValueError as error:  # no curve fits the points
+        remedy = "it needs a column of deflections and one of forces, from zero on"
+        raise ScenarioError(problem(at, f"{_of_file(file, ())}cannot be used: {error}", remedy)) from None
+    segments = measured.curve.slopes.size
+    if len(table.segment_factors) not in (0, segments):
+        message = (
+            f"has {counted(len(table.segment_factors), 'value')}, and the curve has {counted(segments, 'segment')}"
+        )
+        remedy = "give one factor for each segment, [1, 1, ...] to begin with"
+        raise ScenarioError(problem((*at, "segment_factors"), message, remedy))
+    return measured.scaled(table.scale, table.segment_factors)
+
+
+def _last_change(file: FilePath) -> int:
     """Time of the last change of a file that can be opened, ns."""
     with opening_faults(), open_input(file) as opened:
         return os.fstat(opened.fileno()).st_mtime_ns
 
 
-def _of_file(file: Path | None, at: Sequence[str | int]) -> str:
+def _of_file(file: FilePath | None, at: Sequence[str | int]) -> str:
     if file is None:
         return ""
     row = next((f", row {part + 1} of the numbers" for part in at if isinstance(part, int)), "")
@@ -108,7 +113,7 @@ def _of_file(file: Path | None, at: Sequence[str | int]) -> str:
 
 
 @lru_cache(maxsize=64)
-def _table(table: MeasuredForces, file: Path | None, changed: int) -> TableOfStop:
+def _table(table: MeasuredForces, file: FilePath | None, changed: int) -> TableOfStop:
     """``changed`` is the time of the file's last change: it tells versions of a file apart."""
     if file is None:
         assert table.points is not None
@@ -125,7 +130,7 @@ def _table(table: MeasuredForces, file: Path | None, changed: int) -> TableOfSto
 
 
 def read_forces(
-    file: Path, columns: Sequence[str] = (), decimal: DecimalMark | None = None
+    file: FilePath, columns: Sequence[str] = (), decimal: DecimalMark | None = None
 ) -> tuple[Floats, Floats, Floats | None]:
     """Deflections, m, forces, N, and times, s, where there is a column of them.
 
@@ -169,7 +174,7 @@ def read_forces(
     return found["length"], found["force"], found.get("time")
 
 
-def _remark(width: float, file: Path | None, time: Floats | None, segments: int) -> str:
+def _remark(width: float, file: FilePath | None, time: Floats | None, segments: int) -> str:
     """What to say about a loop of this width: the curve goes through its middle."""
     if width <= LOOP:
         return ""

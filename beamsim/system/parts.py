@@ -295,6 +295,12 @@ class Parts:
 
         return self._once("levers", sites, lambda: np.array([lever(site) for site in sites]))
 
+    @property
+    def has_moving_mountings(self) -> bool:
+        """Whether a snubber is mounted on a support, or is moved by the excitation."""
+        mountings = (getattr(snubber, "mounted_on", None) for snubber in self.scenario.all_snubbers)
+        return bool(driven_stops(self.scenario)) or any(isinstance(on, OnSupport) for on in mountings)
+
     def influence(self, signals: int) -> Floats:
         """(k, L) displacement of each snubber's place from its stand by a unit of each of so many signals of the loads.
 

@@ -224,7 +224,9 @@ def test_slopes_of_another_table_are_remarked_on():
 
 def test_the_scale_multiplies_the_forces():
     table = {"points": POINTS, "fit": {"segments": 1}}
-    once, twice = (force_tables(case({"force_deflection": {**table, "scale": scale}}))[0] for scale in (1.0, 2.0))
+    once, twice = (
+        next(iter(force_tables(case({"force_deflection": {**table, "scale": scale}})).values())) for scale in (1.0, 2.0)
+    )
     np.testing.assert_allclose(twice.curve.force, 2.0 * once.curve.force, rtol=1e-15)
     assert twice.misfit == pytest.approx(2.0 * once.misfit, rel=1e-15)
     assert once.misfit > 0.1
