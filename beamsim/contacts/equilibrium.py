@@ -5,14 +5,16 @@ r"""Static equilibrium: the minimum of a convex, piecewise quadratic energy.
 
 Cubic springs add :math:`\tfrac14 c\,(b^T q)^4`. One-sided springs of negative stiffness are parts of a spring that
 softens; the total energy is still convex. Newton's method with an exact search along each step finds the minimum:
-between changes of contact the energy is quadratic, so that a few steps end there. A refinement in extended precision
-follows; what is left is to say whether the minimum is the only one.
+between changes of contact the energy is quadratic, so that a few steps end there. A refinement with residuals that are
+rounded once follows; what is left is to say whether the minimum is the only one.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 from scipy.linalg import block_diag, null_space, qr, solve_triangular
@@ -23,6 +25,7 @@ from beamsim.typing import Bools, Floats, Ints
 
 _ROUND_OFF = 1e-10  # relative, of loads and gaps
 _CANCELLED = 1e-13  # of the parts of a sum: what is left where they cancel
+_SPLIT = 2.0**27 + 1.0  # times a number, which leaves the upper half of its digits
 
 UNBALANCED = "the loads are not in balance: no support or snubber can hold the structure against them"
 FLOATS = "the structure floats: it has rigid-body motions that no support or closed snubber holds in place"
@@ -182,32 +185,62 @@ def _refined(energy: _Energy, q: Floats) -> tuple[Floats, Floats]:
     """Coordinates and forces of springs (m,) with residuals at the round-off of what each coordinate feels.
 
     A stiff stop carries a load that soft coordinates hardly feel: the round-off of the load is not that of the little
-    they feel. So residuals are in extended precision, and deflections of stiff springs are no differences of others. A
-    spring that closed by round-off alone, and has no force then, is open.
+    they feel. So the unknowns are sums of two numbers, residuals are rounded once, and deflections of stiff springs are
+    no differences of others. A spring that closed by round-off alone, and has no force then, is open.
     """
-    springs, cubic, n = energy.springs, energy.cubic, q.size
+    springs, n = energy.springs, q.size
     force = springs.stiffness * energy.penetration(q)
-    bent, stiffness = cubic.shape.astype(np.longdouble), energy.stiffness.astype(np.longdouble)
     closed = force != 0.0
     while True:
-        newton = _Newton(energy, q, closed)
-        exact = np.concatenate([q, force[closed]]).astype(np.longdouble)
-        k, normal = (x.astype(np.longdouble)[closed] for x in (springs.stiffness, energy.normal))
+        newton, normal, k = _Newton(energy, q, closed), energy.normal[closed], springs.stiffness[closed]
+        linear = np.block([[np.diag(energy.stiffness), -normal.T], [normal, np.diag(1.0 / k)]])
+        given = np.append(-energy.load, springs.gap[closed])[:, None]
+        found, rest = np.append(q, force[closed]), np.zeros(given.size)
         for _ in range(6):
-            moved, pushed = exact[:n], exact[n:]
-            pull = bent.T @ (cubic.stiffness * (bent @ moved) ** 3)
-            gradient = stiffness * moved + pull - normal.T @ pushed - energy.load
-            step = newton.step(
-                gradient.astype(float), (springs.gap[closed] + normal @ moved + pushed / k).astype(float)
-            )
-            if not np.linalg.norm(step / newton.scale) <= 1e-2 * np.linalg.norm(exact.astype(float) / newton.scale):
+            pull = np.pad(_cubic_forces(energy.cubic, found[:n], rest[:n]), ((0, k.size), (0, 0)))
+            misfit = _sums(linear, found, rest, np.hstack([given, pull]))
+            step = newton.step(misfit[:n], misfit[n:])
+            if not np.linalg.norm(step / newton.scale) <= 1e-2 * np.linalg.norm(found / newton.scale):
                 return q, force  # no refinement
-            exact += step
-        pushes = exact[n:] * k > 0
+            rest += step
+            total = found + rest
+            found, rest = total, rest - (total - found)
+        pushes = found[n:] * k > 0
         if pushes.all():
-            force[closed], force[~closed] = exact[n:], 0.0
-            return np.asarray(exact[:n], dtype=float), force
+            force[closed], force[~closed] = found[n:], 0.0
+            return found[:n], force
         closed[closed] = pushes
+
+
+def _sums(matrix: Floats, value: Floats, rest: Floats, others: Floats) -> Floats:
+    """(k,) ``matrix @ (value + rest)`` and all that is beside it in a row of ``others`` (k, any), rounded once."""
+    products = np.hstack([*_exact_products(matrix, value), matrix * rest, others])
+    return np.array([math.fsum(row) for row in products])
+
+
+def _exact_products(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """Products, and what was rounded off them (T. J. Dekker, Numer. Math. 18, 1971)."""
+    halves = []
+    for x in (a, b):
+        high = _SPLIT * x
+        high = high - (high - x)
+        halves.append((high, x - high))
+    product, (a1, a2), (b1, b2) = a * b, *halves
+    return product, a2 * b2 - (((product - a1 * b1) - a2 * b1) - a1 * b2)
+
+
+def _cubic_forces(cubic: CubicSprings, q: Floats, rest: Floats) -> Floats:
+    """(n, any) numbers whose sums are the forces of cubic springs on the coordinates ``q + rest``."""
+    if not cubic.count:
+        return np.zeros((q.size, 0))
+    stretch = _sums(cubic.shape, q, rest, np.zeros((cubic.count, 1)))
+    of_stretch = _sums(cubic.shape, q, rest, -stretch[:, None])
+    exact = [Fraction(k) * (Fraction(x) + Fraction(y)) ** 3 for k, x, y in zip(
+        cubic.stiffness.tolist(), stretch.tolist(), of_stretch.tolist(), strict=True
+    )]  # fmt: skip
+    force = np.array([float(f) for f in exact])
+    of_force = np.array([float(f - Fraction(float(x))) for f, x in zip(exact, force, strict=True)])
+    return np.hstack([*_exact_products(cubic.shape.T, force), cubic.shape.T * of_force])
 
 
 def _balanced(away: Floats, push: Floats) -> bool:

@@ -1,12 +1,13 @@
 """Static equilibria in which a stiff stop carries a load that others hardly feel, against exact fractions."""
 
+from decimal import Decimal, localcontext
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from beamsim.contacts.equilibrium import Springs, find_equilibrium
+from beamsim.contacts.equilibrium import CubicSprings, Springs, find_equilibrium
 
 pytestmark = pytest.mark.quick
 
@@ -50,5 +51,22 @@ def test_soft_coordinates_beside_a_stiff_stop(stop, softening):
     found = find_equilibrium(squares, 0, contacts, load[None])
     exact = in_fractions(squares, contacts, found.force != 0, load)
     assert found.force[0] == pytest.approx(0.105, rel=0.01)
-    condition = 1e12 / springs.min()  # of the stiffest stop beside the softest spring
-    np.testing.assert_allclose(found.q, exact, rtol=condition * np.finfo(np.longdouble).eps, atol=0.0)
+    np.testing.assert_allclose(found.q, exact, rtol=1e-14, atol=0.0)  # whatever the ratio of stiffnesses
+
+
+def test_soft_coordinates_beside_a_stiff_cubic_spring():
+    """The same, where a cubic spring carries the load: its stretch solves one cubic equation, here in 60 digits."""
+    stiffness, shape, load = np.array([220.0, 900.0, 4.1e4]), np.array([0.31, -0.72, 0.55]), np.array([1.2, -2.9, 2.1])
+    cubic = CubicSprings(shape[None], np.array([1e22]))
+    none = Springs(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
+    found = find_equilibrium(stiffness, 0, none, load[None], cubic)
+    with localcontext() as context:
+        context.prec = 60
+        k, b, f, c = ([Decimal(x) for x in each.tolist()] for each in (stiffness, shape, load, cubic.stiffness))
+        free = sum(x * y / z for x, y, z in zip(b, f, k, strict=True))
+        yields = c[0] * sum(x * x / z for x, z in zip(b, k, strict=True))
+        stretch = (free / yields) ** (Decimal(1) / 3)
+        for _ in range(20):
+            stretch -= (stretch + yields * stretch**3 - free) / (1 + 3 * yields * stretch**2)
+        exact = [float((y - x * c[0] * stretch**3) / z) for x, y, z in zip(b, f, k, strict=True)]
+    np.testing.assert_allclose(found.q, exact, rtol=1e-14, atol=0.0)
