@@ -51,6 +51,7 @@ class Tables(NamedTuple):
     horizon: Any  # (S,)
     phase: Any  # (S, m) of the contacts
     n_guards: Any  # (S,)
+    n_joining: Any  # (S,) see `Guards.joining`
     guard_contact: Any  # (S, g) contact of each guard
     reset: Any  # (S, g) column of `watch` with the contact's internal states after the event, -1 where they go on
     follower: Any  # (S, g) state after a guard's event, -1 where it is not built yet
@@ -242,6 +243,7 @@ class Guards(NamedTuple):
 
     basis: Any  # B
     count: Any  # g
+    joining: Any  # how many, the first ones, act before any other: contacts that join others at rest
     exponent: Any  # (B,) 1/s
     power: Any  # (B,)
     coefficient: Any  # (B, g)
@@ -433,8 +435,8 @@ def _next_step(guards, out, floors, tau, reach, longer):
     """(step, hit): a step over which no guard can reach zero; the guard at zero already (`NO_EVENT`: none).
 
     A guard is lifted by twice its tolerance: a contact that stays at zero to round-off is ignored, and every step has a
-    smallest length. Of guards that an event has put below zero the lowest comes first. A ``longer`` step takes higher
-    derivatives of the guards whose curvature stops it before ``reach``.
+    smallest length. Of guards that an event has put below zero the lowest comes first, of the joining ones if there is
+    one among them. A ``longer`` step takes higher derivatives of the guards whose curvature stops it before ``reach``.
 
     Parameters
     ----------
@@ -449,13 +451,16 @@ def _next_step(guards, out, floors, tau, reach, longer):
     step : s.
     hit : the guard, or `NO_EVENT`.
     """
-    step, hit = reach - tau, NO_EVENT
+    step, hit, put_below = reach - tau, NO_EVENT, False
     for j in range(guards.count):
+        if j == guards.joining and put_below:
+            break
         tolerance = _tolerance(guards, out, floors, j)
         lifted = out[0, j] + 2.0 * tolerance
         if lifted < tolerance:
-            if hit < 0 or (lifted < -BELOW * tolerance and out[0, j] < out[0, hit]):
-                hit = j
+            low = lifted < -BELOW * tolerance
+            if hit < 0 or (low and out[0, j] < out[0, hit]):
+                hit, put_below = j, low
         elif hit < 0:
             h = safe_step(lifted, out[1, j], out[2, j])
             if longer and h < step:
@@ -636,6 +641,59 @@ def _fill_guards(tables, s, zeta, H, guards):
 
 
 @kernel
+def _piece_at(inputs, piece, t, end):
+    """The piece of the inputs at a time, and when it ends.
+
+    Parameters
+    ----------
+    inputs : Inputs.
+    piece : one that has begun by then.
+    t, end : s; the end is that of the motion.
+
+    Returns
+    -------
+    piece, stop : its number, and its end, s, or that of the motion.
+    """
+    last = inputs.start.size - 1
+    while piece < last and inputs.start[piece + 1] <= t:
+        piece += 1
+    return piece, min(end, inputs.start[piece + 1]) if piece < last else end
+
+
+@kernel
+def _log_segment(log, number, t, state, piece, y):
+    """Write down how a segment begins.
+
+    Parameters
+    ----------
+    log : as for `march`.
+    number : of the segment in it.
+    t, state, piece : time, s, contact state, and piece of the inputs.
+    y : (N,) state.
+    """
+    log.time[number], log.state[number], log.piece[number] = t, state, piece
+    for k in range(y.size):
+        log.y[number, k] = y[k]
+
+
+@kernel
+def _log_event(tables, log, number, t, state, guard):
+    """Write down an event.
+
+    Parameters
+    ----------
+    tables, log : as for `march`.
+    number : of the event in the log.
+    t : s.
+    state, guard : contact state before it, and the guard.
+    """
+    contact = tables.guard_contact[state, guard]
+    log.event_time[number], log.event_contact[number] = t, contact
+    log.event_before[number] = tables.phase[state, contact]
+    log.event_phase[number] = tables.phase[tables.follower[state, guard], contact]
+
+
+@kernel
 def march(tables, inputs, position, end, y, log, most_evaluations):
     """Carry a motion on from event to event.
 
@@ -661,79 +719,57 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
     # each is written before it is read; zeros would take longer to compile
     zeta = np.empty(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
-    gamma = np.empty((B, most), dtype=np.complex128)
-    size = np.empty((B, most))
-    least = np.empty(most)
-    basis = np.empty(B, dtype=np.complex128)
-    search = make_search(most)
-    pieces = inputs.start.size
-    logging = log.time.size > 0
-    n_seg = 0
-    n_ev = 0
-    n_eval = 0
-    while True:
+    gamma, size, least = np.empty((B, most), dtype=np.complex128), np.empty((B, most)), np.empty(most)
+    basis, search = np.empty(B, dtype=np.complex128), make_search(most)
+    logging, status = log.time.size > 0, DONE
+    n_seg, n_ev, n_eval = 0, 0, 0
+    while waits or t < end:
         if not waits:
-            if t >= end:
-                break
-            while piece + 1 < pieces and inputs.start[piece + 1] <= t:
-                piece += 1
-            stop = end
-            if piece + 1 < pieces and inputs.start[piece + 1] < stop:
-                stop = inputs.start[piece + 1]
+            piece, stop = _piece_at(inputs, piece, t, end)
             if logging and (n_seg == log.time.size or n_ev == log.event_time.size):
-                return FULL, t, piece, state, guard, n_seg, n_ev, n_eval
+                status = FULL
+                break
             if n_eval > most_evaluations:
-                return BUDGET, t, piece, state, guard, n_seg, n_ev, n_eval
-            H = stop - t
-            whole = tables.horizon[state] >= H
-            if not whole:
-                H = tables.horizon[state]
+                status = BUDGET
+                break
+            H = min(stop - t, tables.horizon[state])
+            whole = stop - t <= H
             _fill_sources(tables, state, inputs, piece, t, y, rest, zeta)
-            nb = tables.n_basis[state]
-            exponent = tables.exponent[state]
-            power = tables.power[state]
             if logging:
-                log.time[n_seg] = t
-                log.state[n_seg] = state
-                log.piece[n_seg] = piece
-                for k in range(y.size):
-                    log.y[n_seg, k] = y[k]
-
-            tau, hit = H, -1
+                _log_segment(log, n_seg, t, state, piece, y)
+            nb, exponent, power = tables.n_basis[state], tables.exponent[state], tables.power[state]
+            tau, hit = H, NO_EVENT
             if tables.n_guards[state] > 0:
-                guards = Guards(nb, tables.n_guards[state], exponent, power, gamma, size, least)
+                guards = Guards(
+                    nb, tables.n_guards[state], tables.n_joining[state], exponent, power, gamma, size, least
+                )
                 _fill_guards(tables, state, zeta, H, guards)
                 tau, hit, looks = first_event(guards, search, H, guard, most_evaluations)
                 n_eval += looks
                 if hit == NO_STEP:
-                    return STUCK, t, piece, state, guard, n_seg, n_ev, n_eval
-                whole = whole and tau >= H
+                    status = STUCK
+                    break
             _fill_basis(exponent, power, nb, tau, basis)
             _state_at(tables, state, zeta, basis, y)
             if logging:
                 log.length[n_seg] = tau
             n_seg += 1
             guard = hit
-            if hit < 0 and whole:
-                t = stop
+            if hit < 0:
+                t = stop if whole and tau >= H else t + tau
                 continue
             t += tau
-            if hit < 0:
-                continue
             _reset(tables, state, hit, zeta, basis, y)
         following = tables.follower[state, guard]
-        if following < 0:
-            return NEED_STATE, t, piece, state, guard, n_seg, n_ev, n_eval
-        waits = False
-        contact = tables.guard_contact[state, guard]
+        waits = following < 0
+        if waits:
+            status = NEED_STATE
+            break
         if logging:
-            log.event_time[n_ev] = t
-            log.event_contact[n_ev] = contact
-            log.event_before[n_ev] = tables.phase[state, contact]
-            log.event_phase[n_ev] = tables.phase[following, contact]
+            _log_event(tables, log, n_ev, t, state, guard)
         n_ev += 1
         state = following
-    return DONE, t, piece, state, guard, n_seg, n_ev, n_eval
+    return status, t, piece, state, guard, n_seg, n_ev, n_eval
 
 
 @kernel

@@ -367,6 +367,8 @@ class _Equations:
         self.waiting |= below & rises & (value >= -AT_EVENT * parts)
         self.floor = np.where(self.waiting, np.minimum(value, 0.0), 0.0)
         acting = np.where(below & ~self.waiting, value, 0.0)
+        joining = acting[: self.events.joining]
+        acting = joining if joining.any() else acting
         return int(acting.argmin()) if acting.any() else None
 
     def first_event(self, step: DenseOutput) -> tuple[float, int | None]:

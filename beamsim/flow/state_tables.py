@@ -173,6 +173,7 @@ class StateTables:
             "horizon": np.array(state.horizon),
             "phase": state.phases,
             "n_guards": np.array(events.count),
+            "n_joining": np.array(events.joining),
             "guard_contact": events.contact,
             "reset": events.reset,
             "follower": np.full(events.count, -1, dtype=np.int64),

@@ -369,7 +369,7 @@ def carry_smooth(s, t, t_end, begins, motion, log):
     m, y, closed, series = s.sign.size, motion.y, motion.closed, make_series(s, motion.y.shape[1])
     powers, exponents = np.arange(ORDER + 1), np.zeros(ORDER + 1, dtype=np.complex128)
     coefficient, size = np.zeros((ORDER + 1, m), dtype=np.complex128), np.zeros((ORDER + 1, m))
-    guards = Guards(ORDER + 1, m, exponents, powers, coefficient, size, np.zeros(m))
+    guards = Guards(ORDER + 1, m, 0, exponents, powers, coefficient, size, np.zeros(m))
     search = make_search(m)
     steps, events, stalled = 0, 0, 0
     while t < t_end:

@@ -33,7 +33,6 @@ from beamsim.typing import Bools, Floats, Ints
 
 SMALLEST = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
 ROUND_OFF = 1e-14  # of a generalised force: what reactions leave below it is round-off, and would move what rests
-FIRST = 1e6  # factor of event functions that act before others
 
 RowsOf = Callable[[Ints], Floats]  # rows (k, V) in given phases of the contacts (m,)
 
@@ -151,6 +150,7 @@ class EventFunctions:
     next: Ints  # (g,) its phase afterwards
     rows: Floats  # (w, V) the g functions, then the internal states after events that set them anew
     reset: Ints  # (g,) first of the rows that give the contact's internal states after the event; -1: they go on
+    joining: int  # how many, the first ones, are of contacts that join others at rest: where one acts, no other does
 
     @property
     def count(self) -> int:
@@ -286,14 +286,16 @@ class StateEquations:
         contact, place = np.nonzero(np.arange(a.guard.shape[2]) < a.guards[every, phases][:, None])
         rows, after = (a.guard[every, phases] @ self.law)[contact, place], a.next[contact, phases[contact], place]
         joins = self._resting[contact] & (a.guard[contact, phases[contact], place, RATE] != 0.0)
-        for g in np.flatnonzero(joins).tolist():
+        order, joining = np.argsort(~joins, kind="stable"), int(joins.sum())
+        contact, place, rows, after = contact[order], place[order], rows[order], after[order]
+        for g in range(joining):
             rows[g] = self._joining(int(contact[g]), int(after[g]))
         reset, fresh, count = np.full(contact.size, -1), [], contact.size
         for g in np.flatnonzero(a.resets[contact, phases[contact], place]).tolist():
             j = contact[g]
             fresh.append(a.reset[j, phases[j], place[g], : c.states[j]] @ self.law[j])
             reset[g], count = count, count + int(c.states[j])
-        return EventFunctions(contact, after, np.concatenate([rows, *fresh]), reset)
+        return EventFunctions(contact, after, np.concatenate([rows, *fresh]), reset, joining)
 
     @property
     def _resting(self) -> Bools:
@@ -307,13 +309,12 @@ class StateEquations:
     def _joining(self, contact: int, stuck: int) -> Floats:
         """(V,) what ends the sliding of a contact whose motion others hold, so that its rate is zero.
 
-        It sticks where that takes less than its limit. Until then it gives what it can, and this comes before any of
-        the others gives way.
+        It sticks where that takes less than its limit: until then this is by how much the limit is exceeded, N.
         """
         c = self.equations.contacts
         limit = next(g.row for g in c.laws[contact].phases[stuck].guards if g.next == self.phases[contact])
         law = self.equations.at(c.after(self.phases, contact, stuck)).law[contact]
-        return np.asarray(-FIRST * (limit.reaction * law[REACTION] + limit.constant * law[CONSTANT]))
+        return np.asarray(-limit.reaction * law[REACTION] - limit.constant * law[CONSTANT])
 
     def state_after(self, event: int) -> Floats:
         """(N, V) the state after an event, by the number of its function."""

@@ -110,6 +110,22 @@ def scenario(**others):
     )
 
 
+@pytest.mark.parametrize(
+    ("limits", "turn"),
+    [((0.05, 0.3), 0.02), ((0.3, 0.05), 0.01), ((0.1, 0.1, 0.1), 0.04), ((0.02, 0.02, 0.3), 0.03)],
+)
+def test_contacts_at_rest_join_before_one_of_them_gives_way(limits, turn):
+    """Where a mass turns, one contact sticks first, which could not hold what the others still push back with."""
+    drag = sum(limits)
+    system = system_of([(limit, limit) for limit in limits], [[1.0]] * len(limits), [1.0], [0.0])
+    start = np.array([0.0, np.sqrt(turn**2 + 2.0 * drag * turn)])
+    trajectory = simulate(ExactFlow(system, Forcing(np.zeros((0, 1)), ()), 40.0), start, max_events=50)
+    np.testing.assert_allclose(trajectory.final_y, [turn, 0.0], atol=1e-13)
+    np.testing.assert_allclose(trajectory.event_time, np.arctan2(start[1], drag), atol=1e-12)
+    assert trajectory.event_contact.tolist() == list(range(len(limits)))
+    assert not trajectory.event_phase.any()  # each sticks, and stays
+
+
 def test_peak_force_is_the_sliding_or_the_static_one():
     """A face that turns under more than it can hold sticks for no time: the force it would take is not reached."""
     case = scenario(
