@@ -106,16 +106,17 @@ def rooted(root: str, path: str) -> Iterator[None]:
 
 
 class InputFileError(BeamsimError):
-    """A file cannot be opened or read: it is missing, not a regular file, too large, or damaged.
+    """A file, or a channel of it, cannot be used: it is missing, too large, damaged, or lacks what is needed.
 
-    ``message`` goes on from the name of the file; ``remedy`` stands for itself; ``missing``: whether it does not exist.
+    ``message`` goes on from the name of the file or channel; ``remedy`` stands for itself; ``path`` is that of the
+    file, where only the reader knows it; ``missing``: whether it does not exist.
     """
 
     exit_code = ExitCode.USAGE
 
-    def __init__(self, path: object, message: str, remedy: str, *, missing: bool = False) -> None:
-        self.path, self.message, self.remedy, self.missing = path, message, remedy, missing
-        super().__init__(f"{path} {message}; {remedy}")
+    def __init__(self, message: str, remedy: str, path: object = "", *, missing: bool = False) -> None:
+        self.message, self.remedy, self.missing = message, remedy, missing
+        super().__init__(f"{path} {message}; {remedy}".lstrip())
 
 
 class ResultFileError(BeamsimError):

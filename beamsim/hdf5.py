@@ -65,16 +65,16 @@ def _opened(path: Path | str) -> h5py.File:
     except (OSError, ValueError, RuntimeError) as error:
         file.close()
         reason = str(error).partition("\n")[0]
-        raise InputFileError(path, f"is damaged ({reason})", "export it again") from None
+        raise InputFileError(f"is damaged ({reason})", "export it again", path) from None
     if linked is not None:
         file.close()
         name = linked.decode("utf-8", "replace")
-        raise InputFileError(path, f"has {name} in another file", "export all of it to one file")
+        raise InputFileError(f"has {name} in another file", "export all of it to one file", path)
     return file
 
 
 def _not_hdf5(path: Path | str) -> InputFileError:
-    return InputFileError(path, "is not an HDF5 file, or damaged", "export it again; netCDF-3 as netCDF-4")
+    return InputFileError("is not an HDF5 file, or damaged", "export it again; netCDF-3 as netCDF-4", path)
 
 
 def _demand_signature(path: Path | str, file: BufferedReader, size: int) -> None:
@@ -184,14 +184,14 @@ def demand_plausible(dataset: h5py.Dataset) -> None:
     """
     path, name = dataset.file.filename, dataset.name
     if dataset.shape is None:
-        raise InputFileError(path, f"has no values in {name}", "export it again")
+        raise InputFileError(f"has no values in {name}", "export it again", path)
     if dataset.is_virtual or dataset.external:
-        raise InputFileError(path, f"has the values of {name} in another file", "export all of it to one file")
+        raise InputFileError(f"has the values of {name} in another file", "export all of it to one file", path)
     stored = int(dataset.id.get_storage_size())
     for claimed, what in ((values_size(dataset), "values"), (_chunk_size(dataset), "a chunk")):
         if claimed > max(ALWAYS_READ, MOST_UNPACKED * stored):
             message = f"claims {bytes_text(claimed)} for {what} of {name}, of which {bytes_text(stored)} are stored"
-            raise InputFileError(path, message, "it is damaged, or its values were never written: export it again")
+            raise InputFileError(message, "it is damaged, or its values were never written: export it again", path)
 
 
 LONGEST_EXAMINATION_S = 15.0
@@ -223,15 +223,15 @@ def _demand_survived(path: str, modified: int, size: int) -> None:
         done = subprocess.run(command, capture_output=True, timeout=wait_s, check=False, env=surroundings)
     except subprocess.TimeoutExpired:
         message = f"was not read to its end by the HDF5 library within {wait_s:.3g} s"
-        raise InputFileError(path, message, "export it again, or try once more on a less busy machine") from None
+        raise InputFileError(message, "export it again, or try once more on a less busy machine", path) from None
     except OSError as error:
         code, reason = 1, f"no other process can be started ({error.strerror or error})"
     else:
         code, reason = done.returncode, done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
     if code == 1:  # of an exception before the file was opened
-        raise InputFileError(path, f"cannot be examined: {reason}", "free memory, or end other processes")
+        raise InputFileError(f"cannot be examined: {reason}", "free memory, or end other processes", path)
     if code != 0:
-        raise InputFileError(path, "is damaged: the HDF5 library cannot read it to its end", "export it again")
+        raise InputFileError("is damaged: the HDF5 library cannot read it to its end", "export it again", path)
 
 
 def examine(path: str, longest_s: float) -> None:

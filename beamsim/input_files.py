@@ -128,21 +128,21 @@ def _demand_regular(path: Path | str, state: os.stat_result, most_bytes: float, 
     """Refuse what is not a regular file, and a file that is too large."""
     if not stat.S_ISREG(state.st_mode):
         kind = next((name for test, name in _KINDS if test(state.st_mode)), "no regular file")
-        raise InputFileError(path, f"is {kind}", "give the path of a regular file")
+        raise InputFileError(f"is {kind}", "give the path of a regular file", path)
     if state.st_size > most_bytes:
         message = f"has {bytes_text(state.st_size)}, more than the {bytes_text(most_bytes)} of the largest such file"
-        raise InputFileError(path, message, remedy)
+        raise InputFileError(message, remedy, path)
 
 
 def _refusal(path: Path | str, error: OSError | ValueError) -> InputFileError:
     """The refusal of a file that the system does not open."""
     number = getattr(error, "errno", None)
     if number == errno.ENOENT:
-        return InputFileError(path, "does not exist", "check the path", missing=True)
+        return InputFileError("does not exist", "check the path", path, missing=True)
     if number == errno.ELOOP:
-        return InputFileError(path, "is a link that leads back to itself", "give the path of a regular file")
+        return InputFileError("is a link that leads back to itself", "give the path of a regular file", path)
     reason = getattr(error, "strerror", None) or str(error)
-    return InputFileError(path, f"cannot be read ({reason})", "check its path and permissions")
+    return InputFileError(f"cannot be read ({reason})", "check its path and permissions", path)
 
 
 def read_input(
@@ -170,10 +170,8 @@ def read_input(
         except MemoryError:
             raise no_memory(path, size) from None
     if len(raw) > size:
-        raise InputFileError(
-            path, f"has more than its {size} bytes: it is being written, or a file of the system without a size",
-            "give a file that is complete",
-        )  # fmt: skip
+        message = f"has more than its {size} bytes: it is being written, or a file of the system without a size"
+        raise InputFileError(message, "give a file that is complete", path)
     return raw
 
 
@@ -247,13 +245,13 @@ def demand_memory(path: Path | str, needed: float, why: str, remedy: str = _EXPO
     """
     if needed > ALWAYS_TRIED and needed > (free := free_memory()):
         message = f"needs {bytes_text(needed)} of memory {why}, and {bytes_text(free)} are free"
-        raise InputFileError(path, message, f"{remedy}, or use a machine with more memory")
+        raise InputFileError(message, f"{remedy}, or use a machine with more memory", path)
 
 
 def no_memory(path: Path | str, size: float) -> InputFileError:
     """The refusal of a file for which memory did not suffice; ``size`` is that of the file, in bytes."""
     message = f"has {bytes_text(size)} and needs more memory than the {bytes_text(free_memory())} that are free"
-    return InputFileError(path, message, f"{_EXPORT_LESS}, or use a machine with more memory")
+    return InputFileError(message, f"{_EXPORT_LESS}, or use a machine with more memory", path)
 
 
 @contextmanager
@@ -284,4 +282,4 @@ def reading(path: Path | str, called: str, remedy: str = "it is damaged: export 
         raise no_memory(path, os.stat(path).st_size) from None
     except Exception as error:
         reason = " ".join((str(error) or type(error).__name__).split())[:300]
-        raise InputFileError(path, f"cannot be read as {called} ({reason})", remedy) from None
+        raise InputFileError(f"cannot be read as {called} ({reason})", remedy, path) from None

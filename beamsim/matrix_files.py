@@ -393,7 +393,7 @@ def read_matrices(path: Path, name: str | None = None) -> list[FileMatrix]:
     try:
         with reading(path, called, "check the file"), open_input(path) as file:  # which some readers open themselves
             if not (size := os.fstat(file.fileno()).st_size):
-                raise InputFileError(path, "is empty", "check the file")
+                raise InputFileError("is empty", "check the file", path)
             demand_memory(path, memory * size, f"for the {bytes_text(size)} of the file")
             return reader(path, name and name.lower())
     except InputFileError as error:

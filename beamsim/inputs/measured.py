@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from beamsim.errors import Problem, ScenarioError, rooted
+from beamsim.errors import InputFileError, Problem, ScenarioError, rooted
 from beamsim.input_files import found_in
 from beamsim.inputs.signal import MOST_PIECES, Signal
 from beamsim.inputs.statements import InputAccount, InputStatement
@@ -18,7 +18,7 @@ from beamsim.measurements.columns import column_named, only_column
 from beamsim.measurements.conditioning import conditioned, evenly_timed, offset_warnings, rounding_warnings
 from beamsim.measurements.functions import FunctionType
 from beamsim.measurements.read import TEXT, read_file
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, axis_kind, in_si
+from beamsim.measurements.signal import MeasuredSignal, axis_kind, in_si
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
 from beamsim.scenario.base import Unfit, path_text
@@ -142,7 +142,7 @@ def read_record(excitation: SampledInput, folder: Path | None = None) -> Measure
         signal = _in_si(raw, excitation).checked()
         _demand_no_gaps(signal, excitation)
         used = conditioned(signal, excitation, excitation.resample)
-    except MeasurementError as fault:
+    except InputFileError as fault:
         _reject(f"= {excitation.file} {fault.message}", fault.remedy)
     doubts = offset_warnings(used, starts=not excitation.stationary)
     size = abs(excitation.factor) * float(np.abs(signal.y).max() / max(np.abs(raw.y).max(), 1e-300))
@@ -174,7 +174,7 @@ def _chosen(signals: list[MeasuredSignal], excitation: SampledInput) -> Measured
         signal = replace(signal, x=even, of_frequency=False, axis="time", axis_unit="s")
     elif time is not None:
         if time.y.size != signal.y.size:
-            raise MeasurementError(f"has {time.y.size} times for {signal.y.size} values", "name another column")
+            raise InputFileError(f"has {time.y.size} times for {signal.y.size} values", "name another column")
         signal = replace(
             signal, x=np.asarray(time.y, dtype=float), of_frequency=False, axis=time.name, axis_unit=time.unit
         )
@@ -183,7 +183,7 @@ def _chosen(signals: list[MeasuredSignal], excitation: SampledInput) -> Measured
         _reject(f"= {excitation.file} has no time axis of {signal.name}", remedy, "excitation.sample_rate")
     signal = signal.required((FunctionType.TIME_HISTORY,), "a sampled input")
     if np.iscomplexobj(signal.y):
-        raise MeasurementError(f"has complex values in {signal.name}", "name another one in excitation.column")
+        raise InputFileError(f"has complex values in {signal.name}", "name another one in excitation.column")
     return signal
 
 
@@ -192,9 +192,7 @@ def _values(signals: list[MeasuredSignal], time: MeasuredSignal | None, excitati
     if excitation.column is not None:
         signal = column_named(signals, excitation.column)
         if signal is time or (not signal.axis and axis_kind(signal.name)):
-            raise MeasurementError(
-                f"has the axis {signal.name}, not values", "name another column in excitation.column"
-            )
+            raise InputFileError(f"has the axis {signal.name}, not values", "name another column in excitation.column")
         return signal
     if time is not None:  # of a file with several axes those on this one
         signals = [signal for signal in signals if signal.axis == time.name] or signals
@@ -409,12 +407,12 @@ def _read_function(table: CurveFile, folder: Path, dimension: Dimension) -> tupl
         densities = [each for each in signals if each.function == FunctionType.POWER_DENSITY]
         if len(densities) != 1:
             has = f"has {len(densities)} power spectral densities" if densities else "has no power spectral density"
-            raise MeasurementError(has, "export one alone, or as CSV with the columns frequency (Hz) and PSD (g^2/Hz)")
+            raise InputFileError(has, "export one alone, or as CSV with the columns frequency (Hz) and PSD (g^2/Hz)")
         density = densities[0].on_si_axis(None, "the unit of the axis in the file").checked()
         if not density.unit:
-            raise MeasurementError(f"states no unit of {density.name}", f"export it with its unit, {dimension.example}")
+            raise InputFileError(f"states no unit of {density.name}", f"export it with its unit, {dimension.example}")
         factor = read_quantity(f"1 {density.unit}", dimension)
-    except (MeasurementError, UnitError) as fault:
+    except (InputFileError, UnitError) as fault:
         _reject(f"= {file} {fault.message}", fault.remedy, "excitation.psd")
     given = density.x > 0.0
     frequency, value = density.x[given], np.real(density.y[given]) * factor
@@ -462,9 +460,9 @@ def _read_table(
         signal, factor, quantity = _levels(read_file(found_in(file, folder), table.decimal), table, at, dimensions)
         unit = signal.axis_unit
         if not unit:
-            raise MeasurementError("cannot be used: its first column states no unit", "head it frequency (Hz)")
+            raise InputFileError("cannot be used: its first column states no unit", "head it frequency (Hz)")
         frequency = np.asarray(signal.x * read_quantity(f"1 {unit}", FREQUENCY), dtype=float)
-    except (MeasurementError, UnitError) as fault:
+    except (InputFileError, UnitError) as fault:
         _reject(f"= {file} {fault.message}", fault.remedy, at)
     level = np.asarray(signal.y * factor, dtype=float)
     if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
@@ -489,23 +487,23 @@ def _levels(
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If there is no such column, or several, or it has no unit.
     UnitError
         If the unit is none of the dimensions.
     """
     if len(signals) < 2:
-        raise MeasurementError("has one column", "give a frequency and a level in each row, with their units above")
+        raise InputFileError("has one column", "give a frequency and a level in each row, with their units above")
     if table.column is None:
         signal = only_column(signals, *dimensions.values(), key=f"{at}.column")
     else:
         signal = column_named(signals, table.column)
     if not signal.axis:
-        raise MeasurementError(f"has no frequencies of {signal.name}", "head their column frequency (Hz)")
+        raise InputFileError(f"has no frequencies of {signal.name}", "head their column frequency (Hz)")
     if not dimensions:
         return signal, 1.0, None
     if not signal.unit:
-        raise MeasurementError(
+        raise InputFileError(
             f"cannot be used: {signal.name or 'its second column'} states no unit", "head it for example level (g)"
         )
     factor, dimension = read_level(f"1 {signal.unit}", tuple(dimensions.values()))

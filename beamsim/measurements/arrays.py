@@ -16,18 +16,12 @@ from typing import Any
 import h5py
 import numpy as np
 
+from beamsim.errors import InputFileError
 from beamsim.hdf5 import ABSENT, LIST, OF_EACH, open_hdf5, read_array, scale_along, values_size
 from beamsim.input_files import demand_memory
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
-from beamsim.measurements.signal import (
-    MeasuredSignal,
-    MeasurementError,
-    axis_kind,
-    label_of,
-    split_heading,
-    stated,
-)
+from beamsim.measurements.signal import MeasuredSignal, axis_kind, label_of, split_heading, stated
 from beamsim.scenario import units as si
 
 HDF5 = (".h5", ".hdf5", ".hdf", ".nc", ".nc4", ".cdf")
@@ -59,7 +53,7 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If it is not an HDF5 file, or damaged.
     """
     file = open_hdf5(path)
@@ -88,7 +82,7 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
             units = _listed(datasets[name], OF_EACH, str) or [whole.unit] * len(of_rows)
             absent = _listed(datasets[name], ABSENT, int)
             if len(units) != len(of_rows):
-                raise MeasurementError(f"is damaged ({OF_EACH} of {name})", "export it again")
+                raise InputFileError(f"is damaged ({OF_EACH} of {name})", "export it again")
             rows = zip(of_rows, units, whole.values.reshape(len(of_rows), -1), strict=True)
             for number, (label, unit, values) in enumerate(rows):
                 if number not in absent:
@@ -102,7 +96,7 @@ def _listed(item: h5py.Dataset, name: str, of: type) -> list[Any]:
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If it is no JSON list of texts, or of numbers.
     """
     text = text_of_attribute(item.attrs.get(name, ""))
@@ -113,7 +107,7 @@ def _listed(item: h5py.Dataset, name: str, of: type) -> list[Any]:
     except ValueError:
         listed = None
     if not isinstance(listed, list) or any(type(each) is not of for each in listed):
-        raise MeasurementError(f"is damaged ({name} of {item.name})", "export it again")
+        raise InputFileError(f"is damaged ({name} of {item.name})", "export it again")
     return listed
 
 
@@ -138,7 +132,7 @@ def read_matlab(path: Path) -> list[MeasuredSignal]:
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If it cannot be read.
     """
     variables = {name.replace(".", "/"): value for name, value in matlab_variables(path)}

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.measurements.conditioning import conditioned, evenly_timed
 from beamsim.measurements.functions import RATIOS, FunctionType
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
+from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark, RecordPreparation
@@ -53,7 +53,7 @@ def read_tests(scenario: Scenario, folder: Path | str = ".") -> list[MeasuredSig
             filtered_later = isinstance(test, TransientTest)  # with the motion, in the part that is compared
             how = RecordPreparation(factor=test.factor) if filtered_later else test
             signals.append(conditioned(signal, how))
-        except MeasurementError as fault:
+        except InputFileError as fault:
             problems.append(Problem(f"{at}.file", f"= {test.file} {fault.message}", fault.remedy))
         except ScenarioError as error:
             problems += [
@@ -80,7 +80,7 @@ def _usable_in(
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the channel is of a function type that the test does not take, or its level is not stated.
     """
     if test.kind == "transient":
@@ -88,7 +88,7 @@ def _usable_in(
     if signal.function not in RATIOS:
         return signal.required((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), "the test of a steady vibration")
     if test.harmonics != 1:
-        raise MeasurementError(
+        raise InputFileError(
             f"has {signal.function.with_article} in {signal.name}, which has no harmonics of a vibration",
             "give harmonics: 1 and the level of the test, or a time history or an amplitude spectrum",
         )
@@ -99,7 +99,7 @@ def _usable_in(
     frequency = excitation.frequency if test.frequency is None else test.frequency
     near = np.abs(amplitude.x / frequency - 1.0) <= NEAR
     if np.count_nonzero(near) < 2:
-        raise MeasurementError(f"has no lines about {frequency:g} Hz in {signal.name}", "export it with finer lines")
+        raise InputFileError(f"has no lines about {frequency:g} Hz in {signal.name}", "export it with finer lines")
     return replace(amplitude, x=amplitude.x[near], y=amplitude.y[near])
 
 
@@ -126,7 +126,7 @@ def read_signals(path: Path, axis_unit: str | None = None, decimal: DecimalMark 
         signals = [
             evenly_timed(each).on_si_axis(axis_unit, AXIS_UNIT) for each in read_file(path, decimal) if each.axis
         ]
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise unusable(f"{path} {fault.message}", fault.remedy) from None
     if not signals:
         raise unusable(f"{path} contains no signal", "it needs a time or frequency axis and at least one channel")
@@ -208,7 +208,7 @@ def history_named(
     signal = channel_named(read_signals(path, axis_unit, decimal), name, "", path, required=True)
     try:
         return signal.required((FunctionType.TIME_HISTORY,), "the excitation of a tracked sweep")
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise unusable(f"{path} {fault.message}", fault.remedy) from None
 
 
@@ -217,7 +217,7 @@ def _checked(signal: MeasuredSignal, path: Path) -> MeasuredSignal:
         raise unusable(f"{path}: {signal.name} has {signal.x.size} samples", "export the whole signal")
     try:
         return signal.checked()
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise unusable(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
 
 
@@ -256,7 +256,7 @@ def demand_amplitudes(signals: Iterable[MeasuredSignal], purpose: str) -> None:
     for signal in signals:
         try:
             signal.required((FunctionType.TIME_HISTORY, FunctionType.SPECTRUM), purpose)
-        except MeasurementError as fault:
+        except InputFileError as fault:
             raise unusable(f"{signal.source or 'a signal'} {fault.message}", fault.remedy) from None
 
 

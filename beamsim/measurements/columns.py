@@ -6,15 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from beamsim.errors import InputFileError
 from beamsim.measurements.functions import FunctionType, is_unit_of
-from beamsim.measurements.signal import (
-    MeasuredSignal,
-    MeasurementError,
-    axis_kind,
-    counts_samples,
-    label_of,
-    split_heading,
-)
+from beamsim.measurements.signal import MeasuredSignal, axis_kind, counts_samples, label_of, split_heading
 from beamsim.scenario import units
 from beamsim.typing import Complexes, Floats
 
@@ -27,7 +21,7 @@ def column_named(signals: Sequence[MeasuredSignal], name: str) -> MeasuredSignal
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If there is none, or several have that name.
     """
     headings = [signal.name for signal in signals]
@@ -36,7 +30,7 @@ def column_named(signals: Sequence[MeasuredSignal], name: str) -> MeasuredSignal
             found = [signal for signal, each in zip(signals, names, strict=True) if each == spelled]
             if len(found) > 1:
                 numbers = [str(signals.index(each) + 1) for each in found]
-                raise MeasurementError(
+                raise InputFileError(
                     f"has {len(found)} columns {name}: {listed(found)}",
                     f"give the whole heading, or the number of the column: {' or '.join(numbers)}",
                 )
@@ -44,7 +38,7 @@ def column_named(signals: Sequence[MeasuredSignal], name: str) -> MeasuredSignal
                 return found[0]
     if name.isdigit() and 1 <= int(name) <= len(signals):
         return signals[int(name) - 1]
-    raise MeasurementError(f"has no column {name} among {len(headings)}", f"name one: {listed(signals)}")
+    raise InputFileError(f"has no column {name} among {len(headings)}", f"name one: {listed(signals)}")
 
 
 def listed(signals: Sequence[MeasuredSignal]) -> str:
@@ -76,7 +70,7 @@ def only_column(
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If there is none, or several can be meant.
     """
     axes = {label_of(signal.axis) for signal in signals if signal.axis}
@@ -93,11 +87,11 @@ def only_column(
         fitting = [each for each in possible if not each.unit or is_unit_of(each.unit, *dimensions)]
         possible = fitting or possible
     if not possible:
-        raise MeasurementError("has no column of values beside its axis", f"name the column of values in {key}")
+        raise InputFileError("has no column of values beside its axis", f"name the column of values in {key}")
     if len(possible) > 1:
         name = split_heading(possible[-1].name)[0] or possible[-1].name
         what = " or ".join(dimension.name for dimension in dimensions) or "values"
-        raise MeasurementError(
+        raise InputFileError(
             f"has {len(possible)} columns that can be the {what}: {listed(possible)}",
             f"name one in {key}, for example {key.rpartition('.')[2]}: {name}",
         )
@@ -122,7 +116,7 @@ def by_dimension(
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If a column has a unit of none of the dimensions, or several have the same one and none of them is chosen.
     """
     wanted = [column_named(signals, name) for name in chosen]
@@ -138,7 +132,7 @@ def by_dimension(
         except units.UnitError:
             *words, last = dimensions
             known = f"{', '.join(words)} or {last}"
-            raise MeasurementError(
+            raise InputFileError(
                 f"cannot be used: column {number} is in {signal.unit}, which is no unit of {known}",
                 "leave that column out, or correct its unit",
             ) from None
@@ -147,7 +141,7 @@ def by_dimension(
         factors[signal.name] = factor
     for signal in wanted:
         if not signal.unit:
-            raise MeasurementError(f"states no unit of {signal.name}", "give it in the heading, as in force (N)")
+            raise InputFileError(f"states no unit of {signal.name}", "give it in the heading, as in force (N)")
     picked: dict[str, MeasuredSignal] = {}
     for kind in sorted(found, key=lambda kind: dimensions[kind] in _OF_AXES):  # axes follow from what is along them
         named = [signal for signal in found[kind] if any(signal is each for each in wanted)]
@@ -174,7 +168,7 @@ def _one_of(columns: Sequence[MeasuredSignal], kind: str, factors: Mapping[str, 
     for other in columns[1:]:
         if not _equal(first.y * factors[first.name], other.y * factors[other.name]):
             names = [split_heading(each.name)[0] for each in columns]
-            raise MeasurementError(
+            raise InputFileError(
                 f"cannot be used: {listed(columns)} each have a unit of {kind}",
                 f"name the one that is meant: columns: [{names[-1]}] (--column {names[-1]})",
             )
@@ -189,11 +183,11 @@ def _equal(a: Floats | Complexes, b: Floats | Complexes) -> bool:
 def _check_samples(columns: Sequence[MeasuredSignal], factors: Mapping[str, float]) -> None:
     """Refuse columns that are not of the same samples."""
     if len({column.y.size for column in columns}) > 1:
-        raise MeasurementError("cannot be used: its columns have different lengths", "use a table of equal columns")
+        raise InputFileError("cannot be used: its columns have different lengths", "use a table of equal columns")
     timed = [column for column in columns if _has_axis(column)]
     for other in timed[1:]:
         if not _equal(*(each.x * factors.get(each.axis, 1.0) for each in (timed[0], other))):
-            raise MeasurementError(
+            raise InputFileError(
                 f"cannot be used: {timed[0].name} and {other.name} are measured at different times",
                 "resample them to the same times",
             )

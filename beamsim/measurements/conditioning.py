@@ -29,7 +29,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from beamsim.measurements.signal import LARGEST_VALUE, MeasuredSignal, MeasurementError
+from beamsim.errors import InputFileError
+from beamsim.measurements.signal import LARGEST_VALUE, MeasuredSignal
 from beamsim.scenario import units
 from beamsim.scenario.files import RecordPreparation
 from beamsim.scenario.units import STANDARD_GRAVITY
@@ -174,13 +175,13 @@ def conditioned(signal: MeasuredSignal, how: RecordPreparation, resample: float 
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If it is no time history, not even, or too short for a filter.
     """
     if how.factor != 1.0:
         signal = replace(signal, y=how.factor * signal.y, scaling=(*signal.scaling, f"times {how.factor:g}"))
     if (how.remove or how.high_pass or resample) and (signal.of_frequency or np.iscomplexobj(signal.y)):
-        raise MeasurementError("is no time history, which could be filtered", "leave out remove and high_pass")
+        raise InputFileError("is no time history, which could be filtered", "leave out remove and high_pass")
     given = signal
     if how.remove is not None:
         signal = _without(signal, how.remove)
@@ -226,7 +227,7 @@ def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the steps of an uneven record are too different, or few samples are left.
     """
     from scipy.interpolate import CubicSpline
@@ -235,14 +236,14 @@ def resampled(signal: MeasuredSignal, rate: float) -> MeasuredSignal:
     old = (time.size - 1) / float(time[-1] - time[0])
     count = rate * float(time[-1] - time[0])
     if count > MOST_RESAMPLED:
-        raise MeasurementError(
+        raise InputFileError(
             f"would have {count:.3g} samples at resample = {rate:g} Hz (at most {MOST_RESAMPLED:.0e})",
             "give a lower rate, or a shorter record",
         )
     if not is_even(time):
         finest = 1.0 / float(np.diff(time).min())
         if finest > MOST_FINER * old:
-            raise MeasurementError(
+            raise InputFileError(
                 f"is unevenly sampled: steps are {np.diff(time).min():.3g} to {np.diff(time).max():.3g} s",
                 "export it at one sampling rate",
             )
@@ -276,7 +277,7 @@ def _decimated(signal: MeasuredSignal, old: float, ratio: Fraction, rate: float)
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If few samples are left.
     """
     time, values = signal.x, np.asarray(signal.y, dtype=float)
@@ -284,7 +285,7 @@ def _decimated(signal: MeasuredSignal, old: float, ratio: Fraction, rate: float)
     cutoff = 0.5 * (PASS + STOP) * new
     left_over = math.ceil(values.size * ratio)
     if left_over < 2 * MATCHED:
-        raise MeasurementError(
+        raise InputFileError(
             f"would have {left_over} samples at resample = {rate:g} Hz (at least {2 * MATCHED})",
             "give a higher rate, or a longer record",
         )
@@ -389,7 +390,7 @@ def high_passed(signal: MeasuredSignal, frequency: float) -> MeasuredSignal:
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If it is uneven, or shorter than two periods of the filter, or sampled too slowly for it.
     """
     from scipy.signal import butter, sosfiltfilt
@@ -397,10 +398,10 @@ def high_passed(signal: MeasuredSignal, frequency: float) -> MeasuredSignal:
     time, values = signal.x, np.asarray(signal.y, dtype=float)
     rate, duration = (time.size - 1) / float(time[-1] - time[0]), float(time[-1] - time[0])
     if not is_even(time):
-        raise MeasurementError("is unevenly sampled, and a filter needs even samples", "export it at one sampling rate")
+        raise InputFileError("is unevenly sampled, and a filter needs even samples", "export it at one sampling rate")
     if duration * frequency < PERIODS_OF_FILTER or frequency > 0.2 * rate:
         low, high = PERIODS_OF_FILTER / duration, 0.2 * rate
-        raise MeasurementError(
+        raise InputFileError(
             f"lasts {duration:.4g} s at {rate:.4g} Hz, which high_pass = {frequency:g} Hz does not suit",
             f"filter from {low:.3g} to {high:.3g} Hz, or use remove: trend",
         )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.measurements.signal import MeasurementError
+from beamsim.errors import InputFileError
 from beamsim.scenario.files import DecimalMark
 
 _BLANKS = " \u00a0\u202f\u2009\u2007"  # ordinary, no-break, narrow no-break, thin and figure blank
@@ -109,7 +109,7 @@ def number_format(cells: Iterable[tuple[int, str]], decimal: DecimalMark | None 
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If two numbers contradict each other, a number contradicts the stated mark, or exactly three digits follow every
         mark and the user states none: with the line.
     """
@@ -132,7 +132,7 @@ def number_format(cells: Iterable[tuple[int, str]], decimal: DecimalMark | None 
         return NumberFormat(decimal)
     if len(proof) == 2:
         numbers = " and ".join(f"{number} in line {line}" for line, number in sorted(proof.values()))
-        raise MeasurementError(
+        raise InputFileError(
             f"has {numbers}: of point and comma one must be the decimal mark, and groups of exactly three digits must "
             "follow the other one, which separates thousands",
             "write all numbers with the same decimal mark",
@@ -147,7 +147,7 @@ def number_format(cells: Iterable[tuple[int, str]], decimal: DecimalMark | None 
 def _check_stated(decimal: DecimalMark, proof: dict[str, tuple[int, str]]) -> None:
     """Refuse a stated decimal mark that a number contradicts."""
     if (other := proof.get(_OTHER[decimal])) is not None:
-        raise MeasurementError(
+        raise InputFileError(
             f"has {other[1]} in line {other[0]}, which is no number with a decimal {_NAMES[decimal]} (decimal: "
             f'"{decimal}")',
             f'write decimal: "{_OTHER[decimal]}", or leave decimal out',
@@ -158,11 +158,11 @@ def _mark_of(text: str) -> DecimalMark:
     return "." if text == "." else ","
 
 
-def _undecided(line: int, number: str) -> MeasurementError:
+def _undecided(line: int, number: str) -> InputFileError:
     mark = next(each for each in number if each in _OTHER)
     values = [NumberFormat(each).value(number) for each in (_mark_of(mark), _OTHER[mark])]
     either = " or ".join(np.format_float_positional(value or 0.0, trim="-") for value in values)
-    return MeasurementError(
+    return InputFileError(
         f"has {number} in line {line}, which can be {either}: three digits follow each {_NAMES[mark]} of the file",
         f'state the decimal mark with decimal (--decimal): decimal: "{mark}", or decimal: "{_OTHER[mark]}" if the '
         f"{_NAMES[mark]} separates thousands",

@@ -7,9 +7,10 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from beamsim.input_files import open_input
+from beamsim.errors import InputFileError
+from beamsim.input_files import open_input, reading
 from beamsim.measurements.arrays import HDF5, MATLAB, read_hdf5, read_matlab
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, opening_faults, reading_measurement
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.measurements.tables import read_csv
 from beamsim.measurements.universal import ENDINGS, read_uff
 from beamsim.scenario.files import DecimalMark
@@ -22,12 +23,12 @@ def ending_of(path: Path) -> str:
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the file is missing, no regular file, or empty.
     """
-    with opening_faults(), open_input(path) as file:
+    with open_input(path) as file:
         if not file.read(1):
-            raise MeasurementError("is empty", "export the measurement again")
+            raise InputFileError("is empty", "export the measurement again")
     return path.suffix.lower()
 
 
@@ -46,7 +47,7 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the file is missing, empty, of an unknown format, damaged, or has cells that are no numbers.
     """
     ending = ending_of(path)
@@ -55,11 +56,11 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
         **dict.fromkeys(ENDINGS, ("a universal file", read_uff)),
     }  # fmt: skip
     if ending not in (*TEXT, *readers):
-        raise MeasurementError("has an unknown format", "use .csv, .h5, .nc, .mat or .uff")
+        raise InputFileError("has an unknown format", "use .csv, .h5, .nc, .mat or .uff")
     if decimal is not None and ending in readers:
-        raise MeasurementError("is no text table, which alone has a decimal mark", "leave decimal out")
+        raise InputFileError("is no text table, which alone has a decimal mark", "leave decimal out")
     called, read = readers.get(ending, ("a text table", partial(read_csv, decimal=decimal)))
-    with reading_measurement(path, called):
+    with reading(path, called):
         signals = read(path)
     several = Counter(signal.name for signal in signals)
     return [

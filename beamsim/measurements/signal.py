@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from beamsim.errors import BeamsimError, InputFileError, ScenarioError
-from beamsim.input_files import reading
+from beamsim.errors import InputFileError, ScenarioError
 from beamsim.measurements.functions import MEASURED, RATIOS, FunctionType, function_over_frequency, is_unit_of, ratio_of
-from beamsim.outcomes import ExitCode
 from beamsim.scenario import units
 from beamsim.typing import Complexes, Floats
 
@@ -95,38 +91,6 @@ def label_of(name: str) -> str:
     return name.strip("/").replace("/", " ")
 
 
-class MeasurementError(BeamsimError):
-    """A fault of a file or channel; the message goes on from its name, the remedy stands for itself."""
-
-    exit_code = ExitCode.USAGE
-
-    def __init__(self, message: str, remedy: str) -> None:
-        super().__init__(message)
-        self.message, self.remedy = message, remedy
-
-
-@contextmanager
-def opening_faults() -> Iterator[None]:
-    """Turn what `beamsim.input_files` says of a file into a `MeasurementError`."""
-    try:
-        yield
-    except InputFileError as error:
-        raise MeasurementError(error.message, error.remedy) from None
-
-
-@contextmanager
-def reading_measurement(path: Path, called: str) -> Iterator[None]:
-    """The boundary around a reader: whatever a damaged file causes becomes a `MeasurementError`.
-
-    Parameters
-    ----------
-    path : of the file.
-    called : what it should be, "a universal file".
-    """
-    with opening_faults(), reading(path, called):
-        yield
-
-
 @dataclass(frozen=True)
 class Reference:
     """What the values of a channel are divided by: the excitation of a frequency response."""
@@ -200,7 +164,7 @@ class MeasuredSignal:
 
         Raises
         ------
-        MeasurementError
+        InputFileError
             If it is of another type.
         """
         if self.function in functions:
@@ -208,7 +172,7 @@ class MeasuredSignal:
         *others, last = (each.with_article for each in functions)
         needed = f"{', '.join(others)} or {last}" if others else last
         unit = f" ({self.unit_text})" if self.unit_text and self.unit_text not in self.name else ""
-        raise MeasurementError(
+        raise InputFileError(
             f"has {self.function.with_article} in {self.name}{unit}, and {purpose} needs {needed}",
             f"choose another channel, or export {'one of these' if others else last}",
         )
@@ -235,7 +199,7 @@ class MeasuredSignal:
 
         Raises
         ------
-        MeasurementError
+        InputFileError
             If the level is missing, or of another quantity than the denominator, or if that has no unit.
         """
         if self.function not in RATIOS:
@@ -244,21 +208,21 @@ class MeasuredSignal:
         if self.reference is not None:
             numerator, denominator = self.unit, self.reference.unit
         if not denominator:
-            raise MeasurementError(
+            raise InputFileError(
                 f"has {self.function.with_article} in {self.name}, and does not state what it is divided by",
                 "export it with the unit of its denominator, for example g/N, or export the amplitude spectrum",
             )
         what = f"has {self.function.with_article} in {self.name} ({numerator} per {denominator})"
         remedy = f"give the amplitude of the excitation in the test, for example {key} '2 {denominator}'"
         if level is None:
-            raise MeasurementError(f"{what}, and a structure with stops responds differently at each level", remedy)
+            raise InputFileError(f"{what}, and a structure with stops responds differently at each level", remedy)
         try:
             size, dimension = units.read_level(f"1 {denominator}", MEASURED)
             amplitude, stated = units.read_level(level, (dimension or units.ACCELERATION,))
         except units.UnitError as error:
-            raise MeasurementError(f"{what}, and {key} = {level} {error.message}", remedy) from None
+            raise InputFileError(f"{what}, and {key} = {level} {error.message}", remedy) from None
         if dimension is None or stated is None or amplitude <= 0.0:
-            raise MeasurementError(f"{what}, and {key} = {level} is no amplitude with a unit", remedy)
+            raise InputFileError(f"{what}, and {key} = {level} is no amplitude with a unit", remedy)
         factor = amplitude / size * (-1j if np.iscomplexobj(self.y) else 1.0)
         return replace(
             self, y=np.asarray(factor * self.y), unit=numerator, reference=None,
@@ -297,7 +261,7 @@ class MeasuredSignal:
 
         Raises
         ------
-        MeasurementError
+        InputFileError
             If neither states a unit, or it is not one of time (of frequency).
         """
         if self.fault is not None:  # which `checked` states
@@ -307,12 +271,12 @@ class MeasuredSignal:
         remedy = f"name its unit in the heading, for example {example}, or give {key}"
         if not named:
             plural = "frequencies" if self.of_frequency else "times"
-            raise MeasurementError(f"states no unit of its {plural} (axis {self.axis})", remedy)
+            raise InputFileError(f"states no unit of its {plural} (axis {self.axis})", remedy)
         dimension = units.FREQUENCY if self.of_frequency else units.TIME
         try:
             factor = units.read_quantity(f"1 {named}", dimension)
         except units.UnitError as error:
-            raise MeasurementError(f"has a {kind} axis in {named}, which {error.message}", remedy) from None
+            raise InputFileError(f"has a {kind} axis in {named}, which {error.message}", remedy) from None
         return replace(self, x=self.x * factor, axis_unit=dimension.unit)
 
     def checked(self) -> MeasuredSignal:
@@ -320,28 +284,28 @@ class MeasuredSignal:
 
         Raises
         ------
-        MeasurementError
+        InputFileError
             If the file says that its values cannot be used, if they are not finite, or if the axis does not increase;
             with the number of the first such sample.
         """
         if self.fault is not None:
-            raise MeasurementError(*self.fault)
+            raise InputFileError(*self.fault)
         bad = np.flatnonzero(~np.isfinite(self.y) | ~np.isfinite(self.x))
         if bad.size:
-            raise MeasurementError(
+            raise InputFileError(
                 f"has {bad.size} values that are not finite, the first at sample {bad[0] + 1}",
                 "repair or remove that part of the record",
             )
         large = np.flatnonzero((np.abs(self.y) > LARGEST_VALUE) | (np.abs(self.x) > LARGEST_VALUE))
         if large.size:
-            raise MeasurementError(
+            raise InputFileError(
                 f"has the value {max(abs(self.y[large[0]]), abs(self.x[large[0]])):g} at sample {large[0] + 1}",
                 "the file is damaged, or marks missing values by it: repair or remove that part of the record",
             )
         back = np.flatnonzero(np.diff(self.x) <= 0)
         if back.size:
             kind, unit = ("frequency", "Hz") if self.of_frequency else ("time", "s")
-            raise MeasurementError(
+            raise InputFileError(
                 f"has a {kind} axis that does not increase at sample {back[0] + 2} "
                 f"({self.x[back[0]]:g} {unit}, then {self.x[back[0] + 1]:g} {unit})",
                 "sort the samples and remove duplicates, or name the correct column",

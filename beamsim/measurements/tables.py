@@ -17,18 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beamsim.errors import InputFileError
 from beamsim.input_files import demand_memory, read_text
 from beamsim.measurements.decimals import NumberFormat, could_be_number, number_format, numbers_in
 from beamsim.measurements.functions import is_unit_of
-from beamsim.measurements.signal import (
-    MeasuredSignal,
-    MeasurementError,
-    axis_kind,
-    counts_samples,
-    opening_faults,
-    split_heading,
-    stated,
-)
+from beamsim.measurements.signal import MeasuredSignal, axis_kind, counts_samples, split_heading, stated
 from beamsim.scenario import units as si
 from beamsim.scenario.files import DecimalMark
 from beamsim.typing import Floats
@@ -73,7 +66,6 @@ class TextRows:
         return self.separator == ","
 
 
-@opening_faults()
 def read_rows(path: Path) -> TextRows:
     """The cells of a file, and what separates them.
 
@@ -82,23 +74,23 @@ def read_rows(path: Path) -> TextRows:
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the file cannot be read, is no text, has nothing in it, is too large, or commas and blanks could both
         separate its columns.
     """
     try:
         text = read_text(path)
     except UnicodeDecodeError:
-        raise MeasurementError("is not text", "export it as CSV again") from None
+        raise InputFileError("is not text", "export it as CSV again") from None
     if (count := sum(map(text.count, _LINE_ENDS))) > 2 * MOST_LINES:  # two ends of a line of Windows
-        raise MeasurementError(f"has {count} line ends; up to {MOST_LINES} lines are read", _SMALLER)
+        raise InputFileError(f"has {count} line ends; up to {MOST_LINES} lines are read", _SMALLER)
     demand_memory(path, _BYTES_OF_LINE * count + 2 * len(text), f"for its {count + 1} lines")
     lines, comments = list[tuple[int, str]](), list[tuple[int, str]]()
     for number, line in enumerate(text.splitlines(), 1):
         if line.strip(" \t;,"):
             (comments if line.lstrip().startswith(("#", "%")) else lines).append((number, line))
     if not lines:
-        raise MeasurementError("contains no data", "export it again")
+        raise InputFileError("contains no data", "export it again")
     if stated := re.fullmatch(r"sep=([;,\t|])", lines[0][1].strip(" \r\n")):  # by spreadsheets, for spreadsheets
         lines = lines[1:] or lines
     separator = stated[1] if stated else _separator(path, lines)
@@ -121,11 +113,11 @@ def _split(path: Path, lines: Sequence[tuple[int, str]], separator: str) -> Iter
             rows = [TextRow(lines[reader.line_num - 1][0], [cell.strip() for cell in row]) for row in reader]
         except csv.Error as error:
             where = f"in line {lines[max(reader.line_num - 1, 0)][0]}"
-            raise MeasurementError(f"cannot be read {where} ({error})", "export it again") from None
+            raise InputFileError(f"cannot be read {where} ({error})", "export it again") from None
     for row in rows:
         if (longest := max(map(len, row.cells), default=0)) > MOST_CHARACTERS_OF_CELL:
             message = f"has a cell of {longest} characters in line {row.line}; up to {MOST_CHARACTERS_OF_CELL} are read"
-            raise MeasurementError(message, "correct the line, or export it again")
+            raise InputFileError(message, "correct the line, or export it again")
     widths = Counter(len(row.cells) for row in rows)
     widest = max(widths, default=0)
     if widest > 1 and separator != " " and all(len(row.cells) < widest or not row.cells[-1] for row in rows):
@@ -139,23 +131,21 @@ def _demand_room(path: Path, lines: Sequence[tuple[int, str]], separator: str) -
     Raises
     ------
     InputFileError
-        If its cells have no room in memory.
-    MeasurementError
-        If a line is too long, or there are too many columns or cells.
+        If its cells have no room in memory, a line is too long, or there are too many columns or cells.
     """
     cells = 0
     for number, line in lines:
         if len(line) > MOST_CHARACTERS_OF_LINE:
             message = f"has {len(line)} characters in line {number}; up to {MOST_CHARACTERS_OF_LINE} are read"
-            raise MeasurementError(message, _SMALLER)
+            raise InputFileError(message, _SMALLER)
         columns = len(line.split()) if separator == " " else line.count(separator) + 1
         if columns > MOST_COLUMNS:
             message = f"has {columns} columns in line {number}; up to {MOST_COLUMNS} are read"
-            raise MeasurementError(message, _SMALLER)
+            raise InputFileError(message, _SMALLER)
         cells += columns
     if cells > MOST_CELLS:
         message = f"has {cells} cells in {len(lines)} lines; up to {MOST_CELLS} cells are read"
-        raise MeasurementError(message, _SMALLER)
+        raise InputFileError(message, _SMALLER)
     demand_memory(path, _BYTES_OF_LINE * len(lines) + _BYTES_OF_CELL * cells, f"for its {cells} cells", _SMALLER)
 
 
@@ -171,7 +161,7 @@ def _separator(path: Path, lines: Sequence[tuple[int, str]]) -> str:
         return ","
     possible = [mark for mark in ", " if _is_table(path, lines, data[0][0], mark)]
     if len(possible) == 2:
-        raise MeasurementError(
+        raise InputFileError(
             f"can have its columns separated by commas or by blanks: line {data[0][0]} is {data[0][1].strip()}",
             "export it with semicolons or tabs between the columns",
         )
@@ -230,7 +220,7 @@ def read_named_columns(path: Path, decimal: DecimalMark | None = None, texts: Co
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the file cannot be read, has no rows, a row is not as long as the headings, or its decimal mark is unknown.
     """
     first, *rows = read_rows(path).rows
@@ -238,7 +228,7 @@ def read_named_columns(path: Path, decimal: DecimalMark | None = None, texts: Co
     for row in rows:
         if len(row.cells) != len(first.cells):
             message = f"has {len(row.cells)} columns in line {row.line} instead of {len(first.cells)}"
-            raise MeasurementError(message, "give each line a cell for each heading")
+            raise InputFileError(message, "give each line a cell for each heading")
     cells = [
         (row.line, number)
         for row in (first, *rows)
@@ -281,7 +271,7 @@ def read_csv(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSig
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If it holds no table of numbers, or a cell of it is none: with its line and heading.
     """
     text = read_rows(path)
@@ -299,7 +289,7 @@ def read_csv(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSig
             value = numbers.value(cell)
             if value is None:
                 where = f"in line {row.line}, sample {i + 1} of {headings[j]}"
-                raise MeasurementError(
+                raise InputFileError(
                     f"has {cell[:60]!r} {where}: it is not a number", "only numbers follow the headings"
                 )
             values[i, j] = value
@@ -312,7 +302,7 @@ def _first_sample(rows: Sequence[TextRow]) -> int:
     begin = (k for k, row in enumerate(rows) if could_be_number(row.cells[0]))
     first = next(begin, None)
     if first is None:
-        raise MeasurementError("has no samples: no line starts with a number", "export the measurement again")
+        raise InputFileError("has no samples: no line starts with a number", "export the measurement again")
     if len(rows[first].cells) != width:
         first = next((k for k in begin if len(rows[k].cells) == width), first)
     # a row with numbers beside its first cell, right above the samples, is a sample with a fault
@@ -343,14 +333,14 @@ def _headings(text: TextRows, first: int, width: int) -> list[str]:
     return [f"{heading} ({k + 1})" if several[heading] > 1 else heading for k, heading in enumerate(headings)]
 
 
-def _misfit(text: TextRows, message: str, remedy: str, split: bool = True) -> MeasurementError:
+def _misfit(text: TextRows, message: str, remedy: str, split: bool = True) -> InputFileError:
     """A row that is not as long as another one, and what may have split it."""
     if text.unquoted_commas and split:
         message += ", or decimal commas (or commas between thousands) between commas"
         remedy = "export it with semicolons or tabs between the columns, or with decimal points"
     elif text.separator == " " and split:
         remedy += "; where blanks separate thousands, export it with semicolons or tabs between the columns"
-    return MeasurementError(f"has {message}", remedy)
+    return InputFileError(f"has {message}", remedy)
 
 
 def _refuse_split_numbers(text: TextRows, first: int) -> None:
@@ -359,7 +349,7 @@ def _refuse_split_numbers(text: TextRows, first: int) -> None:
         return
     for row in text.rows[first:]:
         if any(re.fullmatch(r"0[0-9]+", cell) for cell in row.cells[1:]):
-            raise MeasurementError(
+            raise InputFileError(
                 f"seems to have decimal commas between commas, as in line {row.line}: {','.join(row.cells)}",
                 "export it with semicolons or tabs between the columns, or with decimal points",
             )

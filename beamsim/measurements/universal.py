@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.input_files import read_input
+from beamsim.errors import InputFileError
+from beamsim.input_files import read_input, reading
 from beamsim.measurements.functions import (
     BY_NUMBER,
     RATIOS,
@@ -27,14 +28,7 @@ from beamsim.measurements.functions import (
     is_unit_of,
     ratio_of,
 )
-from beamsim.measurements.signal import (
-    MeasuredSignal,
-    MeasurementError,
-    Reference,
-    axis_kind,
-    reading_measurement,
-    stated,
-)
+from beamsim.measurements.signal import MeasuredSignal, Reference, axis_kind, stated
 from beamsim.scenario import units as si
 
 ENDINGS = (".uff", ".unv", ".uf", ".58")
@@ -80,10 +74,10 @@ def data_sets(path: Path) -> list[DataSet]:
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the file ends within a data set, or one of them cannot be read: with its line.
     """
-    with reading_measurement(path, "a universal file"):
+    with reading(path, "a universal file"):
         return _data_sets(read_input(path, memory=_MEMORY))
 
 
@@ -95,9 +89,9 @@ def _data_sets(content: bytes) -> list[DataSet]:
     lines = (1 + np.searchsorted(ends_of_lines, tags)).tolist()
     if len(tags) % 2:
         message = f"ends within the data set that begins in line {lines[-1]}: the end, a line with -1, is missing"
-        raise MeasurementError(message, "the file is truncated: export it again")
+        raise InputFileError(message, "the file is truncated: export it again")
     if not tags:
-        raise MeasurementError("cannot be read as a universal file: it has no data set", "export it again")
+        raise InputFileError("cannot be read as a universal file: it has no data set", "export it again")
     parts = zip([0, *tags[1::2]], [*tags[0::2], len(raw)], strict=True)
     between = [raw[begin:end] for begin, end in parts]
     inside = [raw[begin:end] for begin, end in zip(tags[0::2], tags[1::2], strict=True)]
@@ -110,7 +104,7 @@ def _data_sets(content: bytes) -> list[DataSet]:
     except OSError as error:  # as of a full disk; the file itself has been read
         message = f"cannot be read: no temporary copy can be written ({error.strerror or error})"
         remedy = "free space in the folder of temporary files, or set TMPDIR to another one"
-        raise MeasurementError(message, remedy) from None
+        raise InputFileError(message, remedy) from None
 
 
 def _plain(block: bytes) -> bytes:
@@ -139,7 +133,7 @@ def _demand_values(number: bytes, lines: list[bytes], size: int) -> None:
         values = int(claimed[1])
         if values > size:
             message = f"cannot be read as a universal file: a data set 58 claims {values} values in {size} bytes"
-            raise MeasurementError(message, "export it again")
+            raise InputFileError(message, "export it again")
 
 
 def _read(path: Path, lines: list[int]) -> Iterator[DataSet]:
@@ -156,7 +150,7 @@ def _read(path: Path, lines: list[int]) -> Iterator[DataSet]:
             except Exception as error:  # pyuff raises exceptions of all types on damaged files
                 message = f"cannot be read as a universal file: data set {number} in line {lines[index]} ({error})"
                 remedy = "export it again" + (", complex modes by their translations alone" if number == 55 else "")
-                raise MeasurementError(message, remedy) from None
+                raise InputFileError(message, remedy) from None
             if number == 164:
                 units = _units_of(fields)
             yield DataSet(number, lines[index], units, fields)
@@ -177,13 +171,13 @@ def read_uff(path: Path) -> list[MeasuredSignal]:
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If it cannot be read, or has none.
     """
     sets = data_sets(path)
     records = [each for each in sets if each.number == 58]
     if not records:
-        raise MeasurementError("contains no dataset 58", "export functions at nodal degrees of freedom (dataset 58)")
+        raise InputFileError("contains no dataset 58", "export functions at nodal degrees of freedom (dataset 58)")
     amplitudes = {int(each.fields.get("amplitude_units", 0)) for each in sets if each.number == 1858}
     signals = [_with_peaks(_signal(each, path), amplitudes) for each in records]
     several = Counter(signal.name for signal in signals)

@@ -34,7 +34,6 @@ from scipy.sparse import block_array, csc_array, diags_array, eye_array
 from beamsim.errors import InputFileError, MethodError
 from beamsim.input_files import reading
 from beamsim.matrix_files import DIRECTIONS, MODAL, Dof
-from beamsim.measurements.signal import MeasurementError
 from beamsim.measurements.tables import NamedColumns, read_named_columns
 from beamsim.scenario import units as si
 from beamsim.scenario.files import DecimalMark
@@ -140,13 +139,8 @@ def read_dof_table(path: Path, length: float = 1.0, decimal: DecimalMark | None 
 
 def _dof_table(path: Path, length: float, decimal: DecimalMark | None) -> DofTable:
     """See `read_dof_table`."""
-    try:
-        table = read_named_columns(path, decimal, texts=("direction",))
-        columns, factors = _dof_columns(table, length)
-    except OSError as error:
-        raise MethodError("dofs", f"= {path} cannot be read ({error})", "check the path") from None
-    except MeasurementError as fault:
-        raise MethodError("dofs", f"= {path.name} {fault.message}", fault.remedy) from None
+    table = read_named_columns(path, decimal, texts=("direction",))
+    columns, factors = _dof_columns(table, length)
     dofs: list[Dof] = []
     places: list[list[float]] = []
     systems: list[int] = []
@@ -189,20 +183,18 @@ def _dof_columns(table: NamedColumns, length: float) -> tuple[dict[str, int], di
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If a heading is missing, unknown or there twice, or has a unit that is none of a length.
     """
     names = table.names
     missing = [name for name in ("node", "direction") if name not in names]
     if missing:
-        raise MeasurementError(f"has no heading {' and no heading '.join(missing)} in line {table.line}", _LAYOUT)
+        raise InputFileError(f"has no heading {' and no heading '.join(missing)} in line {table.line}", _LAYOUT)
     for name, heading in zip(names, table.headings, strict=True):
         if name not in ("node", "direction", "system", *_AXES):
-            raise MeasurementError(
-                f"has an unknown heading {heading or '(an empty one)'} in line {table.line}", _LAYOUT
-            )
+            raise InputFileError(f"has an unknown heading {heading or '(an empty one)'} in line {table.line}", _LAYOUT)
         if names.count(name) > 1:
-            raise MeasurementError(f"has two columns {name} in line {table.line}", "leave one of them out")
+            raise InputFileError(f"has two columns {name} in line {table.line}", "leave one of them out")
     columns = {name: k for k, name in enumerate(names)}
     factors = {}
     for axis in (name for name in _AXES if name in columns):
@@ -212,7 +204,7 @@ def _dof_columns(table: NamedColumns, length: float) -> tuple[dict[str, int], di
         except si.UnitError as error:
             heading = table.headings[columns[axis]]
             message = f"has the heading {heading} in line {table.line}: {unit} {error.message}"
-            raise MeasurementError(message, _LAYOUT) from None
+            raise InputFileError(message, _LAYOUT) from None
     return columns, factors
 
 

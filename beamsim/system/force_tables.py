@@ -12,11 +12,11 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from beamsim.contacts.pads import ForceCurve, fit_curve, loop_width
-from beamsim.errors import ScenarioError
+from beamsim.errors import InputFileError, ScenarioError
 from beamsim.input_files import found_in, open_input
 from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError, axis_kind, opening_faults
+from beamsim.measurements.signal import axis_kind
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import Path, Unfit, counted, path_text, problem
 from beamsim.scenario.connections import MeasuredForces, check_points
@@ -84,7 +84,7 @@ def _table_of(scenario: Scenario, at: Path, table: MeasuredForces) -> TableOfSto
     except Unfit as error:
         where = at if file is not None else (*at, *error.at)
         raise ScenarioError(problem(where, _of_file(file, error.at) + error.message, error.remedy)) from None
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise ScenarioError(problem(at, _of_file(file, ()) + fault.message, fault.remedy)) from None
     except ValueError as error:  # no curve fits the points
         remedy = "it needs a column of deflections and one of forces, from zero on"
@@ -101,7 +101,7 @@ def _table_of(scenario: Scenario, at: Path, table: MeasuredForces) -> TableOfSto
 
 def _last_change(file: FilePath) -> int:
     """Time of the last change of a file that can be opened, ns."""
-    with opening_faults(), open_input(file) as opened:
+    with open_input(file) as opened:
         return os.fstat(opened.fileno()).st_mtime_ns
 
 
@@ -149,7 +149,7 @@ def read_forces(
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the file cannot be read, lacks a column, has several of the same dimension of which none is meant, or has a
         row that is not complete.
     """
@@ -160,7 +160,7 @@ def read_forces(
     missing += ["its times have no unit" for each in table if axis_kind(each.name) == "time" and not each.unit]
     if missing:
         remedy = "name all units in the headings: deflection (mm), force (N), time (s)"
-        raise MeasurementError(f"cannot be used: {missing[0]}", remedy)
+        raise InputFileError(f"cannot be used: {missing[0]}", remedy)
     values = np.column_stack([*found.values()])
     largest = [_DIMENSIONS[kind].largest for kind in found]
     ranges = " and ".join(f"{_DIMENSIONS[kind].largest:g} {_DIMENSIONS[kind].unit}" for kind in found)
@@ -170,7 +170,7 @@ def read_forces(
     ):
         if wrong.any():
             row = np.flatnonzero(wrong.any(axis=1))[0] + 1
-            raise MeasurementError(f"cannot be used: row {row} of the numbers {how}", "correct the table")
+            raise InputFileError(f"cannot be used: row {row} of the numbers {how}", "correct the table")
     return found["length"], found["force"], found.get("time")
 
 

@@ -16,10 +16,10 @@ import xarray
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from beamsim.errors import ScenarioError
+from beamsim.errors import InputFileError, ScenarioError
 from beamsim.measurements.functions import FunctionType
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError, in_si
+from beamsim.measurements.signal import in_si
 from beamsim.scenario.units import ACCELERATION
 
 pytestmark = pytest.mark.quick
@@ -96,7 +96,7 @@ def test_records_that_pyuff_writes(tmp_path_factory, records, lengths, seed):
         expected.append((f"c{number}", values, size, options["func_type"]))
     for name, values, size, kind in expected:
         if kind not in (0, 1) or size is None:
-            with pytest.raises((MeasurementError, ScenarioError)):
+            with pytest.raises((InputFileError, ScenarioError)):
                 history(path, name)
             continue
         signal = history(path, name)
@@ -193,7 +193,7 @@ def test_files_that_xarray_writes(tmp_path_factory, unit, packing, missing, date
     data = xarray.DataArray(written / SIZES[unit], dims="time", coords={"time": axis}, attrs={"units": unit})
     xarray.Dataset({"acc": data}).to_netcdf(path, engine="h5netcdf", encoding=encoding)
     if missing:
-        with pytest.raises(MeasurementError, match="1 values that are not finite, the first at sample 6"):
+        with pytest.raises(InputFileError, match="1 values that are not finite, the first at sample 6"):
             history(path, "acc")
         return
     signal = history(path, "acc")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from beamsim.measurements.signal import MeasurementError
+from beamsim.errors import InputFileError
 from beamsim.measurements.tables import read_csv
 
 pd = pytest.importorskip("pandas")
@@ -84,7 +84,7 @@ def test_a_spreadsheet_reads_back_or_is_refused(tmp_path_factory, examples):
         for stated in (None, decimal):
             try:
                 signals = read(path, "\n".join(lines) + "\n", encoding, stated)
-            except MeasurementError:
+            except InputFileError:
                 continue
             assert len(signals) == 3
             for signal, values in zip(signals, columns, strict=True):
@@ -124,7 +124,7 @@ def test_a_data_frame_reads_back_or_is_refused(tmp_path_factory, table, separato
     frame.to_csv(path, sep=separator, decimal=decimal, index=index, float_format=form, encoding=encoding)
     try:
         signals = read_csv(path)
-    except MeasurementError:
+    except InputFileError:
         return
     written = columns if form is None else [[float(form % x) for x in column] for column in columns]
     for signal, values in zip(signals[int(index) :], written, strict=True):
@@ -145,7 +145,7 @@ def test_an_array_saved_as_text_reads_back_or_is_refused(tmp_path_factory, table
     np.savetxt(text, np.transpose(columns), fmt=form, delimiter=separator, header=header.replace("|", separator))
     try:
         signals = read(tmp_path_factory.mktemp("table") / "a.txt", text.getvalue(), "utf-8")
-    except MeasurementError:
+    except InputFileError:
         return
     assert [signal.unit for signal in signals] == (["s", "g", "g"] if "|" in header else ["", "", ""])
     for signal, values in zip(signals, columns, strict=True):
@@ -185,7 +185,7 @@ def test_every_group_of_columns_is_along_its_own_axis(tmp_path_factory, first, s
         lines.append(separator.join(cells))
     try:
         signals = read(tmp_path_factory.mktemp("table") / "a.csv", "\n".join(lines), "utf-8")
-    except MeasurementError:
+    except InputFileError:
         return
     by_name = {signal.name: signal for signal in signals}
     for columns, wanted in ((groups, "ab"), (others, "cd")):

@@ -18,7 +18,6 @@ from beamsim.errors import InputFileError, MethodError, ResultFileError
 from beamsim.hdf5 import open_hdf5, read_array
 from beamsim.matrix_files import read_matrices
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError
 from beamsim.sparse_parts import from_columns, from_diagonals, from_rows
 from beamsim.store.results import open_result
 from tests.helpers.universal_files import function
@@ -246,7 +245,7 @@ def test_hdf5_claims_no_more_than_it_stores(tmp_path):
             with pytest.raises(InputFileError, match=rf"claims\.h5 {message}"):
                 read_array(file[name])
         np.testing.assert_array_equal(read_array(file["sound"]), np.arange(3.0))
-    with pytest.raises(MeasurementError, match="claims"):
+    with pytest.raises(InputFileError, match="claims"):
         read_file(tmp_path / "claims.h5")
 
 
@@ -293,7 +292,7 @@ def test_a_file_that_ends_the_process_of_hdf5_is_refused(end, message, tmp_path,
     if not message:
         assert len(read_file(path)) == 2
         return
-    for read, error in ((read_file, MeasurementError), (open_result, ResultFileError)):
+    for read, error in ((read_file, InputFileError), (open_result, ResultFileError)):
         with pytest.raises(error, match=message):
             read(path)
 
@@ -309,7 +308,7 @@ def test_a_universal_file_claims_no_more_values_than_it_can_hold(tmp_path):
     content = (tmp_path / "a.uff").read_bytes()
     assert len(read_file(tmp_path / "a.uff")) == 1
     (tmp_path / "a.uff").write_bytes(content.replace(b"        64", b" 999999999"))
-    with pytest.raises(MeasurementError, match="a data set 58 claims 999999999 values"):
+    with pytest.raises(InputFileError, match="a data set 58 claims 999999999 values"):
         read_file(tmp_path / "a.uff")
 
 
@@ -367,11 +366,11 @@ def test_no_room_for_a_copy_and_no_other_process_are_refusals(tmp_path, monkeypa
 
     (tmp_path / "a.uff").write_text(function(np.sin(np.arange(20.0))))
     monkeypatch.setattr("beamsim.measurements.universal.TemporaryDirectory", full)
-    with pytest.raises(MeasurementError, match=r"written \(No space left on device\)") as refused:
+    with pytest.raises(InputFileError, match=r"written \(No space left on device\)") as refused:
         read_file(tmp_path / "a.uff")
     assert "TMPDIR" in refused.value.remedy
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["time"], file["a"] = np.arange(9.0), np.ones(9)
     monkeypatch.setattr("subprocess.run", full)
-    with pytest.raises(MeasurementError, match="no other process can be started"):
+    with pytest.raises(InputFileError, match="no other process can be started"):
         read_file(tmp_path / "a.h5")

@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.compare.analysis import harmonics_of
-from beamsim.errors import ScenarioError
+from beamsim.errors import InputFileError, ScenarioError
 from beamsim.inputs.measured import read_record
 from beamsim.measurements.channels import history_named, read_tests
 from beamsim.measurements.functions import BY_NUMBER, FunctionType, function_over_frequency, ratio_of
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import SampledInput
 from tests.helpers.universal_files import NO_LABEL, OVER_FREQUENCY, amplitudes, function, units
@@ -163,7 +162,7 @@ def test_an_axis_of_an_unknown_data_type_is_what_its_label_says(tmp_path, axis, 
     ],
 )
 def test_other_axes_are_refused_where_the_channel_is_used(tmp_path, fields, message):
-    with pytest.raises(MeasurementError, match=message):
+    with pytest.raises(InputFileError, match=message):
         channel(tmp_path, function(Y, **fields)).on_si_axis(None, "").checked()
 
 
@@ -205,14 +204,14 @@ def test_a_frequency_response_times_its_level_is_an_amplitude(tmp_path, values, 
 )
 def test_a_frequency_response_without_its_level_is_refused(tmp_path, level, message):
     signal = channel(tmp_path, function(H, kind=4, over=(13, "Force", "N"), **OVER_FREQUENCY))
-    with pytest.raises(MeasurementError, match=message) as caught:
+    with pytest.raises(InputFileError, match=message) as caught:
         signal.at_level(level, "--level")
     assert "--level '2 N'" in caught.value.remedy
 
 
 def test_a_frequency_response_without_a_denominator_is_refused(tmp_path):
     signal = channel(tmp_path, function(H, kind=4, **OVER_FREQUENCY))
-    with pytest.raises(MeasurementError, match="does not state what it is divided by"):
+    with pytest.raises(InputFileError, match="does not state what it is divided by"):
         signal.at_level("2 g", "--level")
 
 
@@ -242,7 +241,7 @@ def test_amplitude_spectra_are_peaks_whatever_the_file_has(tmp_path, number, fac
 
 def test_spectra_of_different_amplitudes_in_one_file_are_refused(tmp_path):
     signal = channel(tmp_path, amplitudes(2), amplitudes(3), function(Y, kind=12, **OVER_FREQUENCY))
-    with pytest.raises(MeasurementError, match="spectra of different amplitudes"):
+    with pytest.raises(InputFileError, match="spectra of different amplitudes"):
         signal.checked()
 
 

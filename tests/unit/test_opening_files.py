@@ -14,7 +14,6 @@ from beamsim.input_files import open_input, open_to_append, read_input, read_tex
 from beamsim.matrix_files import FORMATS, read_matrices
 from beamsim.measurements.channels import read_signals
 from beamsim.measurements.read import TEXT
-from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result
 from beamsim.store.studies import opened_journal
@@ -110,7 +109,7 @@ def test_every_reader_refuses_what_is_no_regular_file(ending, read, tmp_path, mo
     for name, message in places(Path()).items():
         place = Path(f"{name}{ending}")
         place.symlink_to(name)
-        with pytest.raises((BeamsimError, MeasurementError), match=f"{message}|no such result"):
+        with pytest.raises((BeamsimError, InputFileError), match=f"{message}|no such result"):
             read(place)
 
 

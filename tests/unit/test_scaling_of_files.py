@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 import pyuff
 
-from beamsim.errors import ScenarioError
+from beamsim.errors import InputFileError, ScenarioError
 from beamsim.inputs.measured import read_record
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario.excitation import SampledInput
 from tests.helpers.universal_files import OVER_FREQUENCY, TAG, function, units
 
@@ -54,7 +53,7 @@ def test_missing_values_are_no_samples(tmp_path, attributes, missing):
     stored[3:5] = -99, -98
     signal = hdf5(tmp_path, stored, units="m/s^2", **attributes)
     assert np.flatnonzero(np.isnan(signal.y)).tolist() == missing
-    with pytest.raises(MeasurementError, match=f"{len(missing)} values that are not finite, the first at sample"):
+    with pytest.raises(InputFileError, match=f"{len(missing)} values that are not finite, the first at sample"):
         signal.checked()
 
 
@@ -76,7 +75,7 @@ def test_values_that_netcdf_never_wrote_are_missing(tmp_path):
     ],
 )
 def test_scaling_that_is_not_understood_is_refused(tmp_path, values, attributes, message):
-    with pytest.raises(MeasurementError, match=message):
+    with pytest.raises(InputFileError, match=message):
         hdf5(tmp_path, values, **attributes).checked()
 
 
@@ -109,7 +108,7 @@ def test_two_axes_of_as_many_values_are_refused(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["time"], file["frequency"], file["acc"] = np.arange(20.0), np.arange(20.0), Y
     (signal,) = (each for each in read_file(tmp_path / "a.h5") if each.name == "acc")
-    with pytest.raises(MeasurementError, match="several axes of as many values as acc: frequency, time"):
+    with pytest.raises(InputFileError, match="several axes of as many values as acc: frequency, time"):
         signal.checked()
 
 
@@ -222,7 +221,7 @@ def test_a_file_that_was_cut_is_refused(tmp_path, binary, cut):
     for name in ("first", "second"):
         write(whole, {**record, "id1": name})
     (tmp_path / "a.uff").write_bytes(whole.read_bytes()[:-cut])
-    with pytest.raises(MeasurementError, match="ends within the data set that begins in line"):
+    with pytest.raises(InputFileError, match="ends within the data set that begins in line"):
         read_file(tmp_path / "a.uff")
 
 
@@ -258,7 +257,7 @@ def test_numbers_of_another_machine_are_refused(tmp_path):
     assert header in path.read_bytes()
     path.write_bytes(path.read_bytes().replace(header, b"58b     1     1"))
     (signal,) = read_file(path)
-    with pytest.raises(MeasurementError, match="numbers in a format of another machine"):
+    with pytest.raises(InputFileError, match="numbers in a format of another machine"):
         signal.checked()
 
 
@@ -293,5 +292,5 @@ def test_rows_of_a_result_have_units_of_their_own(tmp_path):
 
 @pytest.mark.parametrize("given", ['["N"]', "N", '{"foot": "N"}', "[1, 2, 3]", "[[]]"])
 def test_units_of_rows_that_are_not_listed_are_damage(tmp_path, given):
-    with pytest.raises(MeasurementError, match=r"is damaged .units_of_each of"):
+    with pytest.raises(InputFileError, match=r"is damaged .units_of_each of"):
         reactions(tmp_path / "a.h5", units_of_each=given)

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from beamsim.analyses.compare_modes.analysis import read_shapes
-from beamsim.errors import BeamsimError
+from beamsim.errors import BeamsimError, InputFileError
 from beamsim.measurements import tables
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario import load_scenario
 from beamsim.structures.named_matrices import read_dof_table
 from beamsim.system.force_tables import read_forces
@@ -64,15 +63,15 @@ def test_every_column_up_to_the_bound_is_read_on_its_axis(tmp_path, monkeypatch)
 def test_lines_cells_and_characters_are_bounded(bound, most, text, message, tmp_path, monkeypatch):
     (tmp_path / "a.csv").write_text(text)
     monkeypatch.setattr(tables, bound, most)
-    with pytest.raises(MeasurementError, match=message):
+    with pytest.raises(InputFileError, match=message):
         read_file(tmp_path / "a.csv")
 
 
 def test_a_table_without_room_in_memory_is_refused_before_it_is_taken_apart(tmp_path, monkeypatch):
     (tmp_path / "a.csv").write_text("t (s),a (g)\n" + 40_000 * "1,2\n")
     monkeypatch.setattr("beamsim.input_files.free_memory", lambda: 13_500_000.0)
-    with pytest.raises(MeasurementError, match=r"needs 20 MB of memory for its 80002 cells, and 13\.5 MB are free"):
+    with pytest.raises(InputFileError, match=r"needs 20 MB of memory for its 80002 cells, and 13\.5 MB are free"):
         read_file(tmp_path / "a.csv")
     monkeypatch.setattr("beamsim.input_files.free_memory", lambda: 11_000_000.0)
-    with pytest.raises(MeasurementError, match=r"needs 13\.1 MB of memory for its 40002 lines, and 11 MB are free"):
+    with pytest.raises(InputFileError, match=r"needs 13\.1 MB of memory for its 40002 lines, and 11 MB are free"):
         read_file(tmp_path / "a.csv")

@@ -9,9 +9,8 @@ import pyuff
 
 from beamsim.analyses.identify.records import sweeps_of
 from beamsim.analyses.pad.analysis import pad
-from beamsim.errors import MethodError, ScenarioError
+from beamsim.errors import InputFileError, MethodError, ScenarioError
 from beamsim.inputs.measured import read_record, target_curve
-from beamsim.measurements.signal import MeasurementError
 from beamsim.measurements.tables import read_csv
 from beamsim.scenario import load_scenario
 from beamsim.structures.named_matrices import read_dof_table
@@ -53,7 +52,7 @@ def test_the_numbers_of_a_file_show_their_decimal_mark(tmp_path, cells, expected
 @pytest.mark.parametrize("mark", [".", ","])
 def test_three_digits_behind_every_mark_leave_it_open(tmp_path, mark):
     text = f"t (s);F (N)\n0;-1{mark}104\n1;2{mark}208\n"
-    with pytest.raises(MeasurementError, match=rf"-1\{mark}104 in line 2, which can be -1\.?104") as caught:
+    with pytest.raises(InputFileError, match=rf"-1\{mark}104 in line 2, which can be -1\.?104") as caught:
         values(tmp_path, text)
     assert f'decimal: "{mark}"' in caught.value.remedy
     assert values(tmp_path, text, mark)[1] == [-1.104, 2.208]
@@ -74,13 +73,13 @@ def test_three_digits_behind_every_mark_leave_it_open(tmp_path, mark):
     ],
 )
 def test_numbers_that_contradict_each_other_are_refused_with_their_lines(tmp_path, text, message):
-    with pytest.raises(MeasurementError) as caught:
+    with pytest.raises(InputFileError) as caught:
         values(tmp_path, text)
     assert message in caught.value.message
 
 
 def test_a_stated_decimal_mark_that_a_number_contradicts_is_refused(tmp_path):
-    with pytest.raises(MeasurementError, match=r"has 0,5 in line 2, which is no number with a decimal point"):
+    with pytest.raises(InputFileError, match=r"has 0,5 in line 2, which is no number with a decimal point"):
         values(tmp_path, "t;a\n0;0,5\n1;1\n", ".")
 
 
@@ -214,7 +213,7 @@ STOP = "crosshead (mm);extensometer (mm);force (kN)\n0;0;0\n1,5;1;1.104\n3;2;2.2
 
 def test_two_deflections_are_asked_for_and_chosen(tmp_path):
     (tmp_path / "pad.csv").write_text(STOP)
-    with pytest.raises(MeasurementError, match=r"crosshead \(mm\), extensometer \(mm\) each have a unit of length"):
+    with pytest.raises(InputFileError, match=r"crosshead \(mm\), extensometer \(mm\) each have a unit of length"):
         read_forces(tmp_path / "pad.csv")
     deflection, force, _ = read_forces(tmp_path / "pad.csv", ["extensometer"])
     np.testing.assert_allclose(deflection, [0, 1e-3, 2e-3])
@@ -224,7 +223,7 @@ def test_two_deflections_are_asked_for_and_chosen(tmp_path):
 
 def test_columns_over_other_times_make_no_curve(tmp_path):
     (tmp_path / "pad.csv").write_text("X_1 (s);x (mm);X_2 (s);F (N)\n0;0;0;0\n1;1;2;9\n")
-    with pytest.raises(MeasurementError, match="measured at different times"):
+    with pytest.raises(InputFileError, match="measured at different times"):
         read_forces(tmp_path / "pad.csv")
     (tmp_path / "pad.csv").write_text("X_1 (s);x (mm);X_2 (ms);F (N)\n0;0;0;0\n1;1;1000;9\n")
     np.testing.assert_array_equal(read_forces(tmp_path / "pad.csv")[2], [0.0, 1.0])

@@ -22,11 +22,11 @@ from beamsim.analyses.run.records import project
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import amplitude_db, spectrum
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.errors import ScenarioError
+from beamsim.errors import InputFileError, ScenarioError
 from beamsim.measurements.channels import channel_named, demand_amplitudes, holds_name, read_signals, unusable
 from beamsim.measurements.conditioning import conditioned, offset_warnings
 from beamsim.measurements.functions import RATIOS, FunctionType
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, in_si, split_heading
+from beamsim.measurements.signal import MeasuredSignal, in_si, split_heading
 from beamsim.scenario.excitation import spoken
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.quantities import motion_dimension
@@ -129,7 +129,7 @@ def _channel(
     try:
         multiple = max(period_multiple(each, excitation) for each in (run, record))
         predicted, measured = _harmonics(run, record, (excitation, multiple), count, warnings)
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise unusable(f"{signal.label} {fault.message}", fault.remedy) from None
     spectra = [_spectrum(each, excitation, place, quantity, unit) for each in (run, record)]
     has_phase = bool(np.isfinite(excitation)) and measured.has_phase
@@ -431,7 +431,7 @@ def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str |
     purpose = f"a comparison with a {'sweep' if of_sweep else 'run'}"
     try:
         return signal.required(_functions(of_sweep), purpose).at_level(level, "--level")
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise unusable(f"{path} {fault.message}", fault.remedy) from None
 
 
@@ -441,7 +441,7 @@ def _prepared(signal: MeasuredSignal, path: Path, preparation: RecordPreparation
         return signal
     try:
         return conditioned(signal, preparation)
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise unusable(f"{path}: {signal.name} {fault.message}", fault.remedy) from None
 
 
@@ -610,7 +610,7 @@ def harmonics_of(signal: MeasuredSignal, frequency_hz: float, count: int, last: 
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the record is too short or its spectrum too coarse.
     """
     orders = np.arange(1, count + 1)
@@ -669,7 +669,7 @@ def period_multiple(signal: MeasuredSignal, frequency_hz: float) -> int:
     whole = None if signal.of_frequency else np.floor((signal.x[-1] - signal.x[0]) * fundamental + 1e-3) / fundamental
     try:
         size = np.abs(harmonics_of(signal, fundamental, 2 * parts, whole).value)
-    except MeasurementError:
+    except InputFileError:
         return 1
     order = np.arange(1, size.size + 1)
     # 1.1774: median amplitude of noise over the standard deviation of its parts; a line has 6 of these, and 0.01 of the
@@ -680,8 +680,8 @@ def period_multiple(signal: MeasuredSignal, frequency_hz: float) -> int:
     return next((multiple for multiple in each if not np.any(lines % (parts // multiple))), 1)
 
 
-def _short(message: str) -> MeasurementError:
-    return MeasurementError(message, "use a longer record or a higher sample rate, or fewer harmonics")
+def _short(message: str) -> InputFileError:
+    return InputFileError(message, "use a longer record or a higher sample rate, or fewer harmonics")
 
 
 def _of_spectrum(signal: MeasuredSignal, frequency_hz: float, orders: Ints) -> Harmonics:

@@ -19,10 +19,11 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ValidationError
 
-from beamsim.errors import ScenarioError
+from beamsim.errors import InputFileError, ScenarioError
 from beamsim.fields import Counter, Entry, Number, attribute, dataset, declared, list_of, record, stored
+from beamsim.input_files import reading
 from beamsim.measurements.read import TEXT, ending_of
-from beamsim.measurements.signal import MeasurementError, reading_measurement, split_heading
+from beamsim.measurements.signal import split_heading
 from beamsim.measurements.tables import read_named_columns
 from beamsim.measurements.universal import ENDINGS, DataSet, data_sets
 from beamsim.outcomes import COMPLETE
@@ -261,12 +262,12 @@ def read_shapes(path: Path, scenario: Scenario, decimal: DecimalMark | None = No
     """
     try:
         suffix = ending_of(path)
-        with reading_measurement(path, "mode shapes"):
+        with reading(path, "mode shapes"):
             if suffix in (*ENDINGS, ".55"):
                 return _read_uff(path, scenario)
             if suffix in TEXT:
                 return _read_csv(path, decimal)
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise _wrong(path, fault.message, fault.remedy) from None
     raise _wrong(path, "has an unknown format", "use .csv or .uff")
 

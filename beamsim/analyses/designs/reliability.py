@@ -15,9 +15,9 @@ from beamsim.analyses.designs.gathering import costs
 from beamsim.analyses.designs.plan import DesignPlan, mixing
 from beamsim.analyses.designs.result import DesignsResult, RandomNumber, Round
 from beamsim.analyses.designs.statistics import probability
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import InputFileError, Problem, ScenarioError
+from beamsim.input_files import reading
 from beamsim.measurements.columns import column_named, only_column
-from beamsim.measurements.signal import MeasurementError, reading_measurement
 from beamsim.measurements.tables import read_csv
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, tell
 from beamsim.scenario import Scenario
@@ -96,7 +96,7 @@ def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: Varied
     at = ("vary", "parameters", index, "data")
     try:
         file = scenario.folder_of(*at) / asked.data
-        with reading_measurement(file, "a text table"):
+        with reading(file, "a text table"):
             columns = read_csv(file, asked.decimal)
         columns = [replace(each, axis="") for each in columns]  # a first column is no axis of values
         if asked.column is None:
@@ -104,10 +104,10 @@ def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: Varied
         else:
             column = column_named(columns, asked.column)
         if column.y.size < LEAST_DATA:
-            raise MeasurementError(f"has {column.y.size} values", f"measure {LEAST_DATA} or more")
+            raise InputFileError(f"has {column.y.size} values", f"measure {LEAST_DATA} or more")
         texts = [f"{x!r} {column.unit}".rstrip() for x in column.y.tolist()]
         return [float(read_as(scenario, varied.places[0], text, at)) for text in texts]
-    except MeasurementError as fault:
+    except InputFileError as fault:
         found = Problem(path_text(at), f"= {asked.data} {fault.message}", fault.remedy)
     except Unfit as fault:
         found = fault.problem(())

@@ -11,10 +11,9 @@ from beamsim.analyses.identify.fit import inverse_information
 from beamsim.analyses.identify.result import PadFit
 from beamsim.contacts.branches import BranchFit, dynamic_stiffness, fit_dynamic, fit_relaxation, relaxation
 from beamsim.contacts.pads import MaxwellBranch
-from beamsim.errors import ScenarioError
+from beamsim.errors import InputFileError, ScenarioError
 from beamsim.measurements.columns import by_dimension
 from beamsim.measurements.read import read_file
-from beamsim.measurements.signal import MeasurementError
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import Unfit, path_text
 from beamsim.scenario.identification import Pad, PadData, check_data
@@ -152,7 +151,7 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
     except Unfit as error:
         row = next((f", row {part + 1} of the numbers" for part in error.at if isinstance(part, int)), "")
         raise ScenarioError.at(path_text(at), f"= {file.name}{row} {error.message}", error.remedy) from None
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise ScenarioError.at(path_text(at), f"= {data.file} {fault.message}", fault.remedy) from None
     if kind == "dynamic" and data.ramp:
         message = f"goes with a relaxation test, and {data.file} is a dynamic one"
@@ -167,7 +166,7 @@ def _read(file: Path, data: PadData, per_modulus: float | None) -> tuple[str, Fl
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the file cannot be read, or is neither.
     """
     table = read_file(file, data.decimal)
@@ -177,7 +176,7 @@ def _read(file: Path, data: PadData, per_modulus: float | None) -> tuple[str, Fl
             columns.setdefault("loss", np.asarray(column.y, dtype=float))
     if "modulus" in columns and "stiffness" not in columns:
         if per_modulus is None:
-            raise MeasurementError("gives a modulus", "add height and area of the pad, which make it a stiffness")
+            raise InputFileError("gives a modulus", "add height and area of the pad, which make it a stiffness")
         columns["stiffness"] = columns["modulus"] * per_modulus
     for kind, needed in (("dynamic", ("frequency", "stiffness", "loss")), ("relaxation", ("time", "stiffness"))):
         if all(name in columns for name in needed):
@@ -185,9 +184,9 @@ def _read(file: Path, data: PadData, per_modulus: float | None) -> tuple[str, Fl
             bad = np.flatnonzero(~(np.isfinite(rows).all(axis=1) & (rows >= 0.0).all(axis=1) & (rows[:, 1] > 0.0)))
             if bad.size:
                 row = f"row {bad[0] + 1} of the numbers is not complete, or not positive"
-                raise MeasurementError(f"cannot be used: {row}", "correct the table")
+                raise InputFileError(f"cannot be used: {row}", "correct the table")
             return kind, rows
-    raise MeasurementError(
+    raise InputFileError(
         "is no test of a pad",
         "it needs columns frequency (Hz), storage (kN/m), loss factor, or time (s), stiffness (kN/m), with units in "
         "the headings",

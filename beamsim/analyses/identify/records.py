@@ -33,15 +33,16 @@ from beamsim.analyses.continuation.motion import Measurement
 from beamsim.analyses.identify.fit import UnpredictableError
 from beamsim.analyses.identify.result import SweepFit, TransientFit
 from beamsim.analyses.run.exact_motion import exact_flow
-from beamsim.errors import rooted
+from beamsim.errors import InputFileError, rooted
 from beamsim.flow.channels import Observed
 from beamsim.flow.extrema import Extrema
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
+from beamsim.input_files import reading
 from beamsim.measurements.conditioning import PERIODS_OF_FILTER, conditioned
 from beamsim.measurements.read import ending_of
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError, reading_measurement, split_heading
+from beamsim.measurements.signal import MeasuredSignal, split_heading
 from beamsim.measurements.tables import read_named_columns
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import BranchStep, Settings, correct, correct_across, solve_at
@@ -167,16 +168,16 @@ class Transient(Test):
 
         Raises
         ------
-        MeasurementError
+        InputFileError
             If there is no record over time, too little of it, or a filter does not suit it.
         """
         if signal.of_frequency:
-            raise MeasurementError("is a spectrum", "give the record over time")
+            raise InputFileError("is a spectrum", "give the record over time")
         time = signal.x - signal.x[0] - test.begin
         part = (time >= 0.0) & (time <= (test.duration or np.inf))
         if part.sum() < FEWEST:
             message = f"has {part.sum()} samples from begin = {test.begin:g} s on, of {FEWEST} at least"
-            raise MeasurementError(message, "give begin since the first sample, and a longer duration")
+            raise InputFileError(message, "give begin since the first sample, and a longer duration")
         free, duration = test.phase == "free", float(time[part][-1])
         reach = SOUGHT_SHARE * duration if free else 0.0
         part &= time <= duration - reach  # the run lasts as long as the record, which may have begun sooner
@@ -190,7 +191,7 @@ class Transient(Test):
         if test.noise is not None:
             sigma = test.noise * float(np.abs(measured).max())
         if largest == 0.0:
-            raise MeasurementError("does not change", "check channel, begin and duration")
+            raise InputFileError("does not change", "check channel, begin and duration")
         return cls(
             number, test.label, probe, test.quantity, True, free, "; ".join(prepared.scaling), record, preparation,
             sigma, test.noise is not None, duration, reach,
@@ -496,14 +497,14 @@ def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[Swee
 
     Raises
     ------
-    MeasurementError
+    InputFileError
         If the file cannot be read, or a row is no test: with its line.
     """
     if test.file is None:
         return [test]
     path = folder / test.file
     ending_of(path)  # of a file that exists
-    with reading_measurement(path, "a table of sweeps"):
+    with reading(path, "a table of sweeps"):
         table = read_named_columns(path, test.decimal, texts=("name", "direction"))
     columns = [(*split_heading(heading), heading) for heading in table.headings]
     tests = []
@@ -513,9 +514,9 @@ def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[Swee
         for (name, unit, written), cell in zip(columns, row.cells, strict=True):
             probe, _, key = name.replace("absolute acc", "absolute_acc").rpartition(" ")
             if not unit and name not in ("name", "direction"):
-                raise MeasurementError(f"states no unit in its heading {written}", "write for example jump (Hz)")
+                raise InputFileError(f"states no unit in its heading {written}", "write for example jump (Hz)")
             if probe not in ("", *probes):
-                raise MeasurementError(f"has no probe in its heading {written}", f"probes are {', '.join(probes)}")
+                raise InputFileError(f"has no probe in its heading {written}", f"probes are {', '.join(probes)}")
             value = f"{cell} {unit}".rstrip()
             of_test = not probe and key in ("name", "level", "direction", "from", "to", "rate", "jump", "scatter")
             if cell:
@@ -524,7 +525,7 @@ def sweeps_of(test: SweepTest, folder: Path, probes: Sequence[str]) -> list[Swee
             sweep = SweepTest.model_validate({"scatter": test.scatter, **keys, "peaks": [*peaks.values()]})
         except ValidationError as error:
             at, message, remedy = describe(SweepTest, error.errors(include_url=False)[0])
-            raise MeasurementError(f"line {row.line}: {path_text(at)} {message}", remedy) from None
+            raise InputFileError(f"line {row.line}: {path_text(at)} {message}", remedy) from None
         tests.append(test.model_copy(update={key: getattr(sweep, key) for key in sweep.model_fields_set}))
     return tests
 

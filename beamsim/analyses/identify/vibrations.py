@@ -44,12 +44,12 @@ from beamsim.analyses.identify.records import (
     sweeps_of,
 )
 from beamsim.analyses.identify.result import NonlinearEstimate, SweepFit, TestFit, TransientFit
-from beamsim.errors import Problem, ScenarioError
+from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.flow.channels import fourier_integrals, outputs_of
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.variational import VariationalFlow
-from beamsim.measurements.signal import MeasuredSignal, MeasurementError
+from beamsim.measurements.signal import MeasuredSignal
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, tell, together
 from beamsim.responses.loads import periodic_forcing
@@ -349,12 +349,12 @@ def _tests(scenario: Scenario, settings: NonlinearFit, signals: Sequence[Measure
     for (index, test), signal in zip(given.items(), signals, strict=True):
         try:
             if not (np.all(np.isfinite(signal.y)) and np.all(np.isfinite(signal.x))) or signal.x.size == 0:
-                raise MeasurementError("has values that are not numbers", "remove them")
+                raise InputFileError("has values that are not numbers", "remove them")
             if isinstance(test, TransientTest):
                 tests.append(Transient.of(index, test, signal, test.probe or first))
             else:
                 tests.append(_steady(scenario, index, test, signal))
-        except MeasurementError as fault:
+        except InputFileError as fault:
             at = f"identify_stiffness.nonlinear.tests[{index}].file"
             problems.append(Problem(at, f"= {test.file} {fault.message}", fault.remedy))
     probes = [probe.name for probe in scenario.effective_probes]
@@ -363,7 +363,7 @@ def _tests(scenario: Scenario, settings: NonlinearFit, signals: Sequence[Measure
         try:
             rows = sweeps_of(table, scenario.folder_of(*file), probes) if isinstance(table, SweepTest) else []
             tests += [SweptPeaks.of(index, row, row.probe or first) for row in rows]
-        except MeasurementError as fault:
+        except InputFileError as fault:
             problems.append(Problem(path_text(file), f"= {table.file} {fault.message}", fault.remedy))
     known = {*(test.name for test in tests), *(test.label for test in settings.tests)}
     if unknown := sorted({*settings.leave_out} - known):
@@ -382,13 +382,13 @@ def _steady(scenario: Scenario, number: int, test: SteadyTest, signal: MeasuredS
     frequency = excitation.frequency if test.frequency is None else test.frequency
     if test.high_pass is not None and test.high_pass > HIGHEST_PASS * frequency:
         message = f"is high-pass filtered at {test.high_pass:g} Hz, which changes harmonics of {frequency:g} Hz"
-        raise MeasurementError(message, f"use high_pass up to {HIGHEST_PASS * frequency:.3g} Hz, or remove: trend")
+        raise InputFileError(message, f"use high_pass up to {HIGHEST_PASS * frequency:.3g} Hz, or remove: trend")
     multiple = period_multiple(signal.last(test.last), frequency)
     harmonics = harmonics_of(signal, frequency / multiple, test.harmonics * multiple, test.last)
     largest = float(np.max(np.abs(harmonics.value)))
     if largest == 0.0:
         message = f"has no component at {frequency:g} Hz and its harmonics"
-        raise MeasurementError(message, "check channel and frequency")
+        raise InputFileError(message, "check channel and frequency")
     sigma, known = harmonics.noise, test.noise is not None or bool(harmonics.noise.all())
     if test.noise is not None or not known:
         sigma = np.full(harmonics.order.size, (ASSUMED_NOISE if test.noise is None else test.noise) * largest)

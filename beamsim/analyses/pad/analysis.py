@@ -28,8 +28,7 @@ import numpy as np
 
 from beamsim.contacts.branches import driven_force, dynamic_stiffness, fit_loop, loop_frequency, turning_points
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fit_curve, loop_width
-from beamsim.errors import Problem, ScenarioError
-from beamsim.measurements.signal import MeasurementError
+from beamsim.errors import InputFileError, Problem, ScenarioError
 from beamsim.scenario.files import DecimalMark
 from beamsim.system.force_tables import LOOP, read_forces
 from beamsim.typing import Floats, not_none
@@ -175,7 +174,7 @@ def _measured(
     try:
         deflection, force, time = read_forces(file, columns, decimal)
         curve, misfit = fit_curve(deflection, force, segments)
-    except MeasurementError as fault:
+    except InputFileError as fault:
         raise ScenarioError.at("--curve", f"= {file} {fault.message}", fault.remedy) from None
     except ValueError as error:
         remedy = "it needs a column of deflections and one of forces, from zero on"
