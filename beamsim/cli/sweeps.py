@@ -13,6 +13,7 @@ from beamsim.analyses.continuation.forced_expansion import with_forced_expansion
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.designs.plan import check_cases, design, fingerprint_of, plan_designs
 from beamsim.analyses.designs.result import DesignsResult
+from beamsim.analyses.sweep.analysis import demand_consistent
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded, prepared
 from beamsim.cli.failures import Interruption, interruptible, say
@@ -121,7 +122,7 @@ def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
     Raises
     ------
     ResultFileError
-        If the file is of another scenario, or damaged.
+        If the file is of another scenario or damaged, or its parts contradict each other.
     """
     errors = []
     for file in (path, partial_file(path)):
@@ -133,6 +134,8 @@ def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
             errors.append(error)
             continue
         if stored.scenario == scenario:
+            with refusing_damage(file):
+                demand_consistent(stored)
             return stored
         remedy = "leave out --resume to start again, or choose another path with -o"
         errors.append(ResultFileError(f"{file}: contains a sweep of another scenario; {remedy}"))

@@ -159,13 +159,27 @@ def test_an_error_of_the_solver_in_a_resumed_sweep_is_not_reported_as_a_damaged_
     assert "case.h5" not in done.output
 
 
-def test_a_resumed_sweep_whose_file_contradicts_itself_is_refused(half_swept):
+EDITS = {
+    "no probe": lambda curve: replace(curve, probes=()),
+    "another probe": lambda curve: replace(curve, probes=(replace(curve.probes[0], name="x"), *curve.probes[1:])),
+    "no contact_share": lambda curve: replace(curve, contact_share={}),
+    "share above 1": lambda curve: replace(curve, contact_share={k: x + 1.0 for k, x in curve.contact_share.items()}),
+    "another share": lambda curve: replace(curve, contact_share={k: 0.9 * x for k, x in curve.contact_share.items()}),
+    "larger peaks": lambda curve: replace(curve, probes=tuple(
+        replace(each, maximum=2.0 * each.maximum) for each in curve.probes)),
+    "another level": lambda curve: replace(curve, level=curve.level + 1.0),
+    "no snubber": lambda curve: replace(curve, snubbers=()),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("edit", EDITS.values(), ids=EDITS)
+def test_a_resumed_sweep_whose_file_contradicts_itself_is_refused(edit, half_swept):
     part = beamsim.open_result(half_swept)
     (name, curve), *_ = part.curves.items()
     with protecting([]):
-        beamsim.write_result(replace(part, curves={**part.curves, name: replace(curve, probes={})}), half_swept)
-    done = invoke("sweep", "case.yaml", "--resume")
-    assert done.exit_code == 2
+        beamsim.write_result(replace(part, curves={**part.curves, name: edit(curve)}), half_swept)
+    done = invoke("sweep", "case.yaml", "--resume", "--no-plots")
+    assert done.exit_code == 2, done.output
     assert "case.h5: its contents contradict each other" in done.output
 
 

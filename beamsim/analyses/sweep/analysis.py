@@ -74,10 +74,10 @@ def sweep(
     ScenarioError
         If the scenario cannot be swept.
     """
-    settings, excitation = sweep_settings(scenario), scenario.sine
+    settings = sweep_settings(scenario)
     begin = clock.perf_counter()
     system = sweep_system(scenario)
-    levels = settings.levels or (1.0 if isinstance(settings, SweptSine) and settings.profile else excitation.level,)
+    levels = _levels(scenario, settings)
     limited = () if scenario.limits is None else tuple(scenario.limits.model_fields_set)
     if np.any(static_penetration(system) > 0):
         limited = tuple(dict.fromkeys((*limited, "gap")))
@@ -104,6 +104,55 @@ def sweep(
             # saving takes at most a tenth of the time
             next_save = clock.perf_counter() + max(1.0, 10.0 * (clock.perf_counter() - started))
     return done()
+
+
+def _levels(scenario: Scenario, settings: SweptSine | SteppedSine) -> tuple[float, ...]:
+    """The levels of a sweep; of a profile the factor 1."""
+    by_profile = isinstance(settings, SweptSine) and settings.profile
+    return settings.levels or (1.0 if by_profile else scenario.sine.level,)
+
+
+def demand_consistent(result: SweepResult) -> None:
+    """Refuse an earlier result whose curves and summary are not those of one sweep, before it is gone on with.
+
+    Raises
+    ------
+    ValueError
+        If its levels are not those of its scenario, or the summary differs from what follows from its curves: says in
+        which entry. Missing parts of a curve cause other exceptions.
+    """
+    scenario, settings = result.scenario, sweep_settings(result.scenario)
+    levels = _levels(scenario, settings)
+    for curve in result.curves.values():
+        if curve.level != levels[curve.level_index] or curve.level_index not in result.levels:
+            raise ValueError(f"the level of {curve.name} is {curve.level:g}")
+        for name, share in curve.contact_share.items():
+            if not np.all((share >= 0.0) & (share <= 1.0)):
+                raise ValueError(f"contact_share of {name} in {curve.name} is not between 0 and 1")
+    runs = {
+        index: LevelRun(tuple(curve for curve in result.curves.values() if curve.level_index == index), work)
+        for index, work in result.levels.items()
+    }
+    again = _result(scenario, settings, sweep_system(scenario), runs, len(levels)).summary
+    for entry, value in again.items():
+        if entry not in OF_WHOLE_SWEEP and not _alike(result.summary.get(entry), value):
+            raise ValueError(f"{entry} of its summary is not that of its curves")
+
+
+OF_WHOLE_SWEEP = ("status", "margins")  # entries that a check with a finer model changes
+ROUND_OFF = 1e-6  # relative difference of values that are computed again on another processor
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Whether two values of summaries, with all that they contain, are equal but for round-off."""
+    one, other = (math.nan if each is None or each == {} else each for each in (one, other))  # files leave it out
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return all(_alike(one.get(key), other.get(key)) for key in {**one, **other})
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(_alike, one, other))
+    if isinstance(one, int | float) and isinstance(other, int | float):
+        return bool(np.isclose(one, other, rtol=ROUND_OFF, atol=ROUND_OFF, equal_nan=True))
+    return bool(one == other)
 
 
 def _computed_before(index: int, earlier: SweepResult) -> LevelRun | None:
