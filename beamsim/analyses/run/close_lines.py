@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,9 +17,10 @@ from beamsim.analyses.run.records import SpectrumRecord, Window
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
-_REACH = 4.0  # of the two lines of a pair from the maximum that they share, bins
-_STEP = 0.25  # of their frequencies in the search, bins
-_FINER = 3  # times that the search is repeated around the best pair, with a quarter of the step
+_FINER = 3  # times that the search for a pair is repeated around the best one, with a quarter of the step
+_STEP = 4**_FINER  # of the frequencies of a pair in the first search, in the last steps
+_PLACES_PER_BIN = 4 * _STEP
+_REACH = 4 * _PLACES_PER_BIN  # of the two lines of a pair from the maximum that they share, in the last steps
 _NEAREST = 0.5  # of the two, bins
 
 
@@ -86,25 +88,39 @@ class Remainder:
         pair, ratio : frequencies in bins, and what they leave over what the lines leave, root mean squares.
         """
         line = lines[0]
-        inside, middle = self.inside[line], float(self.bins[line, LOBE])
-        bins = self.bins[line, inside] - middle
+        inside, middle = self.inside[line], int(self.bins[line, LOBE])
+        bins = (self.bins[line, inside] - middle) * _PLACES_PER_BIN
         curve = (self.left[line] + self.of_lines[line][:, list(lines)].sum(axis=1))[inside]
-        place, step, width = np.zeros(2), _STEP, _REACH
+        lobe, least = _tabulated_lobe(self.window), _NEAREST * _PLACES_PER_BIN
+        known_place = None if known is None else np.array([(known - middle) * _PLACES_PER_BIN])
+        known_lobe = (
+            None if known_place is None else _lobe(self.window, (bins - known_place[:, None]) / _PLACES_PER_BIN)
+        )
+        low, high, step, width = 0.0, 0, _STEP, _REACH  # places of the two from the middle, in shares of a bin
         for _ in range(_FINER + 1):
-            offset = np.arange(-width, width + 0.5 * step, step)
-            firsts = place[0] + offset if known is None else np.array([known - middle])
-            seconds = place[1] + offset
-            one, two = (_lobe(self.window, bins - each[:, None]) for each in (firsts, seconds))
+            offset = np.arange(-width, width + 1, step)
+            firsts = round(low) + offset if known_place is None else known_place
+            seconds = high + offset
+            two = lobe[_FARTHEST + bins - seconds[:, None]]
+            one = lobe[_FARTHEST + bins - firsts[:, None]] if known_lobe is None else known_lobe
             remaining = _remaining(curve, one, two)
-            remaining[np.abs(np.subtract.outer(firsts, seconds)) < _NEAREST] = np.inf
-            best = np.unravel_index(int(remaining.argmin()), remaining.shape)
-            place = np.array([firsts[best[0]], seconds[best[1]]])
-            shapes = np.stack([one[best[0]], two[best[1]]], axis=1)
-            step, width = step / 4.0, step
-        fit = np.linalg.lstsq(shapes, curve, rcond=None)[0]
-        error = float(np.linalg.norm(curve - shapes @ fit))
-        low, high = (middle + place).tolist()
-        return (low, high), error / float(np.linalg.norm(self.left[line]))
+            remaining[np.abs(np.subtract.outer(firsts, seconds)) < least] = np.inf
+            first, second = np.unravel_index(int(remaining.argmin()), remaining.shape)
+            low, high = float(firsts[first]), int(seconds[second])
+            step, width = step // 4, step
+        error = np.sqrt(max(float(remaining[first, second]), 0.0))
+        pair = middle + low / _PLACES_PER_BIN, middle + high / _PLACES_PER_BIN
+        return pair, error / float(np.linalg.norm(self.left[line]))
+
+
+# of a line of a pair from a point of the curve that it is to explain, in the last steps
+_FARTHEST = LOBE * _PLACES_PER_BIN + _REACH + 2 * _STEP
+
+
+@lru_cache(maxsize=2)
+def _tabulated_lobe(window: Window) -> Complexes:
+    """The lobe of a window at all distances that the search for a pair meets."""
+    return _lobe(window, np.arange(-_FARTHEST, _FARTHEST + 1) / _PLACES_PER_BIN)
 
 
 def _remaining(curve: Complexes, one: Complexes, two: Complexes) -> Floats:

@@ -9,7 +9,6 @@ of cosines, whose transforms are known in closed form.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Protocol
@@ -22,6 +21,7 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 _DIFFERENCE = 1e-3  # of frequencies, over one over the duration, for derivatives by the frequency
 _MOST_STEPS = 24  # to the frequencies of lines
+_NEAR = 0.02  # change of a frequency over one over the duration, below which curvature of the misfit is trusted
 _AT_REST = 1e-5  # change of a frequency over one over the duration
 _DEPENDENT = 1e-5  # share of a function that the ones before it do not explain
 _NEAREST = 0.5  # of two lines, over one over the duration, that a fit can separate
@@ -347,10 +347,12 @@ def refined(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: W
 
     The maximum of a curve is not the frequency of a line: the lines near it, its own image at the negative frequency,
     a drift, and in one half of a window the jump at the beginning shift it. A fit of all lines together is exact for a
-    sum of sinusoids and a slope, however few periods there are. It is found by Newton's method from the maxima: with
-    the derivative of each sinusoid by its frequency among the functions of the fit, the factor of this derivative is
-    the correction. In one half of a window, which is for what decays, the amplitude of each line may also change
-    linearly in time; a pure change of the amplitude is no change of the frequency.
+    sum of sinusoids and a slope, however few periods there are. It is found from the maxima by the Gauss-Newton method:
+    with the derivative of each sinusoid by its frequency among the functions of the fit, the factor of this derivative
+    is the correction. Small steps follow Newton's method, with what the fit leaves times the second derivatives of the
+    sinusoids; where a record is no sum of sinusoids, the others would converge slowly. In one half of a window, which
+    is for what decays, the amplitude of each line may also change linearly in time; a pure change of the amplitude is
+    no change of the frequency.
 
     Parameters
     ----------
@@ -366,9 +368,10 @@ def refined(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: W
     start, fixed = np.asarray(frequency_hz, dtype=float), ~np.asarray(free, dtype=bool)
     reach = (1.5 if window.one_sided else 0.5) / record.duration  # lines that decay are broad, and their maxima shifted
     while not fixed.all():
-        place = start.copy()
+        place, step = start.copy(), np.full(start.size, np.inf)
         for _ in range(_MOST_STEPS):
-            step = _correction(record, place, np.flatnonzero(~fixed), window) / record.duration
+            near = float(np.abs(step).max()) * record.duration < _NEAR
+            step = _correction(record, place, np.flatnonzero(~fixed), window, near) / record.duration
             place[~fixed] += step
             astray = ~(np.abs(place - start) <= reach) | _close(place, _NEAREST / record.duration)
             if astray.any() or float(np.abs(step).max()) * record.duration < _AT_REST:
@@ -388,53 +391,46 @@ def _close(frequency_hz: Floats, least: float) -> Bools:
     return np.asarray((distance < least).any(axis=0))
 
 
-def _correction(record: SpectrumRecord, frequency_hz: Floats, moving: Ints, window: Window) -> Floats:
+def _correction(
+    record: SpectrumRecord, frequency_hz: Floats, moving: Ints, window: Window, near: bool
+) -> Floats:  # fmt: skip
     """Changes, over one over the duration, of the frequencies with these indices, see `refined`."""
     k, n, turn = frequency_hz.size, moving.size, 2.0 * np.pi * _DIFFERENCE
     shift, lines = _DIFFERENCE / record.duration, frequency_hz[moving]
+    # a sine of nearly no frequency is a slope
     plain = np.concatenate([[shift], frequency_hz, lines + shift, lines - shift])
     matrix, right = record.normal_equations(plain, window)
     sines, cosines = np.split(np.arange(1, right.size), 2)  # places of these functions
-    of_lines = np.concatenate([sines[1 : 1 + k], cosines[1 : 1 + k]])
-    linear = [_multiples([0, sines[0]], [1.0, 1.0 / turn]), _multiples(of_lines, 1.0)]  # the second is a slope
-    fit = _solved(*_combined(matrix, right, linear))[2:]
-    by_frequency = np.concatenate([sines[1 + k :].reshape(2, n), cosines[1 + k :].reshape(2, n)]).T
-    sine, cosine = fit[:k][moving] / (2.0 * turn), fit[k:][moving] / (2.0 * turn)
-    functions = [*linear, (by_frequency, np.stack([sine, -sine, cosine, -cosine], axis=1))]
+    fitted = np.concatenate([[0], sines[: 1 + k], cosines[1 : 1 + k]])
+    ahead, behind = np.hstack([sines[1 + k :].reshape(2, n), cosines[1 + k :].reshape(2, n)])
+    of_fitted = matrix[fitted]
+    fit = _solved(of_fitted[:, fitted], right[fitted])
+    left = right - fit @ of_fitted  # products of all functions with what the fit leaves
+    sine, cosine = fit[2 : 2 + k][moving], fit[2 + k :][moving]
+    by_frequency = np.hstack([np.diag(sine), np.diag(cosine)])
     if window.one_sided:  # the sinusoids times the time
-        functions.append((by_frequency, np.stack([cosine, -cosine, -sine, sine], axis=1)))
-    fit = _solved(*_combined(matrix, right, functions))[2:]
-    sine, cosine = 2.0 * turn * sine, 2.0 * turn * cosine
-    c, turning = fit[:k][moving] + 1j * fit[k : 2 * k][moving], fit[2 * k : 2 * k + n]
-    swelling = fit[2 * k + n :] if window.one_sided else np.zeros(n)
+        by_frequency = np.vstack([by_frequency, np.hstack([np.diag(cosine), -np.diag(sine)])])
+    slopes = (matrix[ahead] - matrix[behind]) / (2.0 * turn)
+    left_of_slopes = (left[ahead] - left[behind]) / (2.0 * turn)
+    mixed = by_frequency @ slopes[:, fitted]
+    pure = by_frequency @ ((slopes[:, ahead] - slopes[:, behind]) / (2.0 * turn)) @ by_frequency.T
+    wanted = np.append(np.zeros(fitted.size), by_frequency @ left_of_slopes)
+    if near and not window.one_sided:
+        bent, each = (left[ahead] + left[behind]) / turn**2, np.arange(n)
+        curved, curved_mixed = pure.copy(), mixed.copy()
+        curved[each, each] -= sine * bent[:n] + cosine * bent[n:]
+        curved_mixed[each, 2 + moving] -= left_of_slopes[:n]
+        curved_mixed[each, 2 + k + moving] -= left_of_slopes[n:]
+        found = _by_cholesky(np.block([[of_fitted[:, fitted], curved_mixed.T], [curved_mixed, curved]]), wanted)
+        if found is not None:
+            return found[-n:] / (2.0 * np.pi)
+    change = _solved(np.block([[of_fitted[:, fitted], mixed.T], [mixed, pure]]), wanted)
+    c = (fit + change[: fit.size])[2:]
+    c = c[:k][moving] + 1j * c[k:][moving]
+    turning, swelling = change[fit.size : fit.size + n], change[fit.size + n :] if window.one_sided else 0.0
     by_time = (sine + 1j * cosine) * (1j * turning - swelling)
     size = np.maximum(np.abs(c) ** 2, np.finfo(float).tiny)
     return np.asarray((np.conj(c) * by_time).imag / size / (2.0 * np.pi))
-
-
-def _multiples(places: Sequence[int] | Ints, factor: float | Sequence[float]) -> tuple[Ints, Floats]:
-    """Functions that are multiples of those at some places, see `_combined`."""
-    number, weight = np.asarray(places)[:, None], np.zeros((len(places), 4))
-    weight[:, 0] = factor
-    return np.repeat(number, 4, axis=1), weight
-
-
-def _combined(matrix: Floats, right: Floats, functions: list[tuple[Ints, Floats]]) -> tuple[Floats, Floats]:
-    """Normal equations of sums of functions, from those (f, f) and (f,) of the functions.
-
-    Parameters
-    ----------
-    matrix, right : of the functions.
-    functions : of each sum the places (g, 4) of its functions, and their weights (g, 4).
-
-    Returns
-    -------
-    (g, g) and (g,).
-    """
-    place, weight = (np.concatenate(part) for part in zip(*functions, strict=True))
-    rows = sum(weight[:, q, None] * matrix[place[:, q]] for q in range(4))
-    both = sum(weight[:, q] * rows[:, place[:, q]] for q in range(4))
-    return np.asarray(both), np.asarray((weight * right[place]).sum(axis=1))
 
 
 def _on_slope(record: SpectrumRecord, frequency_hz: Floats, window: Window) -> tuple[float, Complexes]:
@@ -450,10 +446,16 @@ def _on_slope(record: SpectrumRecord, frequency_hz: Floats, window: Window) -> t
 
 def _solved(matrix: Floats, right: Floats) -> Floats:
     """Solution of normal equations, of least norm where two lines have one frequency."""
+    found = _by_cholesky(matrix, right)
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0]) if found is None else found
+
+
+def _by_cholesky(matrix: Floats, right: Floats) -> Floats | None:
+    """Solution of equations whose matrix is positive definite and far from singular; else None."""
     size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     factor, failed = dpotrf(matrix / np.multiply.outer(size, size), lower=1)
     if failed or float(np.diag(factor).min()) < _DEPENDENT:
-        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
+        return None
     return np.asarray(dpotrs(factor, right / size, lower=1)[0] / size)
 
 
@@ -482,14 +484,13 @@ def _normal_equations(window: Window, omega_bytes: bytes, duration: float) -> tu
     pairs = np.concatenate([np.subtract.outer(omega, omega), np.add.outer(omega, omega), omega[None]])
     across, along, alone = np.split(window.transform(pairs, duration), [k, 2 * k])
     alone = alone[0]
-    gram = np.block(
-        [
-            [np.array([[total]]), -alone.imag[None], alone.real[None]],
-            [-alone.imag[:, None], 0.5 * (across - along).real, -0.5 * (along + across).imag],
-            [alone.real[:, None], -0.5 * (along - across).imag, 0.5 * (across + along).real],
-        ]
-    )
-    return gram / total, total
+    gram, sines, cosines = np.empty((2 * k + 1, 2 * k + 1)), slice(1, k + 1), slice(k + 1, None)
+    gram[0, 0], gram[0, sines], gram[0, cosines] = total, -alone.imag, alone.real
+    gram[1:, 0] = gram[0, 1:]
+    gram[sines, sines], gram[sines, cosines] = 0.5 * (across - along).real, -0.5 * (along + across).imag
+    gram[cosines, sines], gram[cosines, cosines] = -0.5 * (along - across).imag, 0.5 * (across + along).real
+    gram /= total
+    return gram, total
 
 
 def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None = None) -> tuple[float, Complexes]:

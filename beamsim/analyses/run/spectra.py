@@ -455,9 +455,11 @@ def _separated(
     The two replace it and, where they then explain the curve too, the candidate nearest to it: two lines of opposite
     phase have two maxima that are farther apart than they are.
     """
+    if not candidates:
+        return []
     tried, fits = set[float](), 0
-    while candidates and fits < _MOST_PAIRS and len(candidates) < min(_MOST_LINES, (record.size - 1) // 4):
-        amplitude, remainder = _remainder(record, candidates, window, curve)
+    amplitude, remainder = _remainder(record, candidates, window, curve)
+    while fits < _MOST_PAIRS and len(candidates) < min(_MOST_LINES, (record.size - 1) // 4):
         least = WORTH_LISTING * float(np.abs(amplitude).max())
         sizes = [0.0 if c.peak_hz in tried else float(x) for c, x in zip(candidates, remainder.size, strict=True)]
         k = int(np.argmax(sizes))
@@ -475,8 +477,9 @@ def _separated(
             two[:1] = two[:1] if order is None else [order]
             others = [c for number, c in enumerate(candidates) if number not in replaced]
             several = _on_orders(_fitted(record, [*others, *two], window), excitation_hz, record)
-            if _remainder(record, several, window, curve)[1].size[-2:].max() <= _SEPARATED * sizes[k]:
-                candidates = several
+            found = _remainder(record, several, window, curve)
+            if found[1].size[-2:].max() <= _SEPARATED * sizes[k]:
+                candidates, (amplitude, remainder) = several, found
                 break
     return candidates
 
