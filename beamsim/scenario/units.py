@@ -132,12 +132,6 @@ def units_written() -> Iterator[Counter[tuple[Dimension, str]]]:
         _written.reset(token)
 
 
-def _note(dimension: Dimension, unit: str) -> None:
-    counted = _written.get()
-    if counted is not None:
-        counted[dimension, unit] += 1
-
-
 # --- the table of units -----------------------------------------------------------------------------------------------
 
 Powers = tuple[tuple[str, int], ...]
@@ -152,30 +146,18 @@ class Unit:
     pi: int = 0
     powers: Powers = ()
 
-    def __mul__(self, other: Unit | Fraction) -> Unit:
-        if isinstance(other, Fraction):
-            return Unit(self.factor * other, self.pi, self.powers)
+    def times(self, other: Unit, power: int = 1) -> Unit:
+        """The product with a power of another unit."""
         powers = Counter(dict(self.powers))
-        for base, power in other.powers:
-            powers[base] += power
-        left = tuple(sorted((base, power) for base, power in powers.items() if power))
-        return Unit(self.factor * other.factor, self.pi + other.pi, left)
-
-    def __pow__(self, power: int) -> Unit:
-        return Unit(self.factor**power, self.pi * power, tuple((base, of * power) for base, of in self.powers if power))
-
-    def __truediv__(self, other: Unit) -> Unit:
-        return self * other**-1
+        for base, of in other.powers:
+            powers[base] += power * of
+        left = tuple(sorted((base, of) for base, of in powers.items() if of))
+        return Unit(self.factor * other.factor**power, self.pi + power * other.pi, left)
 
     @property
-    def angle(self) -> int:
-        """Power of the radian."""
-        return dict(self.powers).get("rad", 0)
-
-    @property
-    def without_angle(self) -> Powers:
-        """The other base units."""
-        return tuple(item for item in self.powers if item[0] != "rad")
+    def dimension(self) -> tuple[Powers, int]:
+        """The base units but the radian, and the power of that."""
+        return tuple(item for item in self.powers if item[0] != "rad"), dict(self.powers).get("rad", 0)
 
 
 _PREFIXES = {
@@ -183,33 +165,24 @@ _PREFIXES = {
     "giga": 9, "mega": 6, "kilo": 3, "centi": -2, "milli": -3, "micro": -6, "nano": -9,
 }  # fmt: skip
 _BASES = ("m", "kg", "s", "rad", "byte", "V", "A", "K", "mol", "cd", "degC", "degF", "dB", "oct")
-_BASE = {name: Unit(powers=((name, 1),)) for name in _BASES}
-_M, _KG, _S, _RAD = (_BASE[name] for name in ("m", "kg", "s", "rad"))
-_N = _KG * _M / _S**2
-_PA, _J, _ACCELERATION = _N / _M**2, _N * _M, _M / _S**2
-_INCH, _FOOT, _LBF = _M * Fraction("0.0254"), _M * Fraction("0.3048"), _N * Fraction("4.4482216152605")
-_MINUTE, _HOUR, _DAY = (_S * Fraction(seconds) for seconds in (60, 3600, 86400))
-_GRAVITY_UNIT = _ACCELERATION * Fraction("9.80665")
-_PSI = _LBF / _INCH**2
-_WITH_PREFIX = {
-    "m": _M, "g": _KG * Fraction(1, 1000), "s": _S, "N": _N, "Pa": _PA, "J": _J, "W": _J / _S, "Hz": _S**-1,
-    "rad": _RAD, "bar": _PA * Fraction(10**5), "l": _M**3 * Fraction(1, 1000), "L": _M**3 * Fraction(1, 1000),
-    "B": _BASE["byte"], "C": _BASE["A"] * _S, **{name: _BASE[name] for name in ("byte", "V", "A", "K", "mol", "cd")},
+_TAKE_PREFIX = (
+    "m", "g", "s", "N", "Pa", "J", "W", "Hz", "rad", "bar", "l", "L", "B", "C", "byte", "V", "A", "K", "mol", "cd",
+)  # fmt: skip
+_DEFINED = {
+    "g": ("0.001", "kg"), "N": ("1", "kg m/s^2"), "Pa": ("1", "N/m^2"), "J": ("1", "N m"), "W": ("1", "J/s"),
+    "Hz": ("1", "1/s"), "bar": ("100000", "Pa"), "l": ("0.001", "m^3"), "L": ("1", "l"), "B": ("1", "byte"),
+    "C": ("1", "A s"), "%": ("0.01", ""), "percent": ("0.01", ""), "ppm": ("0.000001", ""),
+    "min": ("60", "s"), "h": ("3600", "s"), "hr": ("1", "h"), "hour": ("1", "h"), "day": ("24", "h"),
+    "t": ("1000", "kg"), "tonne": ("1", "t"),
+    "in": ("0.0254", "m"), "ft": ("0.3048", "m"), "yd": ("3", "ft"), "mile": ("5280", "ft"), "thou": ("0.001", "in"),
+    "lb": ("0.45359237", "kg"), "lbm": ("1", "lb"), "oz": ("0.028349523125", "kg"),
+    "lbf": ("4.4482216152605", "N"), "slug": ("1", "lbf s^2/ft"), "kgf": ("1", "kg gravity"), "kp": ("1", "kgf"),
+    "dyn": ("0.00001", "N"), "kip": ("1000", "lbf"), "psi": ("1", "lbf/in^2"), "ksi": ("1000", "psi"),
+    "atm": ("101325", "Pa"), "Wh": ("3600", "J"),
+    "gravity": ("9.80665", "m/s^2"), "g_0": ("1", "gravity"), "g_n": ("1", "gravity"), "gn": ("1", "gravity"),
+    "dec": ("3.3219280948873623479", "oct"), "rpm": ("1", "turn/min"), "rps": ("1", "turn/s"),
 }  # fmt: skip
-_ALONE = {
-    "%": Unit(Fraction(1, 100)), "percent": Unit(Fraction(1, 100)), "ppm": Unit(Fraction(1, 10**6)),
-    "min": _MINUTE, "h": _HOUR, "hr": _HOUR, "hour": _HOUR, "day": _DAY,
-    "t": _KG * Fraction(1000), "tonne": _KG * Fraction(1000),
-    "in": _INCH, "ft": _FOOT, "yd": _FOOT * Fraction(3), "mile": _FOOT * Fraction(5280),
-    "thou": _INCH * Fraction(1, 1000),
-    **dict.fromkeys(("lb", "lbm"), _KG * Fraction("0.45359237")), "oz": _KG * Fraction("0.028349523125"),
-    "lbf": _LBF, "slug": _LBF * _S**2 / _FOOT, "kgf": _KG * _GRAVITY_UNIT, "kp": _KG * _GRAVITY_UNIT,
-    "dyn": _N * Fraction(1, 10**5), "kip": _LBF * Fraction(1000), "psi": _PSI, "ksi": _PSI * Fraction(1000),
-    "atm": _PA * Fraction(101325), "Wh": _J * Fraction(3600),
-    **dict.fromkeys(("g_0", "g_n", "gn", "gravity"), _GRAVITY_UNIT),
-    **{name: _BASE[name] for name in ("degC", "degF", "dB", "oct")},
-    "dec": _BASE["oct"] * Fraction("3.3219280948873623479"),
-}  # fmt: skip
+"""Units by what they are: a number of others."""
 _TURN = Unit(Fraction(2), 1, (("rad", 1),))  # 2 pi
 _OF_TURN = {
     **dict.fromkeys(("turn", "rev", "revolution", "cycle"), 1), **dict.fromkeys(("deg", "degree"), 360),
@@ -225,23 +198,28 @@ _SPELT_OUT = {
 
 
 def _named(symbol: str, gravity: bool) -> Unit | None:
-    """A unit by its symbol or name, with or without a prefix; None for an unknown one."""
+    """A unit by its symbol or name, with or without a prefix or the s of a plural; None for an unknown one."""
     if gravity and symbol in ("g", "mg"):
-        return _GRAVITY_UNIT * Fraction(1, 1000 if symbol == "mg" else 1)
+        return Unit(Fraction("0.001" if symbol == "mg" else 1)).times(_unit("gravity", False))
     for name in (symbol, symbol.removesuffix("s")):
-        name = _SPELT_OUT.get(name, name)
-        if (unit := _WITH_PREFIX.get(name) or _ALONE.get(name)) is not None:
+        if (unit := _without_prefix(_SPELT_OUT.get(name, name))) is not None:
             return unit
-        if name in _OF_TURN:
-            return _TURN * Fraction(1, _OF_TURN[name])
-        if name in ("rpm", "rps"):
-            return _TURN / (_MINUTE if name == "rpm" else _S)
         for prefix, power in _PREFIXES.items():
             rest = name.removeprefix(prefix)
             rest = _SPELT_OUT.get(rest, rest) if len(prefix) > 1 else rest
-            if rest != name and rest in _WITH_PREFIX:
-                return _WITH_PREFIX[rest] * Fraction(10) ** power
+            if rest != name and rest in _TAKE_PREFIX:
+                return Unit(Fraction(10) ** power).times(_unit(rest, False))
     return None
+
+
+def _without_prefix(name: str) -> Unit | None:
+    """A base unit, an angle, or what is defined by other units."""
+    if name in _BASES:
+        return Unit(powers=((name, 1),))
+    if name in _OF_TURN:
+        return Unit(Fraction(1, _OF_TURN[name])).times(_TURN)
+    number, of = _DEFINED.get(name, ("", ""))
+    return Unit(Fraction(number)).times(_unit(of, False) if of else Unit()) if number else None
 
 
 _SUPERSCRIPTS = str.maketrans("²³⁴¹⁻", "2341-")
@@ -294,7 +272,7 @@ def _product(text: str, gravity: bool) -> tuple[Unit | None, str]:
         if inner is None:
             return None, text
         power = int((match[5] or "1").strip("()"))
-        unit, first = unit * inner ** (-power if match[1] == "/" else power), False
+        unit, first = unit.times(inner, -power if match[1] == "/" else power), False
     return (None if first else unit), text.lstrip() if text.strip() else ""
 
 
@@ -302,7 +280,7 @@ def _to_power(unit: Unit, power: int) -> Unit | None:
     """A power of a unit; None where that is no physical unit but a number too large to compute with."""
     digits = max(math.log10(unit.factor.numerator), math.log10(unit.factor.denominator))
     large = abs(power) * digits > _MOST_DIGITS or any(abs(power * of) > _MOST_DIGITS for _, of in unit.powers)
-    return None if large else unit**power
+    return None if large else Unit().times(unit, power)
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------
@@ -327,8 +305,7 @@ def read_quantity(value: object, dimension: Dimension, *, any_size: bool = False
     >>> read_quantity("5 mm", LENGTH), read_quantity(0.005, LENGTH), read_quantity("60 rpm", FREQUENCY)
     (0.005, 0.005, 1.0)
     """
-    number, of = _read(value, (dimension,))
-    return number if any_size else in_range(number, (of or dimension,), _example_of((dimension,)))
+    return read_level(value, (dimension,), any_size=any_size)[0]
 
 
 def size_of(unit: str, dimension: Dimension) -> float:
@@ -344,21 +321,28 @@ def size_of(unit: str, dimension: Dimension) -> float:
     return _scaled(1.0, _size(unit.strip(), dimension)[0], "")
 
 
-def read_level(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dimension | None]:
-    """Return the SI value and which of the dimensions its unit has (``None`` for a bare number)."""
-    number, dimension = _read(value, dimensions)
-    return in_range(number, (dimension,) if dimension else dimensions, _example_of(dimensions)), dimension
+def read_level(
+    value: object, dimensions: tuple[Dimension, ...], *, any_size: bool = False
+) -> tuple[float, Dimension | None]:
+    """Return the SI value and which of the dimensions its unit has (``None`` for a bare number).
 
-
-def _read(value: object, dimensions: tuple[Dimension, ...]) -> tuple[float, Dimension | None]:
-    """The SI value of any size, and which of the dimensions its unit has."""
+    Parameters
+    ----------
+    value, any_size : as of `read_quantity`.
+    dimensions : that it may have.
+    """
     remedy = _example_of(dimensions)
-    number, unit = _split(value, remedy)
-    if not unit:
-        return _finite(number, remedy), None
-    size, dimension = _size(unit, *dimensions)
-    _note(dimension, unit)
-    return _scaled(number, size, remedy), dimension
+    given, unit = _split(value, remedy)
+    if unit:
+        size, dimension = _size(unit, *dimensions)
+        number = _scaled(given, size, remedy)
+        if (units_counted := _written.get()) is not None:
+            units_counted[dimension, unit] += 1
+    else:
+        number, dimension = _finite(given, remedy), None
+    if not any_size:
+        in_range(number, dimensions if dimension is None else (dimension,), remedy)
+    return number, dimension
 
 
 def is_in_gravities(unit: str) -> bool:
@@ -483,21 +467,23 @@ def _measured(unit: Unit, dimension: Dimension) -> Unit | None:
     What is per radian may be per one. A frequency given by an angle is in turns.
     """
     target = _unit(dimension.unit, False) if dimension.unit else Unit()
-    if unit.without_angle != target.without_angle or dimension.plain:
+    (powers, angle), (wanted, angle_wanted) = unit.dimension, target.dimension
+    if powers != wanted or dimension.plain:
         return None
-    size = unit / target
-    if unit.angle == target.angle or (unit.angle == 0 and target.angle == -1):
+    size = unit.times(target, -1)
+    if angle == angle_wanted or (angle == 0 and angle_wanted == -1):
         return size
-    in_turns = dimension.unit in ("Hz", "Hz/s") and unit.angle == 1
-    return size / Unit(Fraction(2), 1) if in_turns else None
+    in_turns = dimension.unit in ("Hz", "Hz/s") and angle == 1
+    return size.times(Unit(Fraction(2), 1), -1) if in_turns else None
 
 
 def _given(unit: Unit, text: str) -> str:
     """Name the dimension that was given."""
-    if not unit.without_angle:
-        return (ANGLE if unit.angle else RATIO).with_article
+    powers, angle = unit.dimension
+    if not powers:
+        return (ANGLE if angle else RATIO).with_article
     for dimension in _NAMED:
-        if unit.without_angle == _unit(dimension.unit, False).without_angle:
+        if powers == _unit(dimension.unit, False).dimension[0]:
             return dimension.with_article
     return f"a quantity in {text}"
 

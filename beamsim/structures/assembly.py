@@ -45,7 +45,8 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
             continue
         within = [coupling for coupling in couplings if coupling.ends[0].body in group]
         bodies = [_body(scenario, name, within, nodes) for name in group]
-        _check_places(scenario, bodies)
+        if any(_is_known_to_structure(item) for _, item in walk(scenario)):
+            _check_places(scenario, bodies)
         parts.append(join(bodies, within, origins) if within else bodies[0])
     return parts[0] if len(parts) == 1 else assemble_side_by_side(parts)
 
@@ -116,13 +117,17 @@ def acting_places(scenario: Scenario) -> list[Place]:
     return list(places)
 
 
+def _is_known_to_structure(item: Any) -> bool:
+    """Whether the structure alone knows if it has a place: a node of imported matrices, or a load shaped as a mode."""
+    return isinstance(item, DistributedLoad) or getattr(item, "node", None) is not None
+
+
 def _check_places(scenario: Scenario, bodies: Sequence[BodyStructure]) -> None:
     """Refuse places and modes that the bodies do not have; the numbers of nodes and modes are known only now."""
     known = {body.name: body for body in bodies}
     problems = []
     for path, item in walk(scenario):
-        in_structure = isinstance(item, DistributedLoad) or getattr(item, "node", None) is not None
-        site = load_site_in(scenario, item) if in_structure else None
+        site = load_site_in(scenario, item) if _is_known_to_structure(item) else None
         if not isinstance(site, Place | Distributed) or site.body not in known:
             continue
         acts = path[0] != "probes" and "outputs" not in path[:2]

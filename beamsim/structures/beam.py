@@ -352,7 +352,7 @@ class BeamStructure(MeshedBody):
     @property
     def springs_at_ends(self) -> Sequence[Coupling]:
         """Springs and dashpots between the ends and the base."""
-        return end_springs(self.section, self.name)
+        return end_springs(self.section, self.name) if self.section.elastic_supports else []
 
     def holds(self, base: BaseDirection) -> Sequence[Hold]:
         """Deflection and slope of each end that is held, or on springs."""
@@ -443,19 +443,21 @@ def assemble_beam(
     line_mass = np.array([stretch.mass_per_length / beam.bending.mass_per_length for stretch in stretches])[stretch_of]
 
     factor = mesh.square_rows(2, 2) * np.repeat(np.sqrt(bending), 2)[:, None]
-    deflected = mesh.square_rows(0, 4)
+    deflected, drag = mesh.square_rows(0, 4), None
     inertia = [deflected * np.repeat(np.sqrt(line_mass), 4)[:, None]]
     if beam.point_masses:
         inertia.append(point_mass_rows(mesh, beam))
     moving = vstack(inertia, format="csr")
     mass = moving.T @ moving
 
-    springs = end_springs(beam, name)
-    at_ends = np.array([_place_row(mesh, length, each.ends[0]) for each in springs]).reshape(-1, mesh.size)
-    pulling = np.array([each.stiffness for each in springs], dtype=float)
-    dragging = np.array([each.dashpot for each in springs])
-    factor = vstack([factor, csr_array(at_ends * np.sqrt(pulling / stiffness_scale)[:, None])], format="csr")
-    drag = _drag(beam, deflected, csr_array(at_ends * np.sqrt(dragging)[:, None]))
+    if beam.damping is not None and beam.damping.kind == "viscous":  # of which point masses are left out
+        drag = beam.damping.coefficient * length * (deflected.T @ deflected)
+    stretch = np.zeros((0, 2))  # of springs at the ends in rigid-body motions
+    if beam.elastic_supports:
+        springs, dashpots, stretch = _at_elastic_supports(beam, mesh)
+        factor = vstack([factor, springs / np.sqrt(stiffness_scale)], format="csr")
+        if dashpots.nnz:
+            drag = dashpots.T @ dashpots if drag is None else drag + dashpots.T @ dashpots
     held = supported_dofs(*beam.supports.kinds, mesh.nodes.size)
     return BeamStructure(
         name=name,
@@ -465,17 +467,17 @@ def assemble_beam(
         stretch_of=stretch_of,
         bending=bending,
         line_mass=line_mass,
-        **on_supports(mesh, (mass, factor, drag), held, at_ends[pulling > 0] @ mesh.rigid_motions),
+        **on_supports(mesh, (mass, factor, drag), held, stretch),
     )
 
 
-def _drag(beam: BeamBody, deflected: Any, at_ends: Any) -> Any:
-    """Damping matrix of a beam by rows of its deflection and of the dashpots at its ends; None without damping."""
-    drags = [at_ends] if at_ends.nnz else []
-    if beam.damping is not None and beam.damping.kind == "viscous":
-        # xi * integral of N N^T dx; point masses left out
-        drags.append(deflected * np.sqrt(beam.damping.coefficient * beam.length))
-    return sum((rows.T @ rows for rows in drags[1:]), drags[0].T @ drags[0]) if drags else None
+def _at_elastic_supports(beam: BeamBody, mesh: Mesh) -> tuple[Any, Any, Floats]:
+    """Rows (s, all dofs) whose products are springs and dashpots at the ends; (k, 2) stretch in rigid-body motions."""
+    springs = end_springs(beam, "")
+    rows = np.array([_place_row(mesh, beam.length, each.ends[0]) for each in springs]).reshape(-1, mesh.size)
+    pulling, dragging = np.array([(each.stiffness, each.dashpot) for each in springs], dtype=float).reshape(-1, 2).T
+    springs, dashpots = (csr_array(rows * np.sqrt(of)[:, None]) for of in (pulling, dragging))
+    return springs, dashpots, rows[pulling > 0.0] @ mesh.rigid_motions
 
 
 def point_mass_rows(mesh: Mesh, beam: BeamBody) -> Any:

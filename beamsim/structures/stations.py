@@ -70,8 +70,16 @@ class Stations:
     @classmethod
     def of_recoveries(cls, bodies: Sequence[Recovery]) -> Stations:
         """Those of each body; of none none."""
+        if len(bodies) > 1:
+            return cls._of_several(bodies)
         if not bodies:
             return cls(np.zeros(0), ALONG.unit, ALONG.long_name)
+        (one,) = bodies
+        named = one.position, one.axis.unit, one.axis.long_name
+        return cls(*named, across=one.across, points=one.points, lines=one.lines)
+
+    @classmethod
+    def _of_several(cls, bodies: Sequence[Recovery]) -> Stations:
         position = np.concatenate([each.position for each in bodies])
         across = _together([each.across for each in bodies], bodies, ())
         points = _together([each.points for each in bodies], bodies, (3,))
@@ -79,8 +87,6 @@ class Stations:
         first = np.cumsum([0, *(each.position.size for each in bodies)])
         known = [start + each.lines for start, each in zip(first, bodies, strict=False) if each.lines is not None]
         lines = np.concatenate(known) if known else None
-        if len(bodies) == 1:
-            return cls(position, axes[0].unit, axes[0].long_name, across=across, points=points, lines=lines)
         same = len(set(axes)) == 1
         unit, meaning = (axes[0].unit, axes[0].long_name) if same else ("1", "position on the axis of each body")
         body = np.repeat(np.arange(len(bodies)), [each.position.size for each in bodies])

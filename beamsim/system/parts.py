@@ -370,7 +370,8 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     nodes = (*_sensed(scenario), *also_at) if driven else ()
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
     moved = moved_supports(scenario, structure)
-    _check_directions(scenario, structure)
+    if any(body.is_read_from_files for _, body in bodies):
+        _check_directions(scenario, structure)
     # where forces act whose static deflections the reduced model needs
     sites: list[LoadSite] = [*_contact_sites(scenario), *force_sites(scenario), *also_at]
     asked = _asked_reduction(scenario, structure)
