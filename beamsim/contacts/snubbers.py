@@ -378,7 +378,7 @@ def resolve_preloads(
     Parameters
     ----------
     contacts : the first of them snubbers.
-    located : the snubbers, some with a preload, N.
+    located : the snubbers, at least one with a preload, N.
     stiffness : (n,) diagonal of K, rad^2/s^2, the first ``rigid`` of them zero.
     rigid : number of rigid-body coordinates.
     loads : (L, n) constant loads.
@@ -395,8 +395,6 @@ def resolve_preloads(
     """
     preload = [item.preload for _, _, item, _ in located] + [None] * (contacts.count - len(located))
     given = np.array([p is not None for p in preload], dtype=bool)
-    if not given.any():
-        return contacts
     force = np.array([0.0 if p is None else p for p in preload])
     forces = (contacts.sign * force)[:, None] * contacts.shape
     springs = springs_of(contacts)

@@ -336,6 +336,11 @@ def _specified_signal(excitation: Any, duration: float | None, folder: Path | No
             [2 * np.pi * tone.frequency for tone in tones],
             [tone.phase for tone in tones],
         )
+    return _pulse(excitation)
+
+
+def _pulse(excitation: Any) -> Signal:
+    """A step or shock."""
     level = excitation.level
     if excitation.kind == "step":
         rise, duration = excitation.rise or 0.0, excitation.duration

@@ -432,15 +432,19 @@ def highest_excited_hz(scenario: Scenario) -> float:
     """
     highest: float = scenario.excitation.highest_frequency_hz
     for path, each in scenario.excitation.items:
-        at: Keys = ("excitation", *path)
-        with rooted("excitation", path_text(at)):
-            if isinstance(each, MatchedInput):
-                highest = max(highest, float(target_curve(each, scenario.folder_of(*at, "srs", "file"))[0][-1]))
-            elif isinstance(each, RandomInput) and isinstance(each.psd, CurveFile):
-                highest = max(
-                    highest, float(read_density(each, each.psd, scenario.folder_of(*at, "psd", "file"))[0][-1])
-                )
+        if isinstance(each, MatchedInput | RandomInput):
+            highest = max(highest, _highest_of_curve(scenario, ("excitation", *path), each))
     return highest
+
+
+def _highest_of_curve(scenario: Scenario, at: Keys, excitation: MatchedInput | RandomInput) -> float:
+    """Highest frequency, Hz, of the curve of an input at a path, 0 where the scenario holds its points."""
+    with rooted("excitation", path_text(at)):
+        if isinstance(excitation, MatchedInput):
+            return float(target_curve(excitation, scenario.folder_of(*at, "srs", "file"))[0][-1])
+        if isinstance(excitation.psd, CurveFile):
+            return float(read_density(excitation, excitation.psd, scenario.folder_of(*at, "psd", "file"))[0][-1])
+    return 0.0
 
 
 def _read_table(

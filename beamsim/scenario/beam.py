@@ -237,8 +237,7 @@ class SolidBending(Bent):
         """Reject a section that is missing or given twice."""
         super().check()
         self.exclude("section", "width", "thickness", remedy="keep section, or width and thickness, not both")
-        if self.section is None and (self.width is None or self.thickness is None):
-            missing = [key for key in ("width", "thickness") if getattr(self, key) is None]
+        if self.section is None and (missing := [key for key in ("width", "thickness") if getattr(self, key) is None]):
             remedy = "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section"
             one = len(missing) == 1
             raise Unfit("is missing" if one else "has no cross-section", remedy, tuple(missing) if one else ())

@@ -115,7 +115,7 @@ class AtPlace(PointOfBody):
         if holder and self.body is not None:
             yield problem((*at, "body"), f"= {self.body} is named in the list of {holder}", "leave it out")
             return
-        if not holder:
+        if not holder and (self.body is not None or len(scenario.all_bodies) > 1):
             yield from body_problems(scenario, at, self.body, "name one: at: {body: BODY, position: 270 mm}")
         name = holder or self.body or scenario.default_body
         if name not in scenario.all_bodies:

@@ -347,7 +347,8 @@ class SnubberBase(Named):
     def check(self) -> None:
         """Demand a stiffness or a table; reject gap and preload together."""
         super().check()
-        self._check_force()
+        if self.stiffness is None or self.force_deflection is not None:
+            self._check_force()
         if self.hardening is not None or self.unloading is not None:
             self._check_yielding()
         if self.maxwell and self.law != "no_tension":

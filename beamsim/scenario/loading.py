@@ -91,12 +91,9 @@ def load_scenario(
             protect(scenario.folder_of(*at) / file)
         return scenario
     except ScenarioError as error:
-        unused = _unused(root, command)
-        if not all(path_parts(found.path)[:1] and path_parts(found.path)[0] in unused for found in error.problems):
+        if command not in USED:
             raise
-        kept = WrittenMapping({key: item for key, item in root.items() if key not in unused}, root.mark, root.marks)
-        warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
-        return _validated(kept).with_source(name, kept, warnings)
+        return _without_unused_sections(root, name, command, error)
 
 
 def stored_scenario(text: str) -> Scenario:
@@ -114,30 +111,38 @@ def stored_scenario(text: str) -> Scenario:
     return _validated(root).with_source("scenario", root)
 
 
-def _unused(root: WrittenMapping, command: str) -> frozenset[str]:
-    """Sections of the scenario that a command does not use."""
-    if command not in USED:
-        return frozenset()
+def _without_unused_sections(root: WrittenMapping, name: str, command: str, error: ScenarioError) -> Scenario:
+    """The scenario without sections that a command does not use, if only these are wrong; else raises the error."""
     used = USED["vary" if command == "sweep" and (root.get("vary") or root.get("optimise")) is not None else command]
-    return (frozenset().union(*USED.values()) - used) & root.keys()
+    unused = (frozenset().union(*USED.values()) - used) & root.keys()
+    if not all(path_parts(found.path)[:1] and path_parts(found.path)[0] in unused for found in error.problems):
+        raise error
+    kept = WrittenMapping({key: item for key, item in root.items() if key not in unused}, root.mark, root.marks)
+    warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
+    return _validated(kept).with_source(name, kept, warnings)
 
 
 def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[WrittenMapping, str]:
     """Return the data, `extends` resolved, and the name for output files."""
     if isinstance(source, Scenario):
-        root: WrittenMapping = from_python(plain(source))
-        for at, _ in named_files(source):  # relative to where they were written
-            owner: Any = root
-            for part in at[:-1]:
-                owner = owner[part]
-            owner.marks[at[-1]] = str(source.folder_of(*at) / f"{source.source}.yaml"), None
-        return root, source.source
+        return _tree_of(source), source.source
     if isinstance(source, Mapping):
         return resolve_extends(from_python(source), None, FilePath()), "scenario"
     if isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
         return resolve_extends(parse(source, "<text>"), "<text>", FilePath()), "scenario"
     path = FilePath(source)
     return resolve_extends(read_file(path), str(path), path.parent, (path.resolve(),)), path.stem
+
+
+def _tree_of(scenario: Scenario) -> WrittenMapping:
+    """The data of a scenario, in which files are relative to where they were written."""
+    root: WrittenMapping = from_python(plain(scenario))
+    for at, _ in named_files(scenario):
+        owner: Any = root
+        for part in at[:-1]:
+            owner = owner[part]
+        owner.marks[at[-1]] = str(scenario.folder_of(*at) / f"{scenario.source}.yaml"), None
+    return root
 
 
 def _validated(root: WrittenMapping) -> Scenario:

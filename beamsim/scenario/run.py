@@ -381,7 +381,7 @@ class Run(Schema):
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """Too few or too many samples, and settings that do nothing in this run."""
         yield from self._problems_of_sampling(scenario, at)
-        if self.method != "reference":
+        if self.method != "reference" and {"integrator", "rtol", "atol"} & self.model_fields_set:
             yield from self._problems_of_stepping(scenario, at)
         if self.from_:
             yield from self._problems_of_counting(scenario, (*at, "from"))

@@ -251,13 +251,11 @@ class _Reader:
             self._problem(path, f"has the tag {node.tag}", "remove the tag", node)
 
     def _mapping(self, node: yaml.MappingNode, path: Path) -> WrittenMapping:
-        items, merged = WrittenMapping({}, self._mark(node)), WrittenMapping({})
+        items, merges = WrittenMapping({}, self._mark(node)), []
         lines: dict[str, int] = {}
         for key_node, value_node in node.value:
             if key_node.tag == _TAG + "merge":
-                for source in self._merged(value_node, path, key_node):
-                    merged.update({key: value for key, value in source.items() if key not in merged})
-                    merged.marks = source.marks | merged.marks
+                merges.append((key_node, value_node))
                 continue
             key = key_node.value
             if not isinstance(key_node, yaml.ScalarNode) or key_node.tag not in (_TAG + "str", _TAG + "bool"):
@@ -271,16 +269,21 @@ class _Reader:
                 continue
             items[key], lines[key] = value, key_node.start_mark.line + 1
             items.marks[key] = self._mark(value_node if isinstance(value_node.value, str) else key_node)
-        for key in merged.keys() - items.keys():
-            items[key], items.marks[key] = merged[key], merged.marks.get(key, NOWHERE)
+        for key_node, value_node in merges:
+            self._merge(items, value_node, path, key_node)
         return items
 
-    def _merged(self, node: yaml.Node, path: Path, key: yaml.Node) -> Iterator[WrittenMapping]:
+    def _merge(self, items: WrittenMapping, node: yaml.Node, path: Path, key_node: yaml.Node) -> None:
+        """Add the keys of mappings that a mapping has not itself, of several the first."""
         for source in node.value if isinstance(node, yaml.SequenceNode) else [node]:
-            if isinstance(source, yaml.MappingNode):
-                yield self.data(source, path)
-            else:
-                self._problem(path, "merges (<<) what is not a mapping", "merge an alias of a mapping: <<: *name", key)
+            if not isinstance(source, yaml.MappingNode):
+                remedy = "merge an alias of a mapping: <<: *name"
+                self._problem(path, "merges (<<) what is not a mapping", remedy, key_node)
+                continue
+            merged = self.data(source, path)
+            for key, value in merged.items():
+                if key not in items:
+                    items[key], items.marks[key] = value, merged.marks.get(key, NOWHERE)
 
     def _scalar(self, node: yaml.Node, path: Path) -> object:
         kind = node.tag.removeprefix(_TAG)

@@ -473,9 +473,9 @@ def assemble_beam(
 
 def _at_elastic_supports(beam: BeamBody, mesh: Mesh) -> tuple[Any, Any, Floats]:
     """Rows (s, all dofs) whose products are springs and dashpots at the ends; (k, 2) stretch in rigid-body motions."""
-    springs = end_springs(beam, "")
-    rows = np.array([_place_row(mesh, beam.length, each.ends[0]) for each in springs]).reshape(-1, mesh.size)
-    pulling, dragging = np.array([(each.stiffness, each.dashpot) for each in springs], dtype=float).reshape(-1, 2).T
+    ends = end_springs(beam, "")
+    rows = np.array([_place_row(mesh, beam.length, each.ends[0]) for each in ends]).reshape(-1, mesh.size)
+    pulling, dragging = np.array([(each.stiffness, each.dashpot) for each in ends], dtype=float).reshape(-1, 2).T
     springs, dashpots = (csr_array(rows * np.sqrt(of)[:, None]) for of in (pulling, dragging))
     return springs, dashpots, rows[pulling > 0.0] @ mesh.rigid_motions
 

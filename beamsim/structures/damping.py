@@ -27,8 +27,6 @@ class StatedParts:
 
         Certified by a Sturm count; nan where round-off leaves that open.
         """
-        if self.known is None:
-            return 0.0
         norm = (model.factor.T @ model.factor + omega**2 * model.mass).tocsc()
         start = np.linspace(1.0, 2.0, model.size)
         share = 1.01 * float(eigsh(self.known.tocsc(), k=1, M=norm, which="LA", v0=start, tol=1e-3)[0][0])

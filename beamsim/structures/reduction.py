@@ -433,7 +433,7 @@ class LeftOut:
     @cached_property
     def _known_share(self) -> float:
         """A number c with C <= c K for the known damping in all motion that is left out."""
-        return self.stated.share_of(self.model, self.beyond)
+        return 0.0 if self.stated.known is None else self.stated.share_of(self.model, self.beyond)
 
     @cached_property
     def _static_range(self) -> tuple[Floats, Floats]:

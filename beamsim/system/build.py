@@ -38,7 +38,7 @@ from beamsim.structures.assembly import load_site_in
 from beamsim.structures.mechanisms import check_mechanisms, floating_motions, held_problems, open_loops
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction import places_needed
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
+from beamsim.system.equations import Channel, Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
 from beamsim.system.modes import Assessment
 from beamsim.system.outputs import output_channels, output_sites
@@ -286,7 +286,9 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     free = _check_couplings(parts, pushing) if parts.structure.couplings else []
     loads, cubic, snubbers = constant_loads(parts), pushing.cubic, scenario.located_snubbers
     resting = np.vstack([loads, pushing.contacts.resting_load])
-    contacts = resolve_preloads(pushing.contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
+    contacts = pushing.contacts
+    if any(located.item.preload is not None for located in snubbers):
+        contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
     equilibrium = _equilibrium(parts, contacts, resting, cubic)
     beginning = contacts.mounted
     first = equilibrium if beginning is contacts else _equilibrium(parts, beginning, resting, cubic)
@@ -302,6 +304,9 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     correction = None if corrections is None else CorrectionSize.of(corrections)
     sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
     recoveries = parts.recoveries(sites) if recovered else ()
+    outputs = tuple[Channel, ...]()
+    if recovered and scenario.requested_outputs:
+        outputs = output_channels(parts, recoveries, pushing.sites, contacts, forcing)
     dynamics = PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0))
     at_rest = None if cubic.count else equilibrium.q
     return StructuralSystem(
@@ -320,7 +325,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
         cubic=cubic,
         springs=pushing.springs,
-        outputs=output_channels(parts, recoveries, pushing.sites, contacts, forcing) if recovered else (),
+        outputs=outputs,
         files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
         remarks=(
             *parts.structure.remarks,
@@ -355,12 +360,14 @@ def _pushing(parts: Parts) -> _Pushing:
     curves = [tables[at].curve if (at := path_text(each.path)) in tables else None for each in snubbers]
     stops = build_contacts(snubbers, curves, parts.shapes(parts.snubber_sites), parts.omega, basis.rigid)
     stops = replace(stops, lever=parts.levers(parts.snubber_sites))
-    springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), parts.levers(parts.spring_sites))
-    cubic = cubic_springs(springs, basis.size)
+    contacts, springs = stops, tuple[SpringInfo, ...]()
+    if nonlinear:
+        springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), parts.levers(parts.spring_sites))
+        pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
+        contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
     if parts.scenario.located_friction:
         _check_rigid_friction(parts, springs, stops)
-    pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
-    contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
+    cubic = cubic_springs(springs, basis.size)
     with_laws = [site for site, spring in zip(parts.spring_sites, springs, strict=True) if spring.law is not None]
     sites: list[Site] = [*parts.snubber_sites, *with_laws]
     owner = np.arange(len(sites))

@@ -150,7 +150,7 @@ class Assessment:
             highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
             reduction_bound=bound.loads,
             probe_bound=bound.probes,
-            **_energy_shares(structure, basis),
+            **(_energy_shares(structure, basis) if len(structure.members) > 1 else {}),
         )
 
     def _at_rest(self) -> dict[str, Any]:
@@ -172,9 +172,7 @@ class Assessment:
 
 
 def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Any]:
-    """(r,) by body the shares of kinetic and of strain energy of the coordinates; nothing of a single body."""
-    if len(structure.members) == 1:
-        return {}
+    """(r,) by body the shares of kinetic and of strain energy of the coordinates."""
     kinetic, strain = {}, {}
     squared = np.where(basis.omega > 0, basis.omega, np.nan) ** 2
     for member in structure.members:

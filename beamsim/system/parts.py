@@ -144,11 +144,11 @@ def moved_supports(scenario: Scenario, structure: Structure) -> list[Moved]:
     ScenarioError
         Where the structure has no such support.
     """
-    driven = list(driven_supports(scenario))
-    if not driven:
-        return []
     supports = supports_of(structure)
-    return [Moved(path, each, _moved_support(scenario, supports, path, each.applied_to)) for path, each in driven]
+    return [
+        Moved(path, each, _moved_support(scenario, supports, path, each.applied_to))
+        for path, each in driven_supports(scenario)
+    ]
 
 
 def _moved_support(scenario: Scenario, supports: Sequence[Support], path: Path, moved: Any) -> Support:
@@ -369,7 +369,7 @@ def reduced_parts(scenario: Scenario, also_at: Sequence[Place] = (), shared: Sha
     # a place in an element that ends at a support which moves would move with it
     nodes = (*_sensed(scenario), *also_at) if driven else ()
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
-    moved = moved_supports(scenario, structure)
+    moved = moved_supports(scenario, structure) if driven else []
     if any(body.is_read_from_files for _, body in bodies):
         _check_directions(scenario, structure)
     # where forces act whose static deflections the reduced model needs

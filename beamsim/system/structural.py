@@ -177,11 +177,14 @@ class StructuralSystem:
         stress along the bodies.
         """
         sizes = Sizes(self.dynamics.size, self.dynamics.contacts.count, len(self.forcing.signal), self.cubic.count)
-        channels = (
-            *_of_probes(self, sizes), *_of_snubbers(self, sizes), *_of_springs(self, sizes), *self.outputs,
-            *_of_stations(self, sizes),
-        )  # fmt: skip
-        return ChannelSet(channels, sizes)
+        channels = [*_of_probes(self, sizes), *_of_snubbers(self, sizes)]
+        if self.springs:
+            channels += _of_springs(self, sizes)
+        channels += self.outputs
+        if (stress := self.stress) is not None:
+            rows = sizes.rows(stress.row.shape[0], displacement=stress.row, base_acceleration=stress.base)
+            channels.append(Channel("bodies", "", "bending_stress", "Pa", rows))
+        return ChannelSet(tuple(channels), sizes)
 
     @cached_property
     def stress(self) -> StressRows | None:
@@ -255,11 +258,3 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
             Channel(section, spring.name, "force", FORCE_UNITS[spring.gap_unit], force),
         ]
     return channels
-
-
-def _of_stations(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
-    stress = system.stress
-    if stress is None:
-        return []
-    rows = sizes.rows(stress.row.shape[0], displacement=stress.row, base_acceleration=stress.base)
-    return [Channel("bodies", "", "bending_stress", "Pa", rows)]
