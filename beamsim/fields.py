@@ -151,17 +151,20 @@ def list_of(of: Any) -> Any:
 class Entry(NamedTuple):
     """An entry of a result's summary (by name of probe, snubber or curve where there are several).
 
-    An entry with a label has a row, or several, in the printed table. An entry that repeats a field of the result says
-    which one; unit and meaning are then those of the field. Every other entry says what type its value has.
+    Entries of a section are printed in one table, by place where they have several; others in one of their own. An
+    entry that repeats a field of the result says which one; unit and meaning are then those of the field. Every other
+    entry says what type its value has.
     """
 
     name: str  # in ``--json`` and among the attributes of /summary
     unit: str = ""
     meaning: str = ""
-    label: str = ""
+    section: str = ""
     of: str = ""  # the field with the value, ``work.cycles``; the entry is left out where the field is None
     columns: tuple[str, ...] = ()  # of a tuple of dataclasses: the fields to be listed of each
     form: Any = None  # type of the value as it is stored, `Number` by default; that of the field where it repeats one
+    ranked_by: str = ""  # of many records: what those that are printed have most of
+    shown: str = ""  # of a list: the entry with the number of its values that are printed
 
 
 UNITS = {
@@ -171,6 +174,11 @@ UNITS = {
     "_pa": "Pa", "_hz": "Hz", "_db": "dB", "_m": "m", "_n": "N", "_g": "g", "_s": "s", "_j": "J", "_w": "W",
 }  # fmt: skip
 """Of endings of names; longer ones first."""
+
+
+def unit_in(name: str) -> str | None:
+    """The unit that a name ends with; None where it has none."""
+    return next((unit for end, unit in UNITS.items() if name.endswith(end)), None)
 
 
 def words(name: str) -> str:

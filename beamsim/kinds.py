@@ -20,7 +20,6 @@ class Kind(NamedTuple):
     analysis: str  # function of a scenario that computes it
     result: str  # its class
     screen: str  # function of a result: what is printed first
-    views: str  # what its table tells beyond the entries of its summary
     figures: str  # function of a result: its pictures by name
     question: str  # that it answers, for a report
 
@@ -31,7 +30,6 @@ KINDS = {
         analysis="beamsim.trust.runs:run",
         result="beamsim.analyses.run.result:RunResult",
         screen="beamsim.cli.motions:run_screen",
-        views="beamsim.cli.motions:RUN_VIEWS",
         figures="beamsim.plots.run:run_figures",
         question="How does the structure move under the excitation, and how hard does it meet its stops?",
     ),
@@ -40,7 +38,6 @@ KINDS = {
         analysis="beamsim.trust.checked:sweep",
         result="beamsim.analyses.sweep.result:SweepResult",
         screen="beamsim.cli.motions:sweep_screen",
-        views="beamsim.cli.motions:SWEEP_VIEWS",
         figures="beamsim.plots.sweep:sweep_figures",
         question="How large is the response at each frequency while the excitation sweeps?",
     ),
@@ -49,7 +46,6 @@ KINDS = {
         analysis="beamsim.trust.checked:continuation",
         result="beamsim.analyses.continuation.result:ContinuationResult",
         screen="beamsim.cli.branches:continuation_screen",
-        views="beamsim.cli.branches:CONTINUATION_VIEWS",
         figures="beamsim.plots.continuation:continuation_figures",
         question="Which steady motions does the excitation lead to, and which of them are stable?",
     ),
@@ -58,7 +54,6 @@ KINDS = {
         analysis="beamsim.trust.checked:coexisting",
         result="beamsim.analyses.coexisting.result:CoexistingResult",
         screen="beamsim.cli.branches:coexisting_screen",
-        views="beamsim.cli.branches:COEXISTING_VIEWS",
         figures="beamsim.plots.coexisting:coexisting_figures",
         question="Which of several motions will occur?",
     ),
@@ -67,7 +62,6 @@ KINDS = {
         analysis="beamsim.trust.studies:design_study",
         result="beamsim.analyses.designs.result:DesignsResult",
         screen="beamsim.cli.studies:design_screen",
-        views="beamsim.cli.studies:DESIGN_VIEWS",
         figures="beamsim.plots.designs:design_figures",
         question="How does the response depend on what is varied?",
     ),
@@ -76,7 +70,6 @@ KINDS = {
         analysis="beamsim.analyses.identify.analysis:identify_stiffness",
         result="beamsim.analyses.identify.result:IdentificationResult",
         screen="beamsim.cli.measured:identification_screen",
-        views="beamsim.cli.measured:IDENTIFICATION_VIEWS",
         figures="beamsim.plots.identification:identification_figures",
         question="Which stiffness do the measurements give, and how closely?",
     ),
@@ -85,7 +78,6 @@ KINDS = {
         analysis="beamsim.trust.checked:nnm",
         result="beamsim.analyses.nnm.result:NormalModeResult",
         screen="beamsim.cli.branches:nnm_screen",
-        views="beamsim.cli.branches:NNM_VIEWS",
         figures="beamsim.plots.nnm:nnm_figures",
         question="How do frequency and shape of free vibrations change with their size?",
     ),
@@ -94,7 +86,6 @@ KINDS = {
         analysis="beamsim.analyses.compare.analysis:compare",
         result="beamsim.analyses.compare.result:Comparison",
         screen="beamsim.cli.measured:comparison_screen",
-        views="beamsim.cli.measured:COMPARISON_VIEWS",
         figures="beamsim.plots.comparison:comparison_figures",
         question="How well does the computed motion agree with the measured one?",
     ),
@@ -103,7 +94,6 @@ KINDS = {
         analysis="beamsim.analyses.compare_modes.analysis:compare_modes",
         result="beamsim.analyses.compare_modes.analysis:ModeComparison",
         screen="beamsim.cli.measured:modes_screen",
-        views="beamsim.cli.measured:MODE_VIEWS",
         figures="beamsim.plots.comparison:mode_comparison_figures",
         question="How well do the computed modes agree with the measured ones?",
     ),

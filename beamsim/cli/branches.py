@@ -1,4 +1,4 @@
-"""What is printed of periodic motions: continuations, nonlinear normal modes, and motions at phase resonance."""
+"""The first screens of continuations, of coexisting motions and of nonlinear normal modes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.cli.printing import MOST_ROWS, more_rows, percent
 from beamsim.cli.screens import SHOWN, Numbers, Screen, limit_lines, modes, rounded, sureness
-from beamsim.cli.tables import Labelled, Views, ended, in_units, output_text
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, scale_for
@@ -34,8 +33,10 @@ def continuation_screen(result: ContinuationResult) -> Screen:
         if forces:
             lines.append(f"peak {what} of stable motions {', '.join(forces)}")
     lines += [*_special_lines(result), *_several(result), *modes(result)]
-    outputs = list(_outputs(result, s.get("peak_output", {})).items())[:SHOWN]
-    lines += [f"peak of {name} {of['peak']} at {of['at']}" for name, of in outputs]
+    lines += [
+        f"peak of {name} {amount(of['value'], s['output_unit'][name])} at {_parameter(of['parameter'], result.unit)}"
+        for name, of in list(s.get("peak_output", {}).items())[:SHOWN]
+    ]
     for curve in s.get("fold_curves", ()):
         low, high = curve["smallest_parameter"], curve["largest_parameter"]
         where = extent(curve["smallest_hz"], curve["largest_hz"], "Hz")
@@ -106,18 +107,6 @@ def _special_lines(result: ContinuationResult) -> list[str]:
     return textwrap.wrap("; ".join(texts), 118)
 
 
-def _branches(result: ContinuationResult, count: int) -> list[dict[str, Any]]:
-    rows = []
-    for branch in result.branches[:MOST_ROWS]:
-        off = result.off_centre(branch)
-        mean = "" if off is None else f"the mean of {off[0]} reaches {amount(off[1], 'm', 3)}"
-        rows.append({
-            **_level(result, branch.level), "period": branch.period_multiple, "points": branch.parameter.size,
-            "stable": int(branch.stable.sum()), "broken symmetry": mean, "ended": ended(branch.outcome),
-        })  # fmt: skip
-    return [*rows, *more_rows(count)]
-
-
 def _level(result: ContinuationResult, level: float) -> dict[str, str]:
     return {"level": "" if np.isnan(level) else amount(level, result.level_unit)}
 
@@ -125,62 +114,6 @@ def _level(result: ContinuationResult, level: float) -> dict[str, str]:
 def _parameter(value: float, unit: str, digits: int = 6) -> str:
     """A value of what is varied: frequencies, which are compared, to all digits asked for."""
     return f"{value:.{digits}g} Hz" if unit == "Hz" else amount(value, unit, digits)
-
-
-def _special_points(result: ContinuationResult, points: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Those of motions of the excitation's own period."""
-    own_period = [point for point in points if point["period_multiple"] == 1]
-    return [
-        {
-            "kind": special_name(point["kind"]), "of": point["snubber"],
-            "at": _parameter(point["parameter"], result.unit, 8), **_level(result, point["level"]),
-        }
-        for point in own_period[:MOST_ROWS]
-    ] + more_rows(len(own_period))  # fmt: skip
-
-
-def _peaks(result: ContinuationResult, peaks: Sequence[dict[str, Any]]) -> Labelled:
-    rows = [
-        {
-            "probe": peak["probe"], "displacement": amount(peak["value_m"], "m", 5),
-            "at": _parameter(peak["parameter"], result.unit), **_level(result, peak["level"]), "kind": peak["kind"],
-            "period": peak["period_multiple"],
-        }
-        for peak in peaks
-    ]  # fmt: skip
-    curves = [
-        {"": "stepped" if curve.steady else "swept", "direction": curve.direction, **_level(result, curve.level),
-         "source": curve.source}
-        for curve in result.overlay.values()
-    ]  # fmt: skip
-    return Labelled({"": rows, "overlay": curves})
-
-
-def _folds(result: ContinuationResult, curves: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    units = dict.fromkeys(("smallest_parameter", "largest_parameter"), result.second_unit)
-    return [
-        in_units(curve, units, 5) | {"status": ended(branch.outcome)}
-        for curve, branch in zip(curves, result.fold_curves, strict=True)
-    ]
-
-
-def _outputs(result: ContinuationResult, peaks: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, str]]:
-    """By output its largest magnitude in the stable motions, where, and what it is."""
-    outputs = result.branches[0].outputs if result.branches else {}
-    return {
-        name: output_text(outputs[name], peak["value"], at=_parameter(peak["parameter"], result.unit))
-        for name, peak in peaks.items()
-    }
-
-
-CONTINUATION_VIEWS: Views = {
-    "peak_output": _outputs,
-    "branches": _branches,
-    "special_points": _special_points,
-    "peaks": _peaks,
-    "fold_curves": _folds,
-    "multiple_scales": lambda result, levels: [{**s, **_level(result, s["level"])} for s in levels],
-}
 
 
 # --- Coexisting motions ----------------------------------------------------------------------------------------------
@@ -229,9 +162,6 @@ def _left_by(record: Mapping[str, Any]) -> str:
         return f"no {of} up to {amount(record['largest_tried'], record['unit'], 3)} was found that leaves it"
     size, when = amount(abs(record["amplitude"]), record["unit"], 3), amount(record["time_s"], "s", 3)
     return f"left by the {of} of {size}, the smallest found ({when} into its period)"
-
-
-COEXISTING_VIEWS: Views = {"peak_output": _outputs}
 
 
 # --- Nonlinear normal modes ------------------------------------------------------------------------------------------
@@ -321,76 +251,3 @@ def _held(about: Mapping[str, Any], level: Mapping[str, Any]) -> dict[str, str]:
         "predicted amplitude": rounded(level["predicted_amplitude_m"], "m"),
         "predicted level": amount(level["level_for_amplitude"], about["unit"], 3) if level["found"] else "",
     }
-
-
-def _along(result: NormalModeResult, record: Mapping[str, Any]) -> dict[str, Any]:
-    """A record with the values of what the path is followed in under its name; kinds and causes in words."""
-    path, unit = result.parameter, result.unit
-    told = {key.replace("parameter", path): value for key, value in record.items()}
-    told |= {key: special_name(value) for key, value in record.items() if key == "kind"}
-    if "ratio" in told:
-        told["cause"] = _cause({"ratio": told.pop("ratio"), "mode": told.pop("mode")})
-    if any(key.startswith(path) for key in told if key != path):  # its value stands there, with its unit
-        told.pop(path, None)
-    return in_units(told, dict.fromkeys((path, "start", "end"), unit), 6)
-
-
-def _each_along(result: NormalModeResult, records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    return [_along(result, record) for record in records]
-
-
-def _full_period(result: NormalModeResult, s: Mapping[str, Any]) -> dict[str, Any]:
-    branches = [
-        {**of, "start": _along(result, of["start"]), "end": _along(result, of["end"]), "status": ended(branch.outcome)}
-        for of, branch in zip(s["never_at_rest"], result.non_brake, strict=True)
-    ]
-    return {**s, "symmetry_breakings": _each_along(result, s["symmetry_breakings"]), "never_at_rest": branches}
-
-
-def _expansion(_: NormalModeResult, s: Mapping[str, Any]) -> dict[str, Any]:
-    """The expansion, and how exact motions differ at the largest factors: at first and at second order."""
-    columns = ("factor", "frequency_hz", "exact_frequency_hz", "frequency_difference", "initial_difference")
-    by_factor = [{name: s[name][k] for name in columns} for k in range(min(len(s["factor"]), 4))]
-    return {name: value for name, value in s.items() if name not in columns} | {"by factor": by_factor}
-
-
-def _phase_resonance(result: NormalModeResult, summary: Mapping[str, Any]) -> Labelled:
-    unit, found = summary["unit"], result.phase_resonance
-    levels = []
-    for k, level in enumerate(summary["levels"]):
-        curve = None if found is None else found.motions[k].curve
-        told = "" if curve is None or curve.outcome.complete else ended(curve.outcome)
-        levels.append(in_units(level, dict.fromkeys(("level", "level_for_amplitude"), unit), 5) | {"curve": told})
-    return Labelled({"": f"{summary['quantity']} as the level, compared at {summary['probe']}", "levels": levels})
-
-
-def _spectrum(result: NormalModeResult, drift: float) -> str:
-    if drift <= 1e-6:  # over the periods of the spectrum
-        return ""
-    return (
-        f"after {result.summary['motion_periods']} periods the state differs by {percent(drift)}: "
-        "the motion is unstable, and the spectral lines are broadened"
-    )
-
-
-def _share(result: NormalModeResult, smallest: float) -> str:
-    if smallest >= 0.5:  # of the energy in the mode
-        return ""
-    at = float(result.backbone.parameter[int(np.argmin(result.backbone.share))])
-    path = result.parameter.replace("_", " ")
-    return f"mode {result.mode} holds {percent(smallest)} of it at {path} {amount(at, result.unit)}"
-
-
-NNM_VIEWS: Views = {
-    "start": _along,
-    "end": _along,
-    "internal_resonances": _each_along,
-    "jumps": _each_along,
-    "special_points": _each_along,
-    "requested_points": _each_along,
-    "full_period": _full_period,
-    "multiple_scales": _expansion,
-    "phase_resonance": _phase_resonance,
-    "motion_drift": _spectrum,
-    "smallest_share": _share,
-}

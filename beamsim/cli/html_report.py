@@ -13,7 +13,8 @@ from beamsim.cli.failures import say
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_files
 from beamsim.cli.progress import progress_of
-from beamsim.cli.tables import margins, table_rows
+from beamsim.cli.screens import margins
+from beamsim.cli.tables import table_rows
 from beamsim.errors import BeamsimError, ResultFileError
 from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import KINDS, named
@@ -75,7 +76,7 @@ def report(given: Given) -> None:
         limits = margins(result, result.summary.get("margins") or {})
         model = _model(result)
         scene = _scene(result, model, shown=not (given.json or given.quiet))
-        rows = list(table_rows(kind, result))
+        rows = list(table_rows(result))
         page = page_of(result, about, screen, rows, limits, figures, sketched(result, model), scene)
     with replacing(target) as temporary:
         temporary.write_text(page.html(), encoding="utf-8")

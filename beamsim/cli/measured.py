@@ -1,23 +1,20 @@
-"""What is printed of identifications and of comparisons with measurements: first screens, and what tables tell beyond
-the entries of the summary."""
+"""The first screens of identifications and of comparisons with measurements."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from fractions import Fraction
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.result import ChannelComparison, Comparison, PeakPair
+from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.compare_modes.analysis import ModeComparison
 from beamsim.analyses.designs.result import parameter_label
-from beamsim.analyses.identify.result import FrequencyTable, IdentificationResult, ParameterEstimate
-from beamsim.cli.printing import MOST_ROWS, lines, percent, told
+from beamsim.analyses.identify.result import IdentificationResult, ParameterEstimate
+from beamsim.cli.printing import MOST_ROWS, percent, told
 from beamsim.cli.screens import SHOWN, Screen, limit_lines, rounded
-from beamsim.cli.tables import Labelled, Views
-from beamsim.plots.style import amount, extent, scale_for
+from beamsim.plots.style import amount, extent
 from beamsim.scenario.base import counted
 from beamsim.scenario.parameters import unit_of
 
@@ -97,17 +94,6 @@ def _newtons(value: float) -> str:
     return amount(value, "N/m", 5)
 
 
-def _updated(result: IdentificationResult, _: Any) -> Labelled | str:
-    update = result.update
-    if update is None:
-        return ""
-    supports = {text: f"misfit {misfit:.4g}" for text, misfit in update.alternatives[:4]}
-    return Labelled({
-        "supports tried": supports,
-        "without, before": _frequencies(update.before),
-    })  # fmt: skip
-
-
 def _parameters(result: IdentificationResult, parameters: Sequence[ParameterEstimate]) -> list[dict[str, str]]:
     section, rows = result.scenario.identify_stiffness, []
     assert section is not None
@@ -119,106 +105,8 @@ def _parameters(result: IdentificationResult, parameters: Sequence[ParameterEsti
     return rows
 
 
-def _frequencies(table: FrequencyTable | None) -> list[dict[str, Any]]:
-    columns = ("mode", "predicted_hz", "measured_hz", "difference_percent")
-    values = () if table is None else zip(*(getattr(table, name).tolist() for name in columns), strict=True)
-    return [dict(zip(columns, row, strict=True)) for row in values]
-
-
-def _monte_carlo(result: IdentificationResult, deviation: float) -> dict[str, Any] | str:
-    if result.estimate is None or not math.isfinite(deviation):
-        return ""
-    low, high = result.summary["monte_carlo_interval_n_per_m"]
-    of = {"standard_deviation_n_per_m": deviation, "from_n_per_m": low, "to_n_per_m": high}
-    return of | {"samples": result.estimate.monte_carlo_samples}
-
-
-def _each_mode(result: IdentificationResult, stiffness: Sequence[float]) -> str:
-    modes = result.summary["fit_to"]
-    texts = (
-        f"mode {mode}: {_newtons(k) + f' ({_extent(ends)})' if math.isfinite(k) else 'out of reach'}"
-        for mode, k, ends in zip(modes, stiffness, result.summary["stiffness_by_mode_interval_n_per_m"], strict=True)
-    )
-    return ", ".join(texts) if len(modes) > 1 else ""
-
-
-def _reach(result: IdentificationResult, ranges: Sequence[Sequence[float]]) -> dict[str, str]:
-    texts = {}
-    for mode, (low, high) in zip(result.summary["fit_to"], ranges, strict=True):
-        upwards = f"to {high:.5g} Hz (pinned)" if math.isfinite(high) else "upwards without bound"
-        texts[f"mode {mode}"] = f"{low:.5g} Hz (free) {upwards}"
-    return texts
-
-
-def _table_slope(result: IdentificationResult, slope: float) -> list[str]:
-    at = result.table_slope
-    assert at is not None
-    return [
-        f"{_newtons(slope)} on segment {at.segment} of {at.segments}, under {amount(at.force, 'N', 4)}",
-        f"identified: {at.factor:.4g} of it; all forces so with force_deflection.scale times {at.factor:.4g}",
-    ]
-
-
-def _sensitivities(result: IdentificationResult, _: Any) -> list[dict[str, str]]:
-    return [
-        {
-            "1 % of": s.parameter,
-            "changes the stiffness by": f"{s.relative:+.3g} %",
-            "its uncertainty": percent(s.contribution, 2) if math.isfinite(s.contribution) else "",
-        }
-        for s in result.sensitivities[:6]
-    ]
-
-
-def _pad_branches(result: IdentificationResult, _: Any) -> list[dict[str, str]]:
-    pad = result.pad
-    assert pad is not None
-    columns = (pad.branch_stiffness, pad.branch_interval, pad.relaxation_time, pad.time_interval)
-    return [
-        {"stiffness": amount(k, "N/m", 4), "its interval": _extent(of_stiffness),
-         "relaxation time": amount(tau, "s", 4), "interval": _extent(of_time, "s")}
-        for k, of_stiffness, tau, of_time in zip(*columns, strict=True)
-    ]  # fmt: skip
-
-
 def _extent(interval: Sequence[float], unit: str = "N/m") -> str:
     return extent(interval[0], interval[1], unit) if math.isfinite(interval[0]) else "not known"
-
-
-def _test_misfits(result: IdentificationResult, misfits: Mapping[str, Sequence[float]]) -> list[dict[str, str]]:
-    whole = sum(own for own, _ in misfits.values()) or 1.0
-    return [
-        {
-            "": name,
-            "misfit": f"{own:.4g}",
-            "share": percent(own / whole, 2),
-            "of the others alone": f"{without:.4g}" if math.isfinite(without) else "",
-        }
-        for name, (own, without) in misfits.items()
-        if len(misfits) > 1
-    ]
-
-
-def _delays(_: IdentificationResult, delays: Mapping[str, Sequence[float]]) -> dict[str, str]:
-    return {name: f"{amount(at, 's')} ({extent(low, high, 's')})" for name, (at, low, high) in delays.items()}
-
-
-IDENTIFICATION_VIEWS: Views = {
-    "updated": _updated,
-    "frequencies_without_hz": lambda result, _: _frequencies(result.without_snubber),
-    "mac": lambda _, mac: {f"shape {i}": told("", row) for i, row in enumerate(mac, 1)},
-    "monte_carlo_standard_deviation_n_per_m": _monte_carlo,
-    "stiffness_by_mode_n_per_m": _each_mode,
-    "reachable_hz": _reach,
-    "table_slope_n_per_m": _table_slope,
-    "pad_branch_stiffness_n_per_m": _pad_branches,
-    "pad_youngs_modulus_interval_pa": lambda result, ends: _extent(ends, "Pa") if math.isfinite(ends[0]) else "",
-    "pad_yaml": lambda _, keys: keys.splitlines(),
-    "frequencies_with_hz": lambda result, _: _frequencies(result.with_snubber),
-    "sensitivities": _sensitivities,
-    "test_misfits": _test_misfits,
-    "test_delays_s": _delays,
-}
 
 
 # --- Comparison ------------------------------------------------------------------------------------------------------
@@ -266,64 +154,9 @@ def modes_screen(result: ModeComparison) -> Screen:
     return Screen(verdict, _pair_rows(s["pairs"]), [f"shapes of {result.source}, with those of the structure"])
 
 
-def _channels(comparison: Comparison, _: Sequence[Any]) -> Labelled:
-    parts = Labelled()
-    for c in comparison.channels:
-        texts = [f"measured: {c.channel}"]
-        if c.start_s is not None:
-            texts[0] += f", the run from {amount(c.start_s, 's')} on"
-        if (of := c.record) is not None:
-            texts.append(f"response spectra: {of.frequency_hz[0]:.4g} to {of.frequency_hz[-1]:.4g} Hz")
-        parts[f"{c.place} {c.quantity.replace('_', ' ')}"] = [*texts, *lines("harmonics", _harmonics(c))]
-    return parts
-
-
-def _harmonics(c: ChannelComparison) -> list[dict[str, Any]]:
-    scale = scale_for(c.unit, np.abs(c.predicted), np.abs(c.measured))
-    rows = zip(c.order.tolist(), c.predicted, c.measured, c.difference_db, c.phase_difference_deg, strict=True)
-    return [
-        {
-            "harmonic": str(Fraction(order).limit_denominator(12)),
-            "predicted": f"{abs(p) * scale.factor:.4g} {scale.unit}",
-            "measured": f"{abs(m) * scale.factor:.4g} {scale.unit}",
-            "difference": f"{d:+.2f} dB" if math.isfinite(d) else "one of them is round-off",
-            "phase": f"{a:+.1f} deg" if math.isfinite(a) else "",
-        }
-        for order, p, m, d, a in rows
-    ]
-
-
 def _delay(c: ChannelComparison) -> str:
     periods = abs(c.delay_s) * (c.excitation_hz if math.isfinite(c.excitation_hz) else 1.0)
     return "no delay" if periods < 1e-9 else f"a delay of {amount(c.delay_s, 's')}"
-
-
-def _sweeps(comparison: Comparison, _: Sequence[Any]) -> Labelled:
-    parts = Labelled()
-    for c in comparison.sweeps:
-        texts = [f"measured: {c.channel}, {c.detector} of {c.curve}"]
-        if c.begin_s is not None:
-            width = "" if c.bandwidth is None else f", bandwidth {100 * c.bandwidth:.3g} % of the frequency"
-            texts.append(f"tracked from {amount(c.begin_s, 's')} of the record{width}")
-        parts[f"{c.place} {c.quantity.replace('_', ' ')}"] = [*texts, *lines("peaks", _peaks(c.peaks, c.unit))]
-    if comparison.assurance is not None:
-        diagonal = np.diagonal(comparison.assurance.fdac)
-        lowest = f"lowest {np.min(diagonal):.3f} at {comparison.assurance.measured_hz[np.argmin(diagonal)]:.4g} Hz"
-        parts["FDAC"] = f"at equal frequencies {np.mean(diagonal):.3f} in the mean, {lowest}"
-    return parts
-
-
-def _peaks(peaks: Iterable[PeakPair], unit: str) -> list[dict[str, Any]]:
-    """What was measured and what is computed near it; of the computed peak nothing where none is near."""
-    rows = []
-    for p in peaks:
-        row = {"measured": f"{p.measured_hz:.2f} Hz", "level": amount(p.measured_level, unit), "Q": p.measured_q}
-        if math.isfinite(p.predicted_hz):
-            row |= {"predicted": f"{p.predicted_hz:.2f} Hz", "its level": amount(p.predicted_level, unit)}
-            row |= {"its Q": p.predicted_q, "difference": f"{100 * p.frequency_difference:+.2f} %"}
-            row["in level"] = f"{p.difference_db:+.2f} dB"
-        rows.append(row)
-    return rows
 
 
 def _pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
@@ -339,7 +172,3 @@ def _pair_rows(pairs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
         }
         for pair in pairs
     ]
-
-
-COMPARISON_VIEWS: Views = {"comparisons": _channels, "sweeps": _sweeps}
-MODE_VIEWS: Views = {}  # the first screen tells all

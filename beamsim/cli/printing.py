@@ -9,15 +9,15 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from json import dumps
 from pathlib import Path
 from typing import Any
 
 from beamsim.cli.failures import show
-from beamsim.fields import UNITS, plain, words
+from beamsim.fields import plain, unit_in
 from beamsim.outcomes import MOST_LISTED
-from beamsim.plots.style import amount, is_known, scale_for
+from beamsim.plots.style import Scale, amount, is_known, scale_for
 
 WIDTH = 160  # characters, above which records stand side by side instead of below each other
 MOST_ROWS = 24  # of a table
@@ -33,17 +33,20 @@ def percent(share: float, digits: int = 3) -> str:
     return f"{float(f'{100 * share:.{digits}g}'):g} %"
 
 
-def told(name: str, value: Any, unit: str = "") -> str:
+def told(name: str, value: Any, unit: str = "", digits: int = 4) -> str:
     """The text of a value that has this name, with the unit of the name if no other is given; empty where not known.
 
     >>> told("peak_force_n", 2.5), told("contact_share", 0.25), told("stable", True), told("rate_hz", [1.0, 2.0])
     ('2.5 N', '25 %', 'yes', '1, 2 Hz')
+    >>> told("margin", -0.4032), told("damping_ratios", [0.01, 0.0127])
+    ('-40.3 %', '1, 1.27 %')
 
     Parameters
     ----------
     name : of the value, whose ending says its unit.
     value : truth, text, number, several of them, or None.
     unit : SI, or g; empty for that of the name.
+    digits : of several numbers.
 
     Returns
     -------
@@ -55,45 +58,24 @@ def told(name: str, value: Any, unit: str = "") -> str:
         return value
     if not is_known(value):
         return ""
-    unit = unit or next((of for end, of in UNITS.items() if name.endswith(end)), "1")
+    unit = unit or unit_in(name) or "1"
     if isinstance(value, (list, tuple)):
         if any(isinstance(item, str) for item in value):
             return ", ".join(map(str, value))
         if any(isinstance(item, (list, tuple)) for item in value):
-            return "; ".join(told(name, item, unit) for item in value[:MOST_LISTED])
+            return "; ".join(told(name, item, unit, digits) for item in value[:MOST_LISTED])
         scale = scale_for(unit, [item for item in value if is_known(item)])
-        shown = [f"{item * scale.factor:.4g}" if is_known(item) else NONE for item in value[:MOST_LISTED]]
+        if unit == "1" and _is_share(name):
+            scale = Scale(100.0, "%")
+        shown = [f"{item * scale.factor:.{digits}g}" if is_known(item) else NONE for item in value[:MOST_LISTED]]
         return f"{', '.join(shown)}{', …' if len(value) > MOST_LISTED else ''} {scale.unit}".strip()
-    return percent(value) if "share" in name else amount(value, unit)
+    return percent(value) if unit == "1" and _is_share(name) else amount(value, unit)
 
 
-def lines(name: str, value: Any, unit: str = "", change: Callable[[str], str] = lambda _: "") -> list[str]:
-    """A value as lines.
-
-    Parameters
-    ----------
-    name : of the value.
-    value : text, lines of text, number, numbers, mapping by name (if it has a unit or texts), record, or records by
-        name or in a list.
-    unit : of the numbers; empty if each has its own.
-    change : by name in a mapping, by record (by "" of the value itself), what is said of its change; empty for nothing.
-
-    Returns
-    -------
-    Without line breaks; none of an empty value.
-    """
-    if isinstance(value, (list, tuple)) and all(isinstance(item, str) for item in value):
-        return list(value)
-    if isinstance(value, (list, tuple)) and all(isinstance(item, Mapping) for item in value):
-        return _table(value, change)
-    if not isinstance(value, Mapping):
-        return [text for text in ["; ".join(filter(None, (told(name, value, unit), change(""))))] if text]
-    if value and all(isinstance(item, Mapping) for item in value.values()) and not unit:
-        return _table([{"": path, **record} for path, record in _flat(value, records=True)], change)
-    if unit or all(isinstance(item, str) for item in value.values()):
-        texts = [(path, told("", item, unit)) for path, item in _flat(value)]
-        return aligned([(path, "; ".join(filter(None, (text, change(path))))) for path, text in texts], gap=2)
-    return _record(value)
+def _is_share(name: str) -> bool:
+    """Whether a number of this name is shown in percent."""
+    shares = ("share", "margin", "damping_ratio", "coverage")
+    return any(word in name for word in shares) and not name.endswith("_at")
 
 
 def aligned(rows: Sequence[Sequence[str]], gap: int = 3) -> list[str]:
@@ -113,51 +95,6 @@ def under_headings(texts: Sequence[Mapping[str, str]]) -> list[list[str]]:
 def more_rows(count: int) -> list[dict[str, str]]:
     """What is below the first rows of a table of so many."""
     return [{"": f"and {count - MOST_ROWS} more in the file"}] if count > MOST_ROWS else []
-
-
-def _flat(value: Mapping[str, Any], path: str = "", *, records: bool = False) -> Iterator[tuple[str, Any]]:
-    """Values, or records, by their names, which may have several levels."""
-    for name, item in value.items():
-        called, deeper = f"{path} {name}".strip(), isinstance(item, Mapping)
-        if deeper and (not records or (item and all(isinstance(each, Mapping) for each in item.values()))):
-            yield from _flat(item, called, records=records)
-        else:
-            yield called, item
-
-
-def _record(record: Mapping[str, Any]) -> list[str]:
-    """What a record tells: in one line if that is short, else one below the other; records in it as tables."""
-    single = {name: told(name, item) for name, item in record.items() if not _is_table(item)}
-    texts = [(words(name), text) for name, text in single.items() if text]
-    line = ", ".join(f"{name} {text}" for name, text in texts)
-    shown = [line] if 0 < len(line) <= WIDTH else aligned(texts, gap=2)
-    for name, item in record.items():
-        if item and _is_table(item):
-            shown += [f"{words(name)}:", *(f"  {each}" for each in lines(name, item))]
-    return shown
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, Mapping) or (
-        isinstance(value, (list, tuple)) and any(isinstance(v, Mapping) for v in value)
-    )
-
-
-def _table(records: Sequence[Mapping[str, Any]], change: Callable[[str], str]) -> list[str]:
-    """Records below each other under headings; side by side if that is too wide and the narrower way.
-
-    What no record tells is left out.
-    """
-    flat = [dict(_flat(record)) for record in records]
-    texts = [{name: told(name, item) for name, item in record.items() if not _is_table(item)} for record in flat]
-    for text in texts:
-        text["change"] = change(text[""]) if "" in text else ""
-    columns, *cells = under_headings(texts)
-    rows = [[words(name) for name in columns], *cells]
-    if len({*columns} - {"", "change"}) == 1 and "" in columns:
-        return aligned(rows[1:])  # the one thing that is told has the name of the entry
-    below, beside = aligned(rows), aligned(list(zip(*rows, strict=True)))
-    return below if max(map(len, below)) <= max(WIDTH, *map(len, beside)) else beside
 
 
 def print_json(values: Mapping[str, Any]) -> None:

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from beamsim.cli.printing import aligned, percent, under_headings
-from beamsim.cli.tables import ended, margins, of_states, predicted
-from beamsim.outcomes import STANDINGS, first_of
-from beamsim.plots.style import is_known, scale_for
+from beamsim.outcomes import STANDINGS, OnLimit, Outcome, first_of
+from beamsim.plots.style import amount, is_known, margin_text, scale_for
 from beamsim.results.result import Result
-from beamsim.results.values import limit_label
+from beamsim.results.values import limit_label, limit_unit
 from beamsim.scenario.base import counted
+from beamsim.scenario.quantities import acceleration_amplitude, amplitude_unit, level_unit, power_of
 from beamsim.scenario.units import STANDARD_GRAVITY
 
 SHOWN = 4  # of what there may be many of: outputs, levels of contacts, cases
@@ -211,3 +211,86 @@ def contact_levels(result: Result) -> Iterator[str]:
         verb, rest = text.split(" ", 1)
         several = {"opens": "open", "touches": "touch"} if len(alike) > 1 else {}
         yield f"{first_of(alike, SHOWN)} {several.get(verb, verb)} {rest}"
+
+
+def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:
+    """By limit: margin, value with its place, and limit."""
+    return {
+        limit_label(name): {
+            "margin": margin_text(item["margin"], item["value"], item.get("margin_db")),
+            "value": amount(item["value"], limit_unit(result.scenario, name)),
+            "at": item["at"] or "",
+            "limit": amount(item["limit"], limit_unit(result.scenario, name)),
+            "verdict": item["verdict"] if item["verdict"] == OnLimit.MET else item["verdict"].upper(),
+        }
+        for name, item in compared.items()
+    }
+
+
+def of_states(texts: Mapping[str, str]) -> dict[str, str]:
+    """Texts by the state of contacts, or the states that have the same; states whose text is empty are left out."""
+    told = dict.fromkeys(filter(None, texts.values()))
+    return {" and ".join(state for state, text in texts.items() if text == each): each for each in told}
+
+
+def stress_text(summary: Mapping[str, Any], stress: str) -> str:
+    """The largest bending stress, which is given as text, on which body if there are several, and where."""
+    body = f"{summary['largest_bending_stress_body']}, " if "largest_bending_stress_body" in summary else ""
+    y = summary.get("largest_bending_stress_across_m", math.nan)
+    across = "" if math.isnan(y) else f", y = {_length(y)}"
+    return f"{stress} at {body}x = {_length(summary['largest_bending_stress_position_m'])}{across}"
+
+
+def _length(metres: float) -> str:
+    """A place along a body."""
+    return amount(metres, "m") if metres else "0"
+
+
+SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian one passes them once in about a million cycles
+
+
+def predicted(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
+    """What the linear motion does to a contact, and whether it is known to change it at the level here.
+
+    Parameters
+    ----------
+    result : of which a summary is printed.
+    of : the entry of a snubber in its ``gapping``.
+    """
+    if "not_predicted" in of:
+        return f"not predicted: {of['not_predicted']}", False
+    verb = "opens" if of["closed_at_rest"] else "touches"
+    if "sigmas" in of:  # of a random input
+        reached = of["sigmas"] < SIGMAS_REACHED
+        rare = "" if reached else ", rarely or never"
+        if not of["sigmas"]:
+            return f"{verb} as soon as it moves", reached
+        return f"{verb} at {of['sigmas']:.3g} sigma of the stationary linear motion{rare}", reached
+    share = of["share_of_level"]
+    reached = share <= 1.0
+    if math.isinf(of.get("level") or 0.0) or (not math.isfinite(share) and "time_s" in of):
+        return f"{verb} at no level of this input in linear motion", False
+    if of.get("level") is None:
+        level = f"from {share:.4g} times this input"
+    else:
+        level = f"from {_level(result, of)}" if of["level"] else "as soon as it moves"
+    if "frequency_hz" in of:
+        where = f"at {of['frequency_hz']:.4g} Hz in steady linear motion"
+    else:
+        where = f"at {amount(of['time_s'], 's')} in linear motion"
+    return f"{verb} {level} {where}{'' if reached else ', above the level here'}", reached
+
+
+def _level(result: Result, of: Mapping[str, Any]) -> str:
+    """A predicted level in the quantity of the excitation; of a sine that moves the base also its acceleration."""
+    quantity = getattr(result.scenario.excitation, "quantity", None) or "acceleration"
+    level, beside = of["level"], ""
+    if "frequency_hz" in of and power_of(quantity):
+        beside = f" ({amount(level, amplitude_unit(quantity))})"
+        level /= acceleration_amplitude(1.0, quantity, of["frequency_hz"])
+    return f"{amount(level, level_unit(quantity))}{beside}"
+
+
+def ended(outcome: Outcome) -> str:
+    """How a part of a computation ended, without saying of it that it is complete."""
+    return "; ".join(text for text in outcome.displayed(scale_for).statements if text != "complete")

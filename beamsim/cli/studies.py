@@ -1,4 +1,4 @@
-"""What is printed of a design study: the first screen, and what the table tells beyond the entries of the summary."""
+"""The first screen of a design study."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from beamsim.analyses.designs.result import (
-    Coordinate,
     DesignsResult,
     limited_response,
     objectives,
     parameter_label,
     responses_of,
 )
-from beamsim.cli.printing import MOST_ROWS, more_rows
-from beamsim.cli.screens import SHOWN, Screen, rounded
-from beamsim.cli.tables import Labelled, Views, margins
+from beamsim.cli.screens import SHOWN, Screen, margins, rounded
 from beamsim.outcomes import OnLimit
 from beamsim.plots.style import amount, extent, is_known, margin_text
 from beamsim.results.values import VALUES, limit_label
@@ -225,14 +222,6 @@ def _decisive(result: DesignsResult) -> list[str]:
     return list(dict.fromkeys(r.name for name in asked for r in responses_of(result.responses, name)))
 
 
-def _extent(coordinate: Coordinate) -> str:
-    values = coordinate.values
-    if not coordinate.numeric:
-        return ", ".join(dict.fromkeys(map(str, values)))
-    low, high = (amount(float(value), coordinate.unit) for value in (values.min(), values.max()))
-    return f"{low} to {high}, {len(set(values.tolist()))} values"
-
-
 def _parameters(result: DesignsResult, values: Mapping[str, Any]) -> dict[str, str]:
     units = {c.path: c.unit for c in result.coordinates}
     return {
@@ -247,36 +236,6 @@ def _passing(result: DesignsResult, passing: int) -> str:
         quantile = result.summary["tolerances"]["quantile"]
         every += " in all realisations" if quantile == 1.0 else f" at its {_share(quantile)} quantile"
     return f"{passing} of {result.cases} cases meet {every}" if passing else f"no case meets {every}"
-
-
-def _tolerances(_: DesignsResult, tolerances: Mapping[str, Any]) -> Labelled:
-    """What each case is varied by, and how it is judged."""
-    varied = {
-        parameter_label(path): "\u00b1"
-        + (f"{100 * item['tolerance']:.4g} %" if item["relative"] else amount(item["tolerance"], item["unit"]))
-        for path, item in tolerances["parameters"].items()
-    }
-    quantile = tolerances["quantile"]
-    judged = "the worst of them" if quantile == 1.0 else f"their {_share(quantile)} quantile"
-    of = f"{tolerances['realisations']} of each case, itself among them; judged by {judged}"
-    return Labelled({"": varied, "realisations": of})
-
-
-def _scatter(result: DesignsResult, scatter: Mapping[str, Any]) -> list[dict[str, str]]:
-    """The range of each response over the realisations of the best case, or of the only one."""
-    ranges = scatter["responses"]
-    return _extents(result, {name: of for name, of in ranges.items() if name in _decisive(result)} or ranges)
-
-
-def _extents(result: DesignsResult, responses: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
-    """By response its range, and its value without deviations, statistics and populations where these are known."""
-    rows, others = [], {"nominal": "without deviations"} | dict(list(_STATISTICS.items())[1:-1])
-    for name, item in list(responses.items())[:MOST_ROWS]:
-        unit = result.responses[name].unit if name in result.responses else "1"
-        row = {"": _response_label(result, name), "range": extent(item["smallest"], item["largest"], unit)}
-        row |= {label: amount(item[key], unit) for key, label in others.items() if key in item}
-        rows.append(row | ({"has": _populations(result, name, item)} if "populations" in item else {}))
-    return rows + more_rows(len(responses))
 
 
 def _best_rows(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
@@ -295,31 +254,6 @@ def _best_rows(result: DesignsResult, best: Sequence[Mapping[str, Any]]) -> list
     return rows
 
 
-def _sensitivity(result: DesignsResult, indices: Mapping[str, Mapping[str, Any]]) -> Labelled:
-    """Shares of the parameters in the variance of each response, its rank correlations with them, or its ranges."""
-    rows = {
-        _response_label(result, name): {
-            parameter_label(path): _sensitivity_text(of, result.responses[name].unit) for path, of in shares.items()
-        }
-        for name, shares in list(indices.items())[:MOST_ROWS]
-    }
-    return Labelled({"": _MEANS.get(result.kind, "rank correlation with each parameter"), "of": rows})
-
-
-_MEANS = {
-    "sobol": "share of the variance by each parameter with its interactions (Sobol' total index, 95 % interval)",
-    "one_at_a_time": "range over the values of each parameter alone",
-}
-
-
-def _sensitivity_text(of: Mapping[str, Any], unit: str) -> str:
-    if "total_order" in of:
-        return f"{_share(of['total_order'])} ({_share(of['total_order_low'])} to {_share(of['total_order_high'])})"
-    if "rank_correlation" in of:
-        return f"{of['rank_correlation']:+.2f}{'' if of['p_value'] < 0.05 else ' (may be chance)'}"
-    return extent(of["smallest"], of["largest"], unit)
-
-
 def _share(index: float) -> str:
     """An index in percent; small samples estimate some below zero or above one."""
     return f"{100 * max(index, 0.0):.0f} %"
@@ -331,12 +265,3 @@ def _response_label(result: DesignsResult, name: str) -> str:
     curves = {each.partition("/")[0] for each in result.responses if each.count("/") == 3}
     shown = path[:-2] if len(curves) > 1 else []
     return " ".join([*shown, *path[-1:], quantity.removesuffix("_hz").replace("_", " ")])
-
-
-DESIGN_VIEWS: Views = {
-    "cases": lambda result, _: {coordinate.label: _extent(coordinate) for coordinate in result.coordinates},
-    "tolerances": _tolerances,
-    "scatter": _scatter,
-    "sensitivity": _sensitivity,
-    "responses": _extents,
-}

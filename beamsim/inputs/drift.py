@@ -209,7 +209,6 @@ class CorrectionSize:
             "base_correction_share",
             "1",
             "that correction over the level of the sweep there",
-            "base correction",
             form=Number,
         ),
     )

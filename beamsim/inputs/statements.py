@@ -15,7 +15,7 @@ class InputStatement:
 
     ENTRY: ClassVar[Entry] = Entry(
         "inputs", "", "by path of the excitation, of random inputs and records: rms (of a random input that of its "
-        "density, clipping included), unit, sample_rate_hz, and what was done to make it", "inputs",
+        "density, clipping included), unit, sample_rate_hz, and what was done to make it",
         form=dict[str, Plain],
     )  # fmt: skip
     path: str = dataset("1", "path of the excitation in the scenario")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
 from dataclasses import field, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -27,8 +28,9 @@ from beamsim.fields import (
 )
 from beamsim.kinds import kind_of_class, named
 from beamsim.outcomes import Outcome, interruption
-from beamsim.results.values import judged
+from beamsim.results.values import OUTPUT, judged, limit_unit
 from beamsim.scenario import Scenario
+from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.scenario import Record
 from beamsim.version import __version__
 
@@ -58,38 +60,38 @@ FINER_MODEL = record(
 MARGINS = Entry(
     "margins", "", "by limit: limit, value, lowest and highest (the value less and plus its change with a finer "
     "model), margin = limit / value - 1, at, verdict (ok or exceeded if both are, else not reliable), exceeded",
-    "limits", form=by_name(MARGIN)
+    form=by_name(MARGIN)
 )  # fmt: skip
 GAPPING = Entry(
     "gapping", "", "by snubber: whether it is closed at rest, level (SI) and frequency (of a shock or a record: time) "
     "at which the linear motion first opens or closes it, that level over the one here (of a random input instead: "
     "standard deviations of the linear motion), nan where another contact changes first, which not_predicted says; "
     "contact force at equilibrium that keeps contact (of a random input to 3 sigma) "
-    "with all snubbers closed and alone; what the motion did", "gapping", form=by_name(CONTACT_CHANGE)
+    "with all snubbers closed and alone; what the motion did", form=by_name(CONTACT_CHANGE)
 )  # fmt: skip
 MODES = (
-    Entry("open_frequencies_hz", label="natural frequencies", of="modes.open_frequencies_hz"),
-    Entry("closed_frequencies_hz", of="modes.closed_frequencies_hz"),
-    Entry("resting_frequencies_hz", of="modes.resting_frequencies_hz"),
-    Entry("damping_ratios", label="modal damping", of="modes.damping_ratios"),
-    Entry("closed_damping_ratios", of="modes.closed_damping_ratios"),
-    Entry("resting_damping_ratios", of="modes.resting_damping_ratios"),
-    Entry("dashpots", label="dashpots", of="modes.dashpots"),
-    Entry("kept_modes", of="modes.kept_modes"),
-    Entry("static_vectors", of="modes.static_vectors"),
-    Entry("reduction_bound", label="reduction", of="modes.reduction_bound"),
-    Entry("probe_bound", of="modes.probe_bound"),
-    Entry("highest_frequency_hz", of="modes.highest_frequency_hz"),
+    Entry("open_frequencies_hz", section="modes", of="modes.open_frequencies_hz", shown="kept_modes"),
+    Entry("closed_frequencies_hz", section="modes", of="modes.closed_frequencies_hz", shown="kept_modes"),
+    Entry("resting_frequencies_hz", section="modes", of="modes.resting_frequencies_hz", shown="kept_modes"),
+    Entry("damping_ratios", section="modes", of="modes.damping_ratios", shown="kept_modes"),
+    Entry("closed_damping_ratios", section="modes", of="modes.closed_damping_ratios", shown="kept_modes"),
+    Entry("resting_damping_ratios", section="modes", of="modes.resting_damping_ratios", shown="kept_modes"),
+    Entry("dashpots", of="modes.dashpots"),
+    Entry("kept_modes", section="modes", of="modes.kept_modes"),
+    Entry("static_vectors", section="modes", of="modes.static_vectors"),
+    Entry("reduction_bound", section="modes", of="modes.reduction_bound"),
+    Entry("probe_bound", section="modes", of="modes.probe_bound"),
+    Entry("highest_frequency_hz", section="modes", of="modes.highest_frequency_hz"),
 )
 CONVERGENCE = (
     Entry("convergence", "1", "by value, and by its place where there are several, its relative change with 1.5 times "
-             "the modes and twice the elements", "convergence", form=dict[str, Number | ByName]),
+             "the modes and twice the elements", form=dict[str, Number | ByName]),
     Entry("doubtful", "", "values that change by more than 2 %: value.place", form=list[str]),
     Entry("after_parting", "", "values that depend on the motion after its contact sequences diverge, which is one of "
              "many: value.place; their changes are those of means where the excitation goes on", form=list[str]),
     Entry("convergence_model", "", "the finer model: modes (0 where nothing is left out); times at which the contact "
              "sequences diverge from its own, and from those of a stiffness changed by 1e-9 and by 1e-15 (round-off); "
-             "processor time, and why there is no comparison", form=FINER_MODEL),
+             "processor time, and why there is no comparison", "convergence", form=FINER_MODEL),
 )  # fmt: skip
 PROCESSOR_TIME = Entry("processor_time_s", "s", "processor time of the solver alone", "solver")
 """Last in the table; its row says what the solver did."""
@@ -181,6 +183,25 @@ class Result:
     def input_files(self) -> dict[str, Record] | None:
         """What the files of the scenario held; None where it names none."""
         return dict(self.scenario.file_records(as_read=True)) or None
+
+    def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
+        """Unit of a value of the summary; empty where the name of the value ends with it.
+
+        Parameters
+        ----------
+        entry : of the summary.
+        place : names of the probe, limit, curve ... whose value it is; none where there is one value.
+        keys : of a value of a record, that of the record in which it is nested before its own.
+        record : with the value, where it is part of one.
+        """
+        if entry.name == "margins" and keys[0] in ("limit", "value", "lowest", "highest"):
+            return limit_unit(self.scenario, place[0])
+        if entry.section == OUTPUT.section and place:
+            return str(self.summary["output_unit"][place[-1]])
+        if entry.name == "gapping" and keys == ("level",):
+            quantity = getattr(self.scenario.excitation, "quantity", None) or "acceleration"
+            return amplitude_unit(quantity) if "frequency_hz" in record else level_unit(quantity)
+        return "" if keys else entry.unit
 
     def plot(self) -> dict[str, Figure]:
         """Return the figures that the command saves, by name; a notebook shows each."""

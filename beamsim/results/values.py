@@ -155,7 +155,7 @@ class Value(NamedTuple):
         unit = "g" if self.entry.endswith("_g") else "" if self.section == "outputs" else self.unit
         form: Any = Number if self.single or not self.section else ByName
         meaning = ("by curve, " if by_curve else before) + self.meaning
-        return Entry(self.entry, unit, meaning, self.label, form=dict[str, form] if by_curve else form)
+        return Entry(self.entry, unit, meaning, self.section, form=dict[str, form] if by_curve else form)
 
 
 VALUES = (

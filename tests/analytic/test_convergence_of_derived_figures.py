@@ -62,11 +62,9 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     assert np.isnan(sizes[0])  # a mean at -80 dB is leakage
     least = max(sizes[1:])
     assert result.summary["convergence"]["spectral_lines"][name] >= least / strongest * (1 - 1e-12) > ALLOWED_CHANGE
-    rows = [text for _, text in table_rows("run", result)]
+    rows = [text for _, text in table_rows(result)]
     assert any("NOT CONVERGED" in text and "tip absolute acceleration" in text for text in rows)
-    listed = next(text for text in rows if text.startswith("tip absolute acceleration"))
-    assert "dB, change" in listed
-    assert "scatter" not in listed.partition(";")[0]  # a line has none
+    assert any("relative change" in text for text in rows)
     assert any(row["relative_change"] > ALLOWED_CHANGE for row in result.summary["spectral_lines"])
     stored = beamsim.open_result(beamsim.write_result(result, tmp_path / "run.h5"))
     kept = stored.spectra["tip", "absolute_acceleration"]
@@ -114,10 +112,11 @@ def test_statistics_of_a_random_response(stop):
     signals = [name for name in result.summary["random"] if not name.startswith("input")]
     assert set(changes) == {f"{name} {key}" for name in signals for key in STATISTICS}
     assert not any(name.startswith("random.tip displacement") for name in result.summary["doubtful"])
-    rows = list(table_rows("run", result))
+    rows = list(table_rows(result))
     labels = [label for label, _ in rows]
-    first = labels.index("random response")
+    first = labels.index("random")
     last = next(k for k, label in enumerate(labels) if k > first and label)
     table = " ".join(text for _, text in rows[first:last])
     assert "crest factor" in table
-    assert len(re.findall(r"no change|change \d", table)) == len(signals) == 2 + (stop is not None)  # not of the input
+    assert len(re.findall(r"no change|change \d", table)) == len(changes)  # not of the input
+    assert len(signals) == 2 + (stop is not None)

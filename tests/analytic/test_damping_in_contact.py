@@ -163,8 +163,8 @@ def test_the_half_power_check_of_the_documents():
     measured = f"{high - low:.2f} Hz, which is {100 * (high - low) / (2 * hz[top]):.1f} %"
     assert f"peaks at {hz[top]:.1f} Hz with a bandwidth of {measured}" in page.replace("\n", " ")
     assert next(modes(result)) in page
-    for _, text in table_rows("sweep", result):
-        if "it alone closed" in text or "closed and at rest" in text:
+    for _, text in table_rows(result):
+        if "it alone closed" in text:
             assert " ".join(text.split()) in " ".join(page.split())
     wanted = float(re.search(r"`coefficient: (\d+) N s/m` in both pads", page).group(1))
     assert build_system(load_scenario(panels(wanted))).modes.closed_damping_ratios[0] == pytest.approx(0.05, rel=5e-3)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 import beamsim
-from beamsim.cli.tables import table_rows
+from beamsim.cli.tables import all_rows
 from beamsim.scenario import load_scenario
 
 PULSE = {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "11 ms", "time": "2 ms"}
@@ -72,7 +72,7 @@ def test_a_record_has_a_factor_but_no_level(tmp_path):
     of = next(item for item in result.summary["gapping"].values() if "not_predicted" not in item)
     assert "level" not in of
     assert 0.0 < of["share_of_level"] < 1.0
-    rows = [text for _, text in table_rows("run", result)]
+    rows = [text for _, text in all_rows("run", result)]
     assert any("times this input at" in text and "in linear motion" in text for text in rows)
 
 
@@ -104,4 +104,4 @@ def test_of_a_random_input_the_standard_deviation_is_that_of_one_mass():
     assert of["sigmas"] == pytest.approx(at_rest / deviation, rel=1e-6)
     assert of["preload_n"] == pytest.approx(3.0 * stop * deviation, rel=1e-6)
     assert of["preload_alone_n"] == pytest.approx(3.0 * stop * deviation, rel=1e-6)
-    assert any("sigma of the stationary linear motion" in text for _, text in table_rows("run", result))
+    assert any("sigma of the stationary linear motion" in text for _, text in all_rows("run", result))

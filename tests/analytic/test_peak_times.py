@@ -39,4 +39,4 @@ def test_a_stop_is_pressed_hardest_where_its_samples_are_largest():
     force = result.snubbers["stop"].force
     time = result.summary["peak_times_s"]["peak_force_n"]["stop"]
     assert time == pytest.approx(result.time[np.argmax(force)], abs=1e-5)
-    assert any(text.endswith(f"{1e3 * time:.4g} ms") and " N " in text for _, text in table_rows("run", result))
+    assert any(text.endswith(f"{1e3 * time:.4g} ms") and " N " in text for _, text in table_rows(result))

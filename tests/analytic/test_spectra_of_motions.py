@@ -49,8 +49,7 @@ def test_the_highest_line_is_told_by_what_lies_beyond_it(periods, seen):
     result = run(free)
     found = [line.frequency_hz for line in lines_of(result) if line.kind == "other"]
     assert found == pytest.approx([5.0] * seen, rel=1e-3)
-    text = dict(table_rows("run", result))["spectral lines"]
-    assert ("Hz (" in text) if seen else "no distinct line, at a resolution of 20 Hz" in text
+    assert any("other" in text for _, text in table_rows(result)) == bool(seen)
 
 
 def test_lines_and_rms_of_a_mass_on_a_spring():
@@ -89,14 +88,11 @@ def test_a_shock_is_seen_from_its_beginning():
     assert level[0] > level[1] + 6.0
 
 
-@pytest.mark.parametrize(("case", "expected"), [(BOUNCING, None), (RELEASED, "no motion")], ids=["bouncing", "at rest"])
-def test_none_is_never_said_of_a_motion(case, expected):
-    changes = {"run__start": "rest"} if expected else {"run__duration": 0.02}
-    rows = [text for _, text in table_rows("run", run(case, **changes))]
-    said = [text for text in rows if text.startswith(("tip absolute acceleration", "tip displacement"))]
-    assert len(said) == 2
-    assert not any(text.endswith("none") for text in said)
-    assert all((expected in text) if expected else ("no motion" not in text) for text in said)
+@pytest.mark.parametrize(("case", "moves"), [(BOUNCING, True), (RELEASED, False)], ids=["bouncing", "at rest"])
+def test_lines_are_shown_of_what_moves(case, moves):
+    changes = {"run__duration": 0.02} if moves else {"run__start": "rest"}
+    rows = [text for _, text in table_rows(run(case, **changes))]
+    assert any("fundamental" in text for text in rows) == moves
 
 
 def test_amplitudes_at_chosen_frequencies(tmp_path):
@@ -112,7 +108,7 @@ def test_amplitudes_at_chosen_frequencies(tmp_path):
     assert chosen == pytest.approx({5.3: 0.02, 9.0: 0.0}, rel=1e-9, abs=1e-12)
     assert not any(line.kind == "other" for line in spectrum.lines)
     assert spectrum.frequency_hz[-1] >= 9.0 - 0.2
-    assert any("9 Hz" in text for _, text in table_rows("run", result))
+    assert any("9 Hz" in text for _, text in table_rows(result))
     stored = beamsim.open_result(beamsim.write_result(result, tmp_path / "run.h5"))
     kept = stored.spectra[spectrum.probe, "displacement"].lines
     assert [(k.frequency_hz, k.amplitude, k.kind) for k in kept] == [

@@ -69,7 +69,7 @@ def test_sweep_writes_prints_and_draws(here, kind):
     options = [] if kind == "swept_sine" else ["--set", STEPPED]
     done = call("case.yaml", "-v", *options)
     assert done.exit_code == 0, done.output
-    assert "peaks of first" in done.output
+    assert "  peaks  " in done.output
     assert "Hz" in done.output
     with h5py.File("case.h5") as file:
         assert file.attrs["command"] == "sweep"
@@ -96,7 +96,7 @@ def test_sweep_writes_prints_and_draws(here, kind):
     assert {path.name for path in Path("again").iterdir()} == pictures
     told = invoke("info", "case.h5")
     assert told.exit_code == 0
-    assert "peaks of first" in told.output
+    assert "  peaks  " in told.output
 
 
 def test_json_has_the_fixed_names(here):

@@ -123,8 +123,8 @@ def test_an_unstable_motion_drifts_from_its_period(compared):
     motion = orbit_motion(system, points[k].data.flow, modes[k].state, modes[k].period)
     assert motion.drift > 1e-6
     told = dataclasses.replace(compared, summary={**compared.summary, "motion_drift": motion.drift})
-    assert "the motion is unstable" in dict(table_rows("nnm", told))["spectrum"]
-    assert "spectrum" not in dict(table_rows("nnm", compared))
+    assert "the motion is unstable" in dict(table_rows(told))["spectrum"]
+    assert "spectrum" not in dict(table_rows(compared))
 
 
 def test_jumps_that_nothing_explains(compared):
@@ -134,7 +134,7 @@ def test_jumps_that_nothing_explains(compared):
         {"start": 0.3, "end": 0.4, "mode": None, "ratio": None},
     ]
     changed = dataclasses.replace(compared, summary={**compared.summary, "jumps": jumps})
-    rows = [text.split(maxsplit=2) for _, text in table_rows("nnm", changed)]
+    rows = [text.split(maxsplit=2) for _, text in table_rows(changed)]
     assert ["0.1", "0.2", "5:1 with mode 2"] in rows
     assert ["0.3", "0.4", "of high order, not traced"] in rows
 

@@ -2,11 +2,13 @@
 
 import json
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from beamsim.cli.branches import CONTINUATION_VIEWS
+from beamsim.analyses.continuation.result import ContinuationResult
+from beamsim.cli.printing import told
 from beamsim.errors import ScenarioError
 from beamsim.orbits.branch import reached_end
 from beamsim.outcomes import Outcome, OutcomeKind, Where
@@ -46,10 +48,10 @@ def test_amounts_are_shown_in_the_units_chosen():
 def test_continuations_and_outcomes_use_them():
     """They were in SI units alone, whatever the scenario is written in."""
     grazing = {"kind": "grazing", "snubber": "tip", "parameter": 19.6133, "period_multiple": 1, "level": float("nan")}
-    result = SimpleNamespace(unit="m/s^2", level_unit="m/s^2")
-    assert CONTINUATION_VIEWS["special_points"](result, [grazing]) == [
-        {"kind": "grazing", "of": "tip", "at": "2 g", "level": ""}
-    ]
+    result: Any = SimpleNamespace(unit="m/s^2", level_unit="m/s^2")
+    entry = next(entry for entry in ContinuationResult.SUMMARY if entry.name == "special_points")
+    units = {key: ContinuationResult.unit_of(result, entry, (), (key,), grazing) for key in ("parameter", "level")}
+    assert {key: told(key, grazing[key], unit) for key, unit in units.items()} == {"parameter": "2 g", "level": ""}
     missing = Outcome.of(OutcomeKind.NOTED, "none", "no stable motion", at=Where([(9.80665, 19.6133)], "m/s^2"))
     whole = Outcome.of(OutcomeKind.COMPLETE, "end", "reached the end", missing, at=Where(0.0012, "m"))
     assert whole.displayed(scale_for).text == "complete: reached the end at 1.2 mm; no stable motion from 1 to 2 g"
@@ -114,10 +116,10 @@ def test_run_info_and_plots_use_them_and_json_does_not(tmp_path, monkeypatch):
     (tmp_path / "case.yaml").write_text(json.dumps({**CASE, "units": CHOSEN}))
     printed = invoke("run", tmp_path / "case.yaml", "-o", tmp_path, "--no-plots", "-v")
     assert printed.exit_code == 0, printed.output
-    table = printed.output.partition("peak displacement")[2].partition("peak acceleration")
-    row = table[0].splitlines()[1]
+    displacement, acceleration = printed.output.partition("peak displacement")[2].split("peak acceleration")
+    row = displacement.splitlines()[0]
     assert " um" in row
-    assert " m/s^2" in table[2].splitlines()[1]
+    assert " m/s^2" in acceleration.splitlines()[0]
     again = invoke("info", tmp_path / "case.h5")
     assert row in again.output
     as_json = json.loads(invoke("info", tmp_path / "case.h5", "--json").stdout)

@@ -20,7 +20,7 @@ def test_comparison_of_a_chain():
     result = nnm(scenario)
     summary = json.loads(json.dumps(result.summary["multiple_scales"]))
     assert summary["observed_order_frequency"] == pytest.approx([2.0, 3.0], abs=0.1)
-    rows = [text for _, text in table_rows("nnm", result) if text.startswith("observed order frequency")]
+    rows = [text for _, text in table_rows(result) if text.startswith("observed order frequency")]
     assert len(rows) == 1
     summary["observed_order_frequency"][0] = 1.23
     shown = replace(result, summary={**result.summary, "multiple_scales": summary}).plot()

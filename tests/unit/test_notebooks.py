@@ -77,4 +77,4 @@ def test_the_table_of_a_result_file_is_that_of_the_run(changes, tmp_path):
     }
     run = beamsim.run(beamsim.load_scenario(case | changes))
     stored = beamsim.open_result(beamsim.write_result(run, tmp_path / "case.h5"))
-    assert list(table_rows("run", stored)) == list(table_rows("run", run))
+    assert list(table_rows(stored)) == list(table_rows(run))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from beamsim.analyses.continuation.result import OF_STABLE, ContinuationResult
@@ -89,7 +92,7 @@ class CoexistingResult(ContinuationResult):
               "(unknown where none leaves), unit, time in its period", form=list_of(DISTURBANCE)),
         Entry("starts", "1", "number of starts at each frequency"),
         *OF_STABLE,
-        Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy"),
+        Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy", "solver"),
         MARGINS, *MODES, *CONVERGENCE, PROCESSOR_TIME,
     )  # fmt: skip
 
@@ -109,6 +112,12 @@ class CoexistingResult(ContinuationResult):
     disturbances: tuple[SmallestDisturbance, ...] = table(
         "disturbances", SmallestDisturbance, Counter("disturbance", "number of the disturbance"), default=()
     )
+
+    def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
+        """That of values which the name does not say; see `Result.unit_of`."""
+        if entry.name == "disturbances" and keys[0] in ("amplitude", "largest_tried"):
+            return str(record["unit"])
+        return super().unit_of(entry, place, keys, record)
 
     @property
     def not_settled(self) -> Ints:

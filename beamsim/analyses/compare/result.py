@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from beamsim.analyses.run.result import Spectrum
 from beamsim.fields import (
     Counter,
     Entry,
+    Number,
     Plain,
     attribute,
     axis,
@@ -17,8 +20,10 @@ from beamsim.fields import (
     declared,
     group,
     members,
+    record,
     stored,
     table,
+    unit_in,
 )
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind
 from beamsim.results.result import CONVERGENCE, MARGINS, Result
@@ -188,6 +193,16 @@ class Assurance:
     measured_hz: Floats = axis("Hz", "frequency of the measurement")
     fdac: Floats = dataset("1", "frequency domain assurance criterion", along=("predicted_hz", "measured_hz"))
 
+    def summary(self) -> dict[str, float]:
+        """Mean and lowest value at equal frequencies, and where that is."""
+        diagonal = np.diagonal(self.fdac)
+        lowest = int(np.argmin(diagonal))
+        return {"mean": float(np.mean(diagonal)), "lowest": float(diagonal[lowest]),
+                "lowest_hz": float(self.measured_hz[lowest])}  # fmt: skip
+
+
+FDAC = record(dict.fromkeys(("mean", "lowest", "lowest_hz"), Number))
+
 
 @declared
 class Comparison(Result):
@@ -196,9 +211,11 @@ class Comparison(Result):
     SUMMARY = (
         Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one; of "
                  "a record that does not repeat peaks, scale, correlation, largest difference of response spectra",
-                 "channels", form=list[Plain]),
-        Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks", "channels",
+             form=list[Plain]),
+        Entry("sweeps", "", "by channel of a sweep: place, quantity, curve, FRAC, and its peaks",
                  form=list[Plain]),
+        Entry("fdac", "", "of two or more channels of a sweep, frequency domain assurance criterion at equal "
+                 "frequencies: its mean, its lowest value and where that is", form=FDAC),
         MARGINS,
         *(entry for entry in CONVERGENCE if entry.name == "doubtful"),
     )  # fmt: skip
@@ -206,6 +223,13 @@ class Comparison(Result):
     channels: tuple[ChannelComparison, ...] = members("channels", ChannelComparison, "comparison", default=())
     sweeps: tuple[SweptComparison, ...] = members("sweeps", SweptComparison, "comparison", default=())
     assurance: Assurance | None = group("assurance", Assurance, default=None)  # of two channels of a sweep or more
+
+    def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
+        """That of values which the name does not say; see `Result.unit_of`."""
+        compared: Sequence[ComparedChannel] = self.sweeps if entry.name == "sweeps" else self.channels
+        if entry.name in ("comparisons", "sweeps") and keys[-1].startswith(("predicted", "measured")):
+            return unit_in(keys[-1]) or ("1" if keys[-1].endswith("_q") else compared[int(place[0]) - 1].unit)
+        return super().unit_of(entry, place, keys, record)
 
 
 def outcome_of_comparison(result: Result) -> Outcome:

@@ -78,16 +78,17 @@ def compare_sweep(
     tracking = _settled(result, chosen, pairs, tracking or Tracking())
     warnings = [text for _, _, signal in pairs for text in (*_level_warnings(chosen, signal), *signal.warnings)]
     channels = tuple(_channel(chosen, *pair, detector, tracking) for pair in pairs)
+    assurance = _assurance(channels)
     return Comparison(
         scenario=result.scenario,
         outcome=outcome_of_comparison(result),
         channels=(),
         sweeps=channels,
-        assurance=_assurance(channels),
+        assurance=assurance,
         warnings=(*result.warnings, *warnings),
         wall_time_s=perf_counter() - begin,
     ).with_summary(
-        sweeps=[_compared(channel) for channel in channels],
+        sweeps=[_compared(channel) for channel in channels], fdac=None if assurance is None else assurance.summary(),
         margins=result.summary.get("margins"), doubtful=result.summary.get("doubtful"),
     )  # fmt: skip
 

@@ -6,7 +6,7 @@ Swept and stepped sines are overlaid on them: computed with them, or taken from 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from itertools import count, pairwise
 from typing import Any
@@ -114,7 +114,7 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
         parts = outcome.parts if outcome.code == COMPLETE.code else (outcome,)
         outcome = interruption(f"before {', '.join(missing)}" if missing else "", *parts)
     f, second = model.followed, model.second
-    return ContinuationResult(
+    result = ContinuationResult(
         scenario=scenario,
         outcome=outcome,
         branches=tuple(branches),
@@ -131,7 +131,12 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
         second_unit="" if second is None else second.unit,
         second_snubber="" if second is None else second.snubber,
         overlay=overlay or {},
-    ).with_summary(**_summary(model, outcome, branches, folds, processor_time() - processor))
+    )
+    return result.with_summary(
+        **_summary(model, outcome, branches, folds, processor_time() - processor),
+        followed=[_followed(result, branch) for branch in branches],
+        overlay=_described(result.overlay),
+    )
 
 
 def _follow_levels(
@@ -464,6 +469,19 @@ def _summary(
     return summary
 
 
+def _followed(result: ContinuationResult, branch: ResponseBranch) -> dict[str, Any]:
+    """A branch, for the summary."""
+    off = result.off_centre(branch)
+    return {
+        "level": branch.level,
+        "period_multiple": branch.period_multiple,
+        "points": branch.parameter.size,
+        "stable_points": int(branch.stable.sum()),
+        **({} if off is None else {"off_centre": off[0], "largest_mean_m": off[1]}),
+        "ended": branch.outcome.text,
+    }
+
+
 def largest_values(model: ResponseModel, branches: list[ResponseBranch]) -> dict[str, Any]:
     """Largest values of all stable motions by name (peaks have the displacements), and margins, for the summary."""
     entries: dict[str, Any] = {}
@@ -564,7 +582,18 @@ def with_overlay(result: ContinuationResult, stored: SweepResult, source: str) -
         names = (f"{curve.direction}_{index}" for index in count(curve.level_index))
         name = next(name for name in names if name not in overlay)
         overlay[name] = replace(_overlaid(curve, stored.title, source), name=name)
-    return replace(result, overlay=overlay)
+    return replace(result, overlay=overlay, summary=result.summary | {"overlay": _described(overlay)})
+
+
+def _described(overlay: Mapping[str, OverlayCurve]) -> dict[str, Any] | None:
+    """The curves over the branches, for the summary; None without any."""
+    return {
+        name: {
+            "direction": curve.direction, "level": curve.level, "source": curve.source,
+            "stepped": curve.steady is not None,
+        }
+        for name, curve in overlay.items()
+    } or None  # fmt: skip
 
 
 def _overlaid(curve: SweepCurve, title: str, source: str) -> OverlayCurve:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.fields import (
     Counter,
     Entry,
+    Flag,
     Number,
     Pair,
     Text,
@@ -79,7 +80,7 @@ OF_STABLE = (
     *(value.summary_entry("of all stable motions, ") for value in VALUES
       if value.followed and value.key != DISPLACEMENT),
     Entry("peak_output", "", "by output its largest magnitude in stable motions: value in its output_unit, parameter",
-             "outputs", form=by_name(record({"value": Number, "parameter": Number}))),
+             form=by_name(record({"value": Number, "parameter": Number}))),
     Entry("output_unit", "", "units of the outputs", form=dict[str, Text]),
 )  # fmt: skip
 SPECIAL_POINT = record(
@@ -95,29 +96,38 @@ FOLD_CURVE = record(
     dict.fromkeys(("smallest_parameter", "largest_parameter", "smallest_hz", "largest_hz"), Number),
     {"start_hz": Number, "points": Number, "touching": Text, "status": Text},
 )
+FOLLOWED = record(
+    {"ended": Text, **dict.fromkeys(("level", "period_multiple", "points", "stable_points"), Number)},
+    {"off_centre": Text, "largest_mean_m": Number},
+)
+OVERLAY = record({"direction": Text, "level": Number, "source": Text, "stepped": Flag})
 BAND = record({"band": Pair, "level": Number})
 _SUMMARY = (
     STATUS,
     Entry("parameter", of="parameter"),
-    Entry("method", of="method", label="method"),
+    Entry("method", of="method", section="solver"),
     Entry("points", "1", "points of all branches"),
-    Entry("branches", "1", "number of branches", "branches"),
-    Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy"),
+    Entry("branches", "1", "number of branches"),
+    Entry("followed", "", "by branch: level, period_multiple, points, stable_points, the largest mean of a probe where "
+             "the branch has lost the symmetry of others, and how it ended", form=list_of(FOLLOWED)),
+    Entry("overlay", "", "by curve of a sweep that is drawn over the branches: direction, level, source, whether it is "
+             "stepped", form=by_name(OVERLAY)),
+    Entry("energy_error", "1", "largest imbalance of the energies over a period, relative to the energy", "solver"),
     Entry("special_points", "", "folds, bifurcations and grazings: kind, frequency, parameter, snubber, level",
-             "special points", form=list_of(SPECIAL_POINT)),
+             form=list_of(SPECIAL_POINT)),
     Entry("peaks", "", "by level and probe, the largest displacement: frequency, parameter, value_m, kind, period",
-             "peak displacement", form=list_of(PEAK)),
+             form=list_of(PEAK)),
     *OF_STABLE,
     Entry("without_stable_motion", "", "bands of the parameter without a stable motion found: band, level",
              form=list_of(BAND)),
     Entry("second_parameter", "", "what folds are followed in", form=Text),
     Entry("fold_curves", "", "by curve of folds: its start, points, extents in the second parameter and frequency",
-             "folds", form=list_of(FOLD_CURVE)),
+             form=list_of(FOLD_CURVE)),
     MARGINS,
     Entry("multiple_scales", "", "by level, of the expansion: points, differences from exact motions, observed orders",
-             "multiple scales", form=list_of(record({"level": Number, "observed_orders": list[Number]}))),
+             form=list_of(record({"level": Number, "observed_orders": list[Number]}))),
     Entry("neglected_harmonics", "1", "largest share of the motion that harmonic balance leaves out",
-             "neglected harmonics"),
+             "solver"),
     *MODES,
     *CONVERGENCE,
     PROCESSOR_TIME,
@@ -182,6 +192,16 @@ class ContinuationResult(Result):
     expansion: tuple[ForcedExpansionComparison, ...] = members(
         "multiple_scales", ForcedExpansionComparison, "comparison", rows="", default=()
     )
+
+    def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
+        """That of values which the name does not say; see `Result.unit_of`."""
+        if keys and keys[-1] in ("parameter", "band"):
+            return self.unit
+        if keys and keys[-1] in ("smallest_parameter", "largest_parameter"):
+            return self.second_unit
+        if keys and keys[-1] == "level" and entry.name != "gapping":
+            return self.level_unit
+        return super().unit_of(entry, place, keys, record)
 
     def off_centre(self, branch: ResponseBranch) -> tuple[str, float] | None:
         """Probe and size, m, of the largest mean of a branch that has lost the symmetry of others; None of the others.

@@ -338,6 +338,7 @@ def gather(
         front=choice.front if optimised else None,
         fingerprint=plan.fingerprint,
     ).with_summary(
+        varied={each.path: each.summary() for each in plan.coordinates},
         solved=cases.solved.size - cases.missing - len(failures),
         failed=len(failures),
         not_reliable=sum(not of.outcome.trusted for of in _with_responses(cases)),

@@ -104,6 +104,13 @@ class Coordinate:
         """Whether the values are numbers."""
         return self.values.dtype.kind == "f"
 
+    def summary(self) -> dict[str, Any]:
+        """Its unit and its values."""
+        different = list(dict.fromkeys(self.values.tolist()))
+        if not self.numeric:
+            return {"values": len(different), "unit": "", "chosen_from": different}
+        return {"values": len(different), "unit": self.unit, "smallest": min(different), "largest": max(different)}
+
     @property
     def label(self) -> str:
         """The parameter in words: ``tip gap`` for ``snubbers.tip.gap``."""
@@ -269,6 +276,11 @@ RELIABILITY = record(
      **dict.fromkeys(("probability", "coefficient_of_variation", "low", "high", "histories"), Number)},
     {"method": Text, "distance": Number, "reliability_index": Number, "design_point": Plain},
 )  # fmt: skip
+VARIED = record({"values": Number, "unit": Text}, {"smallest": Number, "largest": Number, "chosen_from": list[Text]})
+PLAIN_NUMBERS = (  # of responses: what has no unit
+    "cases", "p_value", "rank_correlation", "first_order", "first_order_low", "first_order_high", "total_order",
+    "total_order_low", "total_order_high", "share", "low", "high", "case", "margin", "limit",
+)  # fmt: skip
 BEST = record(
     {"case": Number, "value": Number, "parameters": Plain}, {"margin": Number, "limit": Text, "values": ByName}
 )
@@ -289,7 +301,9 @@ WORST = record(
 )  # fmt: skip
 _SUMMARY = (
     Entry("analysis", of="analysis"),
-    Entry("cases", "1", "number of cases", "varied", of="cases"),
+    Entry("cases", "1", "number of cases", of="cases"),
+    Entry("varied", "", "by parameter its unit, the number of its values, the smallest and the largest, or the words",
+             form=by_name(VARIED)),
     Entry("solved", "1", "cases with responses"),
     Entry("failed", "1", "cases that failed"),
     Entry("not_reliable", "1", "cases whose responses are not reliable"),
@@ -308,10 +322,10 @@ _SUMMARY = (
     Entry("best", "", "the best cases that meet every limit, best first, at most 10: case, value of the objective, "
              "parameters, smallest margin and its limit", form=list_of(BEST)),
     Entry("tolerances", "", "realisations of each case, the quantile that judges it, and by path its tolerance and "
-             "unit", "tolerances", form=TOLERANCES),
+             "unit", form=TOLERANCES),
     Entry("scatter", "", "by response of the best case, or of the only one: nominal, smallest and largest value and "
              "what responses have of a sample, over the realisations; and the probability that every limit is met",
-             "within tolerances", form=record({"responses": by_name(RANGE)}, {"probability": PROBABILITY})),
+             form=record({"responses": by_name(RANGE)}, {"probability": PROBABILITY})),
     Entry("margins", "", "by limit, of the worst case: limit, value, lowest and highest, margin, at, case, parameters; "
              "the verdict on all cases, the number of cases that exceed the limit and of those with the verdict not "
              "reliable, and of a sample the probability that it is met", form=by_name(WORST)),
@@ -320,10 +334,10 @@ _SUMMARY = (
     *CONVERGENCE,
     Entry("responses", "", "by response: extremes and their parameters; of a sample also mean, standard deviation, the "
              "5 %, 50 % and 95 % quantiles with their 95 % intervals, and the populations of values that are in "
-             "several", "responses", form=by_name(RANGE)),
+             "several", form=by_name(RANGE)),
     Entry("sensitivity", "", "by response and parameter: of a sample rank_correlation and p_value; of kind: sobol "
              "first_order and total_order, each with the ends of its 95 % interval; of kind: one_at_a_time smallest "
-             "and largest value, and where they are", "sensitivity", form=dict[str, dict[str, Plain]]),
+             "and largest value, and where they are", form=dict[str, dict[str, Plain]]),
     Entry("processor_time_s", "s", "processor time of all cases", "solver"),
 )  # fmt: skip
 
@@ -393,6 +407,22 @@ class DesignsResult(Result):
         """The result with another outcome, which its summary repeats; verdicts on limits are those of its cases."""
         summary = self.summary | ({"status": outcome.text} if "status" in self.summary else {})
         return replace(self, outcome=outcome, summary=summary)
+
+    def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
+        """That of values which the name does not say; see `Result.unit_of`."""
+        if entry.name == "tolerances" and keys[-1] == "tolerance":
+            return "" if record["relative"] else str(record["unit"])
+        if entry.name == "varied" and keys[-1] != "values":
+            return str(record["unit"])
+        if not keys or keys[-1] in PLAIN_NUMBERS or (entry.name == "margins" and keys[0] != "parameters"):
+            return super().unit_of(entry, place, keys, record)
+        if entry.name in ("best", "as_it_is") and keys[0] in ("value", "values"):
+            aims = (aim.of(self.responses, self.shape) for aim in objectives(self.scenario))
+            return next((aim.unit for aim in aims if aim is not None), "")
+        units = {each.path: each.unit for each in self.coordinates}
+        units |= {name: response.unit for name, response in self.responses.items()}
+        at = (*reversed(keys), *place) if entry.name != "sensitivity" else place
+        return next((units[name] for name in at if name in units), "")
 
     @property
     def finished(self) -> bool:

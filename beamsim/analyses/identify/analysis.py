@@ -234,11 +234,14 @@ def _summary(result: IdentificationResult) -> dict[str, Any]:
         per_stiffness = result.pad_modulus / result.estimate.stiffness
         summary["pad_youngs_modulus_interval_pa"] = [per_stiffness * end for end in result.estimate.interval]
         summary["sensitivities"] = {s.parameter: s.relative for s in result.sensitivities}
+        contributions = {s.parameter: s.contribution for s in result.sensitivities if np.isfinite(s.contribution)}
+        summary["sensitivity_contributions"] = contributions or None
     if result.pad is not None:
         summary["pad_yaml"] = result.pad.yaml
     update, nonlinear = result.update, result.nonlinear
     if update is not None:
         summary["updated"] = {p.parameter: _plain(p) for p in update.parameters} | dict(update.choices)
+        summary["supports_tried"] = dict(update.alternatives) or None
         summary["update_misfit"] = [update.misfit_before, update.misfit_after]
     if nonlinear is not None:
         summary["estimated"] = {p.parameter: _plain(p) for p in nonlinear.parameters}

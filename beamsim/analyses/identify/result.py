@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.result import Result
 from beamsim.scenario import Scenario
 from beamsim.scenario.loading import stored_scenario
+from beamsim.scenario.parameters import unit_of
 from beamsim.typing import Complexes, Floats, Ints
 
 SCENARIO = as_text(Scenario.to_yaml, stored_scenario)
@@ -342,61 +344,66 @@ class NonlinearEstimate:
 
 _SUMMARY = (
     Entry("updated", "", "by parameter of the structure: value, standard deviation and interval, or the support chosen",
-             "supports and frequencies", form=dict[str, Plain]),
-    Entry("update_misfit", "1", "chi squared before and after the update", form=Pair),
-    Entry("update_eigenvalue_solutions", of="update.evaluations"),
+             form=dict[str, Plain]),
+    Entry("supports_tried", "1", "by combination of supports its misfit, chi squared", form=ByName),
+    Entry("frequencies_before_hz", section="before the update", of="update.before.predicted_hz"),
+    Entry("update_misfit", "1", "chi squared before and after the update", "fit", form=Pair),
+    Entry("update_eigenvalue_solutions", section="solver", of="update.evaluations"),
     Entry("frequencies_without_hz", "Hz", "predicted natural frequencies without the snubber", "without the snubber",
              "without_snubber.predicted_hz"),
-    Entry("measured_without_hz", of="without_snubber.measured_hz"),
-    Entry("difference_without_percent", of="without_snubber.difference_percent"),
-    Entry("mac", of="mac", label="MAC"),
+    Entry("measured_without_hz", section="without the snubber", of="without_snubber.measured_hz"),
+    Entry("difference_without_percent", section="without the snubber", of="without_snubber.difference_percent"),
+    Entry("mac", of="mac"),
     Entry("snubber", of="estimate.snubber"),
-    Entry("method", of="estimate.method"),
+    Entry("method", section="solver", of="estimate.method"),
     Entry("fit_to", of="estimate.fit_to"),
     Entry("stiffness_n_per_m", of="estimate.stiffness"),
     Entry("standard_deviation_n_per_m", of="estimate.standard_deviation"),
     Entry("coverage", of="estimate.coverage"),
     Entry("interval_n_per_m", of="estimate.interval"),
     Entry("interval_first_order_n_per_m", of="estimate.interval_first_order"),
-    Entry("monte_carlo_standard_deviation_n_per_m", of="estimate.monte_carlo_standard_deviation", label="Monte Carlo"),
+    Entry("monte_carlo_standard_deviation_n_per_m", of="estimate.monte_carlo_standard_deviation"),
+    Entry("monte_carlo_samples", of="estimate.monte_carlo_samples"),
     Entry("monte_carlo_interval_n_per_m", of="estimate.monte_carlo_interval"),
-    Entry("total_standard_deviation_n_per_m", of="estimate.total_standard_deviation", label="structure included"),
-    Entry("stiffness_by_mode_n_per_m", of="estimate.individual", label="each mode alone"),
+    Entry("total_standard_deviation_n_per_m", of="estimate.total_standard_deviation"),
+    Entry("stiffness_by_mode_n_per_m", of="estimate.individual"),
     Entry("stiffness_by_mode_interval_n_per_m", of="estimate.individual_interval"),
-    Entry("reachable_hz", of="estimate.reach_hz", label="reach"),
+    Entry("reachable_hz", of="estimate.reach_hz"),
     Entry("residual", of="estimate.residual"),
-    Entry("table_slope_n_per_m", of="table_slope.slope", label="table at rest"),
-    Entry("table_force_n", of="table_slope.force"),
-    Entry("table_factor", of="table_slope.factor"),
-    Entry("pad_youngs_modulus_pa", "Pa", "Young's modulus of the pad", "pad's Young's modulus"),
-    Entry("pad_youngs_modulus_interval_pa", "Pa", "confidence interval of Young's modulus of the pad", "its interval",
+    Entry("table_slope_n_per_m", of="table_slope.slope", section="table at rest"),
+    Entry("table_force_n", section="table at rest", of="table_slope.force"),
+    Entry("table_factor", section="table at rest", of="table_slope.factor"),
+    Entry("pad_youngs_modulus_pa", "Pa", "Young's modulus of the pad", "pad"),
+    Entry("pad_youngs_modulus_interval_pa", "Pa", "confidence interval of Young's modulus of the pad", "pad",
              form=Pair),
-    Entry("pad_stiffness_n_per_m", of="pad.stiffness"),
-    Entry("pad_stiffness_interval_n_per_m", of="pad.stiffness_interval"),
-    Entry("pad_branch_interval_n_per_m", of="pad.branch_interval"),
-    Entry("pad_relaxation_time_interval_s", of="pad.time_interval"),
-    Entry("pad_branch_stiffness_n_per_m", of="pad.branch_stiffness", label="branches of the pad"),
-    Entry("pad_relaxation_time_s", of="pad.relaxation_time"),
-    Entry("pad_misfit", of="pad.misfit"),
-    Entry("pad_yaml", "", "keys of a snubber with this spring and these branches", "for the snubber", form=Text),
-    Entry("eigenvalue_solutions", of="estimate.eigenvalue_solutions", label="eigenvalue solutions"),
+    Entry("pad_stiffness_n_per_m", section="pad", of="pad.stiffness"),
+    Entry("pad_stiffness_interval_n_per_m", section="pad", of="pad.stiffness_interval"),
+    Entry("pad_branch_interval_n_per_m", section="pad", of="pad.branch_interval"),
+    Entry("pad_relaxation_time_interval_s", section="pad", of="pad.time_interval"),
+    Entry("pad_branch_stiffness_n_per_m", of="pad.branch_stiffness", section="pad"),
+    Entry("pad_relaxation_time_s", section="pad", of="pad.relaxation_time"),
+    Entry("pad_misfit", section="pad", of="pad.misfit"),
+    Entry("pad_yaml", "", "keys of a snubber with this spring and these branches", "pad", form=Text),
+    Entry("eigenvalue_solutions", of="estimate.eigenvalue_solutions", section="solver"),
     Entry("frequencies_with_hz", "Hz", "predicted natural frequencies with the snubber", "with permanent contact",
              "with_snubber.predicted_hz"),
-    Entry("measured_with_hz", of="with_snubber.measured_hz"),
-    Entry("difference_with_percent", of="with_snubber.difference_percent"),
+    Entry("measured_with_hz", section="with permanent contact", of="with_snubber.measured_hz"),
+    Entry("difference_with_percent", section="with permanent contact", of="with_snubber.difference_percent"),
     Entry("sensitivities", "1", "by parameter, relative change of the stiffness for that of the parameter",
-             "sensitivity", form=ByName),
+             form=ByName),
+    Entry("sensitivity_contributions", "1", "by parameter, relative standard deviation of the stiffness by that of the "
+             "parameter", form=ByName),
     Entry("estimated", "", "by parameter of the nonlinear fit: value, standard deviation and interval",
              form=dict[str, Plain]),
-    Entry("nonlinear_misfit", "1", "chi squared before and after the nonlinear fit", form=Pair),
-    Entry("nonlinear_degrees_of_freedom", of="nonlinear.degrees_of_freedom"),
-    Entry("periodic_responses", of="nonlinear.responses"),
+    Entry("nonlinear_misfit", "1", "chi squared before and after the nonlinear fit", "fit", form=Pair),
+    Entry("nonlinear_degrees_of_freedom", section="fit", of="nonlinear.degrees_of_freedom"),
+    Entry("periodic_responses", section="solver", of="nonlinear.responses"),
     Entry("test_misfits", "1", "by nonlinear test, its part of chi squared, and chi squared of a fit without it",
-             "misfit of tests", form=dict[str, Pair]),
-    Entry("test_delays_s", "s", "by nonlinear test whose delay is fitted, it and the ends of its interval", "delays",
+             form=dict[str, Pair]),
+    Entry("test_delays_s", "s", "by nonlinear test whose delay is fitted, it and the ends of its interval",
              form=dict[str, list[Number]]),
-    Entry("starts_agreeing", "1", "starting points that ended in the best minimum, and all of them", form=Pair),
-    Entry("processor_time_s", of="processor_time_s", label="solver"),
+    Entry("starts_agreeing", "1", "starting points that ended in the best minimum, and all of them", "fit", form=Pair),
+    Entry("processor_time_s", of="processor_time_s", section="solver"),
 )  # fmt: skip
 
 
@@ -432,3 +439,9 @@ class IdentificationResult(Result):
         default=float("nan"),
     )  # fmt: skip
     processor_time_s: float = attribute("s", "processor time", default=0.0)
+
+    def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
+        """That of values which the name does not say; see `Result.unit_of`."""
+        if entry.name in ("updated", "estimated") and place:
+            return unit_of(self.scenario, place[0])
+        return super().unit_of(entry, place, keys, record)

@@ -256,38 +256,39 @@ _SUMMARY = (
     Entry("mode", of="mode"),
     Entry("continued_in", of="parameter"),
     Entry("points", "1", "points of the backbone"),
-    Entry("energy_error", "1", "largest change of the energy along a motion of any branch, relative to the energy"),
+    Entry("energy_error", "1", "largest change of the energy along a motion of any branch, relative to the energy",
+             "solver"),
     Entry("stable_points", "1", "those of them that are stable"),
-    Entry("start", "", "first point of the backbone: parameter, frequency, energy", "start", form=POINT),
-    Entry("end", "", "last point of the backbone: parameter, frequency, energy", "end", form=POINT),
+    Entry("start", "", "first point of the backbone: parameter, frequency, energy", form=POINT),
+    Entry("end", "", "last point of the backbone: parameter, frequency, energy", form=POINT),
     Entry("period_s", "s", "period of the last point"),
     Entry("linear_frequency_hz", "Hz", "frequency of the linear mode"),
     Entry("internal_resonances", "", "by tongue: mode, ratio, parameter where it leaves the backbone, points",
-             "internal resonances", form=list_of(TONGUE)),
+             form=list_of(TONGUE)),
     Entry("jumps", "", "gaps of the backbone at tongues: start and end in the parameter, mode and ratio where known",
-             "jumps over tongues", form=list[Plain]),
+             form=list[Plain]),
     Entry("grazings", "1", "grazing contacts along the backbone"),
     Entry("special_points", "", "folds and branch points of the backbone: kind, parameter, frequency",
-             "special points", form=list[Plain]),
+             form=list[Plain]),
     Entry("requested_points", "", "points at the energies and frequencies asked for: quantity, value, branch and point "
-             "(from 1), parameter, frequency, energy, share, stable or not", "points asked for",
+             "(from 1), parameter, frequency, energy, share, stable or not",
              form=list_of(REQUESTED_POINT)),
     Entry("full_period", "", "of full-period shooting: difference from half-period shooting, symmetry breakings and "
-             "branches of non-brake orbits", "full period", form=FULL_PERIOD),
+             "branches of non-brake orbits", form=FULL_PERIOD),
     Entry("multiple_scales", "", "of the expansion: frequencies, differences from exact motions and observed orders",
-             "multiple scales", form=record({"observed_order_frequency": list[Number]})),
-    Entry("relaxed_minimisation", "", "steps, functional, differences from exact motions and cost",
-             "relaxed minimisation", form=RELAXED),
+             form=record({"observed_order_frequency": list[Number]})),
+    Entry("relaxed_minimisation", "", "steps, functional, differences from exact motions and cost", form=RELAXED),
     Entry("phase_resonance", "", "of forced motions at phase resonance: quantity, unit, probe, and level by level "
-             "what was predicted and found", "phase resonance", form=PHASE_RESONANCE),
-    Entry("motion_frequency_hz", "Hz", "frequency of the motion that is drawn"),
-    Entry("motion_drift", "1", "how far it is from its start after the periods of its spectrum, relative", "spectrum",
+             "what was predicted and found", form=PHASE_RESONANCE),
+    Entry("motion_frequency_hz", "Hz", "frequency of the motion that is drawn", "drawn motion"),
+    Entry("motion_drift", "1", "how far it is from its start after the periods of its spectrum, relative",
+             "drawn motion",
              "motion.drift"),
-    Entry("motion_periods", "1", "number of these periods", of="motion.periods"),
+    Entry("motion_periods", "1", "number of these periods", "drawn motion", of="motion.periods"),
     Entry("largest_residual", "1", "largest residual of the periodicity condition along the backbone",
-             "largest residual"),
-    Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone",
-             "share of energy"),
+             "solver"),
+    Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone"),
+    Entry("smallest_share_at", "", "the parameter there"),
     *CONVERGENCE,
     PROCESSOR_TIME,
 )  # fmt: skip
@@ -338,6 +339,16 @@ class NormalModeResult(Result):
         motion = not_none(self.branches[self.motion_branch].motion)
         return motion
 
+    def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
+        """That of values which the name does not say; see `Result.unit_of`."""
+        if keys and (keys[-1] == "parameter" or (entry.name == "jumps" and keys[-1] in ("start", "end"))):
+            return self.unit
+        if entry.name == "smallest_share_at":
+            return self.unit
+        if entry.name == "phase_resonance" and keys[-1] in ("level", "level_for_amplitude"):
+            return str(self.summary[entry.name]["unit"])
+        return super().unit_of(entry, place, keys, record)
+
     @property
     def unit(self) -> str:
         """Unit of the branches' parameter."""
@@ -374,6 +385,7 @@ def nnm_summary(
         "stable_points": int(np.count_nonzero(backbone.stable)),
         "largest_residual": float(backbone.residual.max()),
         "smallest_share": float(backbone.share.min()),
+        "smallest_share_at": float(backbone.parameter[backbone.share.argmin()]),
         "internal_resonances": [
             {"mode": b.mode, "ratio": b.ratio, "parameter": float(b.parameter[0]), "points": int(b.parameter.size)}
             for b in result.tongues

@@ -723,6 +723,8 @@ COMPARED = record({
          "processor_time_s", "evaluations"), Number),
 })  # fmt: skip
 RANDOM_SIGNAL = record(dict.fromkeys(("rms", "crest_factor", "kurtosis"), Number))
+RATIOS = ("crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma",
+          "degrees_of_freedom", "expected_peak_unknown")  # fmt: skip
 MATCHED = record(dict.fromkeys(("lowest_db", "highest_db", "from_hz", "to_hz", "quality"), Number))
 _SUMMARY = (
     STATUS,
@@ -736,73 +738,76 @@ _SUMMARY = (
     *(value.summary_entry() for value in VALUES if value.of),
     Entry("peak_times_s", "s", "by entry (peak_force_n, peak_displacement_m, peak_acceleration_g) and name: when the "
              "peak is reached; of equal peaks any of them", form=dict[str, ByName]),
-    Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "at rest", form=ByName),
+    Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "snubbers", form=ByName),
     BY_ENTRY["static_force_n"].summary_entry(),
-    Entry("blocked_force_n", "N", "contact force of a snubber with the structure held at zero displacement",
+    Entry("blocked_force_n", "N", "contact force of a snubber with the structure held at zero displacement", "snubbers",
              form=ByName),
-    Entry("gap_rad", "rad", "clearance of a stop of a hinge at the angle zero", "hinges at rest", form=ByName),
+    Entry("gap_rad", "rad", "clearance of a stop of a hinge at the angle zero", "snubbers", form=ByName),
     BY_ENTRY["static_moment_n_m"].summary_entry(),
-    Entry("blocked_moment_n_m", "N m", "contact moment of a stop of a hinge that is held at the angle zero",
+    Entry("blocked_moment_n_m", "N m", "contact moment of a stop of a hinge that is held at the angle zero", "snubbers",
              form=ByName),
     Entry("stiffness_ratio", "1", "k L^3 / (E I) of a snubber; in a chain, k over the largest spring stiffness",
+             "snubbers",
              form=ByName),
-    Entry("residual_crush_m", "m", "of a snubber that yields, how far it stays crushed at the end", "residual crush",
+    Entry("residual_crush_m", "m", "of a snubber that yields, how far it stays crushed at the end", "snubbers",
              form=ByName),
-    Entry("residual_crush_rad", "rad", "of a stop of a hinge that yields, the same", "residual crush of hinges",
+    Entry("residual_crush_rad", "rad", "of a stop of a hinge that yields, the same", "snubbers",
              form=ByName),
     Entry("impacts", "", "statistics of the impacts by snubber, if run.impacts asks for them; units are in the names",
-             "impacts", form=by_name(record({"restitution": Number}))),
+             form=by_name(record({"restitution": Number}))),
     Entry("impacts_total", "", "those of all snubbers together", form=Plain),
-    Entry("rms_displacement_m", "m", "rms of a probe's relative displacement over the part of the spectra",
+    Entry("rms_displacement_m", "m", "rms of a probe's relative displacement over the part of the spectra", "probes",
              form=ByName),
-    Entry("rms_acceleration_g", "g", "the same of its absolute acceleration", form=ByName),
+    Entry("rms_acceleration_g", "g", "the same of its absolute acceleration", "probes", form=ByName),
     Entry("friction", "", "by friction contact share of time, number and distance of sliding, energy and power lost, "
-             "wear power, worn volume and force at the start; units are in the names", "friction",
+             "wear power, worn volume and force at the start; units are in the names",
              form=dict[str, Plain]),
-    Entry("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed"),
-    Entry("rms_output", "", "its rms over the part of the spectra; energies have none", form=ByName),
+    Entry("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed", "solver"),
+    Entry("rms_output", "", "its rms over the part of the spectra; energies have none", "outputs", form=ByName),
     Entry("output_unit", "", "units of the outputs", form=dict[str, Text]),
     BY_ENTRY["largest_bending_stress_position_m"].summary_entry(),
-    Entry("largest_bending_stress_across_m", "m", "on a plate its y"),
-    Entry("largest_bending_stress_body", "", "on which body that is, where there are several", form=Text),
+    Entry("largest_bending_stress_across_m", "m", "on a plate its y", "bodies"),
+    Entry("largest_bending_stress_body", "", "on which body that is, where there are several", "bodies", form=Text),
     Entry("largest_von_mises_stress_pa", "Pa", "largest von Mises stress at the surface of a plate",
-             "largest von Mises stress"),
+             "bodies"),
     BY_ENTRY["srs_over_limit"].summary_entry(),
     BY_ENTRY["psd_over_limit"].summary_entry(),
     MARGINS,
     Entry("fatigue", "", "by body rainflow count and damage where its damage is largest, if run.fatigue asks for it",
-             "fatigue", form=dict[str, Plain]),
+             form=dict[str, Plain]),
     Entry("random", "", "of a stationary random input, by signal: rms with its 95 % interval, crest factor, kurtosis, "
-             "largest value expected in the test with its interval, and more", "random response",
+             "largest value expected in the test with its interval, and more",
              form=by_name(RANDOM_SIGNAL)),
     Entry("random_linear", "", "of a random input, by signal: standard deviation of the run, and of the linear "
-             "structure with every snubber always open and always closed", "linear prediction", form=dict[str, ByName]),
+             "structure with every snubber always open and always closed", form=dict[str, ByName]),
     Entry("srs", "", "of shock response spectra, by signal: highest point of the maximax spectrum, and where it is",
-          "shock response", form=dict[str, ByName]),
+             form=dict[str, ByName]),
     Entry("matched", "", "of a matched base motion: how far its shock response spectrum is below and above the curve "
              "that was asked for, in which band and with which quality factor", form=MATCHED),
-    Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines", "spectral lines",
-             form=list_of(LINE)),
+    Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines",
+             form=list_of(LINE), ranked_by="amplitude_db"),
     Entry("aliased_in_histories", "1", "by place and quantity: share of the root mean square that lies above half the "
           "output rate (of a time-stepped motion above a quarter), where above 0.1 %; a spectrum of the samples shows "
-          "it at lower frequencies, those of the run are free of it", "aliased in histories", form=ByName),
+          "it at lower frequencies, those of the run are free of it", form=ByName),
     Entry("unresolved_lines", "", "lines with a remainder above 2 %, which are several lines or change during the "
           "record: probe, quantity, frequency_hz, remainder; resolution_hz, the distance from which on lines are told "
           "apart; separating_duration_s, which tells the two lines apart that explain the curve best (null: they are "
-          "farther apart than that)", "lines not resolved", form=list_of(UNRESOLVED_LINE)),
+          "farther apart than that)", form=list_of(UNRESOLVED_LINE), ranked_by="remainder"),
     *MODES,
     *CONVERGENCE,
     BY_ENTRY["energy_error"].summary_entry(),
     Entry("sensitivities", "", "by value, as studies name it, and by path of run.sensitivities: derivative, tolerance, "
              "change of the value with it, and the change of the number within which it holds, in SI units",
-             "sensitivities", form=dict[str, Plain]),
-    Entry("method", of="method", label="method"),
-    Entry("memory_bytes", "byte", "bound on what the run keeps in memory, run.memory", "memory"),
-    Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more"),
+             form=dict[str, dict[str, Plain]]),
+    Entry("method", of="method", section="solver"),
+    Entry("samples", "1", "samples of the histories", "solver", of="time.size"),
+    Entry("memory_bytes", "B", "bound on what the run keeps in memory, run.memory", "solver"),
+    Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more",
+             "solver"),
     PROCESSOR_TIME._replace(of="work.processor_time_s"),
     *CorrectionSize.ENTRIES,
     Entry("against", "", "differences from the reference integrator (`--against`) by value, and the cost of both",
-          "exact and reference", form=COMPARED),
+             form=COMPARED),
 )  # fmt: skip
 
 
@@ -869,6 +874,22 @@ class RunResult(Result):
             told = {key: getattr(each, key) for key in ("derivative", "tolerance", "change", "holds_within")}
             found.setdefault(each.response, {})[each.path] = told
         return found
+
+    def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
+        """That of values which the name does not say; see `Result.unit_of`."""
+        if entry.name == "inputs" and keys == ("rms",):
+            return str(record["unit"])
+        if entry.name in ("random", "random_linear") and self.random is not None and keys[0] not in RATIOS:
+            return next(s.unit for s in self.random.recorded if f"{s.name} {s.quantity}" == place[0])
+        if entry.name == "spectral_lines" and keys == ("amplitude",):
+            return self.spectra[record["probe"], record["quantity"]].unit
+        if entry.name == "against" and keys[-1] in ("exact", "stepped"):
+            return str(record["unit"])
+        if entry.name == "sensitivities":
+            of = next(each for each in self.sensitivities if (each.response, each.path) == place)
+            units = {"change": of.value_unit, "tolerance": of.number_unit, "holds_within": of.number_unit}
+            return units.get(keys[0], "1")
+        return super().unit_of(entry, place, keys, record)
 
     @property
     def bodies(self) -> dict[str, BodyResult]:

@@ -316,6 +316,7 @@ def _summary(scenario: Scenario, curves: dict[str, SweepCurve], contact: Mapping
     ]
     return {
         **_largest(curves),
+        "curves": {name: _described(curve) for name, curve in curves.items()},
         "contact_share": {
             curve.name: {key: float(curve.weights @ share) for key, share in curve.contact_share.items()}
             for curve in curves.values()
@@ -348,12 +349,21 @@ def _largest(curves: dict[str, SweepCurve]) -> dict[str, Any]:
         for value in VALUES
         if (value.followed and not value.rare) or (units and value is OUTPUT)
     }
+    frequencies: dict[str, dict[str, dict[str, float]]] = {}
     for curve in curves.values():
-        for value, name, largest, _ in largest_along([curve]):
+        for value, name, largest, frequency in largest_along([curve]):
             if value.followed or value is RESPONSE or value.entry in entries:
                 of = entries.setdefault(value.entry, {name: {} for name in curves})
                 of[curve.name][name] = largest / value.scale
-    return entries | ({"output_unit": units} if units else {})
+                frequencies.setdefault(value.entry, {}).setdefault(curve.name, {})[name] = frequency
+    return entries | {"peak_frequencies_hz": frequencies} | ({"output_unit": units} if units else {})
+
+
+def _described(curve: SweepCurve) -> dict[str, Any]:
+    """Direction, level and points of a curve; of a stepped one how many steady motions of each kind it has."""
+    kinds = () if curve.steady is None else curve.steady.kind
+    steady = {"steady": {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}} if kinds else {}
+    return {"direction": curve.direction, "level": curve.level, "points": curve.frequency_hz.size, **steady}
 
 
 def _gapping(linear: LinearCurve, curves: dict[str, SweepCurve]) -> dict[str, Any]:

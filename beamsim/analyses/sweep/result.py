@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,12 @@ from beamsim.fields import (
     ByName,
     Counter,
     Entry,
+    Number,
     Plain,
     Text,
     attribute,
     axis,
+    by_name,
     dataset,
     declared,
     ending,
@@ -23,6 +26,7 @@ from beamsim.fields import (
     members,
     per_probe,
     per_snubber,
+    record,
     table,
 )
 from beamsim.inputs.drift import CorrectionSize
@@ -361,28 +365,34 @@ class LevelWork:
     )  # of a base that is swept
 
 
+CURVE = record({"direction": Text, "level": Number, "points": Number}, {"steady": ByName})
 _SUMMARY = (
     STATUS,
     GAPPING,
     BY_ENTRY["gapping_ratio"].summary_entry("of the strongest sweep, "),
-    Entry("peaks", "", "peaks of the response curves: the columns of the table peaks", "curves", "peaks",
+    Entry("peaks", "", "peaks of the response curves: the columns of the table peaks", "", "peaks",
              ("frequency_hz", "value_m", "kind", "direction", "level", "order", "probe", "curve")),
-    Entry("cycles", of="work.cycles"),
-    Entry("events", of="work.events"),
-    Entry("truncation", of="truncation"),
+    Entry("curves", "",
+             "by curve its direction, level and number of points, and of a stepped sweep how many motions of "
+             "each kind it has", form=by_name(CURVE)),
+    Entry("peak_frequencies_hz", "Hz", "by largest value, curve and place the frequency at which it is reached",
+             form=dict[str, dict[str, ByName]]),
+    Entry("cycles", section="solver", of="work.cycles"),
+    Entry("events", section="solver", of="work.events"),
+    Entry("truncation", section="solver", of="truncation"),
     *CorrectionSize.ENTRIES,
     *(value.summary_entry(by_curve=True) for value in VALUES if value.followed or value is RESPONSE),
     Entry("contact_share", "1", "by curve, share of its time in contact of a snubber; of a stepped sweep the mean over "
-             "the frequencies", "time in contact", form=dict[str, ByName]),
+             "the frequencies", "snubbers", form=dict[str, ByName]),
     OUTPUT.summary_entry(by_curve=True),
     Entry("output_unit", "", "units of the outputs", form=dict[str, Text]),
     Entry("notches", "", "by curve, the limits of sweep.notch_to with the largest values, and the ranges in which each "
-             "governs", "notches", form=dict[str, Plain]),
+             "governs", form=dict[str, Plain]),
     Entry("impacts", "", "by curve and snubber the largest values per cycle, if sweep.impacts asks for them",
-             "impacts per cycle", form=dict[str, Plain]),
-    Entry("sliding", "", "by curve and friction contact the largest values per cycle, likewise", "sliding per cycle",
              form=dict[str, Plain]),
-    Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy"),
+    Entry("sliding", "", "by curve and friction contact the largest values per cycle, likewise",
+             form=dict[str, Plain]),
+    Entry("energy_error", "1", "largest imbalance of the energies along a curve, over the largest energy", "solver"),
     MARGINS,
     *MODES,
     *CONVERGENCE,
@@ -411,3 +421,11 @@ class SweepResult(Result):
     truncation: float = attribute(
         "1", "bound on the truncation error of the expansion of the sine, relative to its amplitude", default=0.0
     )
+
+    def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
+        """That of values which the name does not say; see `Result.unit_of`."""
+        if keys == ("level",) and entry.name in ("curves", "peaks"):
+            return self.curves[record.get("curve") or place[0]].level_unit
+        if entry.name == "notches" and keys[-1] in ("limit", "largest", "level") and keys != ("limit",):
+            return str(record.get("unit") or level_unit(self.curves[place[0]].quantity))
+        return super().unit_of(entry, place, keys, record)
