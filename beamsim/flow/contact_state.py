@@ -42,9 +42,14 @@ SMALLEST_TERM = 1e-19  # relative size at which a power series is cut
 
 @dataclass(frozen=True)
 class ContactState:
-    """Tables of one contact state; B basis functions, T terms, Z free amplitudes."""
+    """What is known of one contact state: equations and modes, and under given inputs the tables.
 
-    modes: ContactModes
+    There are B basis functions, T terms and Z free amplitudes.
+    """
+
+    equations: StateEquations
+    modes: BlockForm  # simple ones, one of each conjugate pair, and blocks of the others
+    horizon: float  # s, longest segment for which series hold
     exponent: Complexes  # (B,)
     power: Ints  # (B,)
     projector: Complexes  # (Z, N) free amplitudes = projector @ (y - y_forced(0))
@@ -55,6 +60,38 @@ class ContactState:
     # (F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)
     terms_of_sources: tuple[Ints, Ints]
 
+    @classmethod
+    def of(
+        cls, equations: StateEquations, sources: Sources, longest_window: float, known: ContactState | None = None
+    ) -> ContactState:
+        """Diagonalise the system with its contacts in given phases.
+
+        Cost: one symmetric eigenvalue problem of order n and, where damping or internal states couple modes, one
+        unsymmetric of the order of these; none from a ``known`` state with few other phases where
+        :func:`beamsim.flow.invariant_blocks.neighbouring_modes` is exact.
+
+        Parameters
+        ----------
+        equations : of the contact state.
+        sources : of the inputs.
+        longest_window : upper limit on the length of a segment, s.
+        known : a contact state of the same system.
+
+        Returns
+        -------
+        ContactState
+        """
+        modes = _diagonalise(equations, longest_window, known)
+        # series hold within a radius; what grows is bounded by its end, so that a segment ends before that is far above
+        growing = [*modes.simple.eigenvalue.real.tolist(), *(complex(b.centre).real for b in modes.blocks)]
+        fastest = max([0.0, *(b.radius for b in modes.blocks), *(rate / GROWN for rate in growing)])
+        horizon = float(min(longest_window, 1.0 / fastest if fastest > 0 else np.inf))
+        return _tabulated(equations, modes, horizon, sources)
+
+    def under(self, sources: Sources) -> ContactState:
+        """The same state under other signals of the same channels."""
+        return _tabulated(self.equations, self.modes, self.horizon, sources)
+
     @cached_property
     def exponential(self) -> bool:
         """Whether no basis function has a power of time."""
@@ -63,12 +100,7 @@ class ContactState:
     @property
     def phases(self) -> Ints:
         """(m,) of the contacts."""
-        return self.modes.equations.phases
-
-    @property
-    def horizon(self) -> float:
-        """Longest segment for which the tables hold, s."""
-        return self.modes.horizon
+        return self.equations.phases
 
     def coefficients(self, rows: Floats, sources: Sources, table: Complexes | None = None) -> Complexes:
         """Factors of ``zeta * basis`` of every term in every output.
@@ -139,7 +171,7 @@ class ContactState:
 
         At a node of every mode that moves the coefficients are round-off themselves; the products of norms are not.
         """
-        size, equations = np.abs(coefficients), self.modes.equations.equations
+        size, equations = np.abs(coefficients), self.equations.equations
         parts = (equations.coordinates, equations.velocities, equations.internal)
         for part in parts if equations.contacts.internal_states else parts[:2]:
             vector, row = self.term_vector[:, part], rows[:, part]
@@ -180,95 +212,23 @@ class _Terms:
         return keys[:, 0], keys[:, 1], vectors
 
 
-@dataclass(frozen=True)
-class ContactModes:
-    """A contact state under all loads that differ in their signals alone."""
-
-    equations: StateEquations
-    simple: SimpleModes  # one of each conjugate pair
-    blocks: list[Block]  # the others
-    horizon: float  # s, longest segment for which series hold
-
-    @cached_property
-    def whole(self) -> SimpleModes:
-        """The simple modes, both of each pair."""
-        return self.simple.whole()
-
-    @cached_property
-    def free(self) -> tuple[Complexes, Complexes]:
-        """(Z, N) projector on the amplitudes of all free motions, and vectors of those of the simple modes."""
-        X, Xi, lam = self.simple
-        projector = np.ascontiguousarray(np.concatenate([Xi, *(block.left for block in self.blocks)]))
-        return projector, X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]
-
-    def respond(self, terms: _Terms, sources: Sources) -> None:
-        """Add the responses to all sources."""
-        rates, of = self.equations.rates, self.equations.equations
-        self._force(terms, _driving(rates[:, of.inputs].T, rates[:, of.slopes].T, sources), sources)
-        if self.equations.factors[:, : RATE + 1].any():
-            # what a stiff contact's load leaves in slow motions is a small part of it
-            self._force(terms, _residual(terms, self.equations, sources), sources)
-
-    def _force(self, terms: _Terms, polynomial: Complexes, sources: Sources) -> None:
-        """Add the responses to ``sum_p polynomial[f, p] tau^p e^{nu_f tau}``, (F, degree + 1, N).
-
-        Where ``|nu - lambda|`` times the time for which a response must hold is below a limit it is a power series that
-        starts from zero.
-        """
-        acting = np.flatnonzero(polynomial.any(axis=(1, 2)))
-        if not acting.size:
-            return
-        window, limit = np.minimum(self.horizon, sources.longest_piece[acting]), sources.limit[acting]
-        _force_simple(terms, self.whole, polynomial, sources, (acting, window, limit))
-        for block in self.blocks:
-            for f, longest, least in zip(acting.tolist(), window.tolist(), limit.tolist(), strict=True):
-                degree = int(sources.power[f]) + 1
-                _force_block(terms, block, polynomial[f, :degree], complex(sources.exponent[f]), f, longest, least)
-
-
-def contact_modes(equations: StateEquations, longest_window: float, known: ContactModes | None = None) -> ContactModes:
-    """Diagonalise the system with its contacts in given phases.
-
-    Cost: one symmetric eigenvalue problem of order n and, where damping or internal states couple modes, one
-    unsymmetric of the order of these; none from a ``known`` state with few other phases where
-    :func:`beamsim.flow.invariant_blocks.neighbouring_modes` is exact.
-
-    Parameters
-    ----------
-    equations : of the contact state.
-    longest_window : upper limit on the length of a segment, s.
-    known : a contact state of the same system.
-
-    Returns
-    -------
-    ContactModes
-        Modes, and the terms of the response to every source.
-    """
-    simple, blocks = _diagonalise(equations, longest_window, known)
-    # series hold within a radius; what grows is bounded by its end, so that a segment ends before that is far above it
-    growing = [*simple.eigenvalue.real.tolist(), *(complex(b.centre).real for b in blocks)]
-    fastest = max([0.0, *(b.radius for b in blocks), *(rate / GROWN for rate in growing)])
-    return ContactModes(equations, simple, blocks, float(min(longest_window, 1.0 / fastest if fastest > 0 else np.inf)))
-
-
-def tabulated(modes: ContactModes, sources: Sources) -> ContactState:
+def _tabulated(equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources) -> ContactState:
     """The tables of a contact state: the responses to the sources, and the free motion."""
-    (projector, free_vectors), lam = modes.free, modes.simple.eigenvalue
-    F, terms = sources.count, _Terms(projector.shape[1])
-    basis_of_source = np.empty(F, dtype=np.int64)
+    (X, Xi, lam), F = modes.simple, sources.count
+    terms, basis_of_source = _Terms(equations.equations.states), np.empty(sources.count, dtype=np.int64)
     basis_below = np.full(F, -1, dtype=np.int64)
     for f in range(F):
         basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
         if sources.power[f] > 0:
             basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
-    modes.respond(terms, sources)
+    add_responses(terms, equations, modes, horizon, sources)
     number = {key: t for t, key in enumerate(terms.terms)}
     driven = np.array([number[b, f] for f, b in enumerate(basis_of_source.tolist())], dtype=np.int64)
     lowered = np.array([number.get((b, f), -1) for f, b in enumerate(basis_below.tolist())], dtype=np.int64)
     forced = terms.take()
     free_basis = [terms.basis.setdefault((value, 0), len(terms.basis)) for value in lam.tolist()]
     source = F + lam.size
-    window = min(modes.horizon, float(sources.longest_piece.max()))
+    window = min(horizon, float(sources.longest_piece.max()))
     for block in modes.blocks:
         series = _series(block, window)
         for column in range(block.matrix.shape[0]):
@@ -276,19 +236,60 @@ def tabulated(modes: ContactModes, sources: Sources) -> ContactState:
                 if np.any(matrix[:, column]):
                     terms.add(block.centre, power, source, block.weight * (block.right @ matrix[:, column]))
             source += 1
-
     of_blocks, basis = terms.take(), list(terms.basis)
+    free_vectors = X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]
     return ContactState(
-        modes=modes,
+        equations, modes, horizon,
         exponent=np.array([b[0] for b in basis], dtype=complex),
         power=np.array([b[1] for b in basis], dtype=np.int64),
-        projector=projector,
+        projector=np.ascontiguousarray(np.concatenate([Xi, *(block.left for block in modes.blocks)])),
         term_basis=np.concatenate([forced[0], np.array(free_basis, dtype=np.int64), of_blocks[0]]),
         term_source=np.concatenate([forced[1], F + np.arange(lam.size), of_blocks[1]]),
         term_vector=np.concatenate([forced[2], free_vectors, of_blocks[2]]),
         basis_of_source=basis_of_source,
         terms_of_sources=(driven, lowered),
-    )
+    )  # fmt: skip
+
+
+def add_responses(terms: _Terms, equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources) -> None:
+    """Add the responses to all sources.
+
+    Parameters
+    ----------
+    terms : what they are added to.
+    equations, modes, horizon : of the contact state.
+    sources : of the inputs.
+    """
+    rates, of = equations.rates, equations.equations
+    both, longest = BlockForm(modes.simple.whole(), modes.blocks), np.minimum(horizon, sources.longest_piece)
+    _add_forced(terms, both, _driving(rates[:, of.inputs].T, rates[:, of.slopes].T, sources), sources, longest)
+    if equations.factors[:, : RATE + 1].any():
+        # what a stiff contact's load leaves in slow motions is a small part of it
+        _add_forced(terms, both, _residual(terms, equations, sources), sources, longest)
+
+
+def _add_forced(terms: _Terms, modes: BlockForm, polynomial: Complexes, sources: Sources, longest: Floats) -> None:
+    """Add the responses to ``sum_p polynomial[f, p] tau^p e^{nu_f tau}``.
+
+    Where ``|nu - lambda|`` times the time for which a response must hold is below a limit it is a power series that
+    starts from zero.
+
+    Parameters
+    ----------
+    terms, sources : as for `add_responses`.
+    modes : both of each conjugate pair.
+    polynomial : (F, degree + 1, N).
+    longest : (F,) s, for which each response must hold.
+    """
+    acting = np.flatnonzero(polynomial.any(axis=(1, 2)))
+    if not acting.size:
+        return
+    window, limit = longest[acting], sources.limit[acting]
+    _force_simple(terms, modes.simple, polynomial, sources, (acting, window, limit))
+    for block in modes.blocks:
+        for f, until, least in zip(acting.tolist(), window.tolist(), limit.tolist(), strict=True):
+            degree = int(sources.power[f]) + 1
+            _force_block(terms, block, polynomial[f, :degree], complex(sources.exponent[f]), f, until, least)
 
 
 def _driving(value: Floats, slope: Floats, sources: Sources) -> Complexes:
@@ -327,12 +328,12 @@ def _acting(equations: StateEquations) -> _Acting:
     return _Acting(shape, stiffness[acting], dashpot[acting], along, acting)
 
 
-def _diagonalise(equations: StateEquations, window: float, known: ContactModes | None) -> BlockForm:
+def _diagonalise(equations: StateEquations, window: float, known: ContactState | None) -> BlockForm:
     """Simple modes, one of each conjugate pair, and blocks of the others: from a neighbour's, or anew."""
     of, phases = equations.equations, equations.phases
     neighbour = None
-    if known is not None and can_update(of.system, known.equations.phases, phases):
-        neighbour = neighbouring_modes(of.system, known.simple, known.equations.phases, phases)
+    if known is not None and can_update(of.system, known.phases, phases):
+        neighbour = neighbouring_modes(of.system, known.modes.simple, known.phases, phases)
     n, N, internal = of.system.size, of.states, of.internal
     if neighbour is None:
         modes = _solved_modes(equations, window)
@@ -351,8 +352,8 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     system, acting, phases = equations.equations.system, _acting(equations), equations.phases
     n, N = system.size, equations.equations.states
     across = equations.held if equations.held.shape[1] else None
-    omega2, psi, stretch = undamped = _undamped_modes(system, acting.shape, acting.stiffness, across)
-    d = psi.T @ system.damping @ psi + (stretch.T * acting.dashpot) @ stretch
+    undamped = _undamped_modes(system, acting, across)
+    omega2, psi, _, d = undamped
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
     general = system.contacts.coupled(phases) or acting.crossed
@@ -364,7 +365,7 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
         modes = modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
     if together.size or general:
         resting = across if general else None
-        modes = modes.joined(_coupled_modes(equations, acting, undamped, d, together, window, resting))
+        modes = modes.joined(_coupled_modes(equations, acting, undamped.select(together), window, resting))
     if across is not None and not general:  # at rest, whatever their values
         # a unit of them leaves the others in equilibrium
         pushed = system.stiffness[:, None] * across + (acting.shape.T * acting.stiffness) @ (acting.shape @ across)
@@ -379,30 +380,29 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
 
 
 def _coupled_modes(
-    equations: StateEquations, acting: _Acting, undamped: tuple[Floats, Floats, Floats], d: Floats, g: Ints,
-    window: float, across: Floats | None,
-) -> BlockForm:  # fmt: skip
+    equations: StateEquations, acting: _Acting, undamped: _UndampedModes, window: float, across: Floats | None
+) -> BlockForm:
     """Those of the general form.
 
     Parameters
     ----------
     equations, acting : of the contact state, and its contacts.
-    undamped, d : see `_undamped_modes`, and the damping (e, e) between these modes.
-    g : the modes that are coupled.
+    undamped : r modes, which are coupled.
     window : s, longest time for which the blocks will be used.
     across : (n, c) motions that are held, whose values load modes and drive internal states; None where they do not.
     """
     system, contacts = equations.equations.system, equations.equations.contacts
     n, together = system.size, contacts.coupled(equations.phases)
     N, inside = 2 * n + contacts.internal_states, contacts.internal_states if together else 0
-    omega2, psi, stretch = (part[..., g] for part in undamped)
-    d, r = d[np.ix_(g, g)], g.size
+    omega2, psi, stretch, d = undamped
+    r = omega2.size
     # masses that nothing but dashpots joins have no frequency
     fastest = omega2.max(initial=0.0) or (d**2).max(initial=0.0) or 1.0
     scale = np.sqrt(np.maximum(omega2, 1e-6 * fastest))
     usual = float(np.median(scale)) if r else 1.0  # 1/s, from metres to velocities
-    resting, first = (0 if across is None else across.shape[1]), 2 * r + inside
-    A = np.zeros((first + resting, first + resting))
+    first = 2 * r + inside
+    size = first + (0 if across is None else across.shape[1])
+    A, out, back = np.zeros((size, size)), np.zeros((N, size)), np.zeros((size, N))
     A[:r, r : 2 * r] = np.diag(scale)
     A[r : 2 * r, :r] = -np.diag(omega2 / scale)
     A[r : 2 * r, r : 2 * r] = -d
@@ -410,7 +410,6 @@ def _coupled_modes(
         aside = psi.T @ (acting.along - acting.shape).T
         A[r : 2 * r, :r] -= (aside * acting.stiffness) @ stretch / scale
         A[r : 2 * r, r : 2 * r] -= (aside * acting.dashpot) @ stretch
-    out, back = np.zeros((N, first + resting)), np.zeros((first + resting, N))
     out[:n, :r], out[n : 2 * n, r : 2 * r] = psi / scale, psi
     back[:r, :n], back[r : 2 * r, n : 2 * n] = psi.T * scale[:, None], psi.T
     if across is not None:
@@ -419,21 +418,14 @@ def _coupled_modes(
         out[:n, first:], back[first:, :n] = across / usual, across.T * usual
     if together:
         unit = usual / max(float(np.abs(contacts.shape).max()), 1e-300)
-        drive = equations.internal_drive
-        moved = contacts.shape @ psi
-        moved[acting.contact] = (
-            stretch  # of stiff ones in slow motions, and exactly none in motions that they do not feel
-        )
-        penetration = -contacts.sign[:, None] * moved
-        pushed = equations.push @ psi if acting.crossed else -penetration
-        states = slice(2 * r, first)
-        A[r : 2 * r, states] = pushed[contacts.owner].T * equations.internal_factors / unit
-        A[states, :r] = unit * (drive[:, PENETRATION, None] * penetration[contacts.owner]) / scale
-        A[states, r : 2 * r] = unit * (drive[:, RATE, None] * penetration[contacts.owner])
+        states, (pushed, by_penetration, by_rate) = slice(2 * r, first), _internal_coupling(equations, acting, undamped)
+        A[r : 2 * r, states] = pushed / unit
+        A[states, :r] = unit * by_penetration / scale
+        A[states, r : 2 * r] = unit * by_rate
         A[states, states] = equations.internal_rates[:, equations.equations.internal]
         if across is not None:
             resting = (contacts.sign[:, None] * contacts.shape @ across)[contacts.owner]
-            A[states, first:] = -unit / usual * (drive[:, PENETRATION, None] * resting)
+            A[states, first:] = -unit / usual * (equations.internal_drive[:, PENETRATION, None] * resting)
         out[2 * n :, states] = np.eye(inside) / unit
         back[states, 2 * n :] = np.eye(inside) * unit
 
@@ -446,14 +438,59 @@ def _coupled_modes(
     return block_diagonalise(A, window, known).placed(out, back)
 
 
-def _undamped_modes(
-    system: PiecewiseLinearSystem, phi: Floats, k: Floats, across: Floats | None = None
+def _internal_coupling(
+    equations: StateEquations, acting: _Acting, undamped: _UndampedModes
 ) -> tuple[Floats, Floats, Floats]:
-    """Squared frequencies (e,), orthonormal modes (n, e), and their deflection at each acting contact (a, e).
+    """What couples s internal states with r modes.
 
-    ``phi`` (a, n) are the shapes of the acting contacts and ``k`` (a,) their stiffnesses, ``across`` (n, n - e) the
-    motions that are held. Rigid-body motions that no contact feels stay exact.
+    Parameters
+    ----------
+    equations, acting, undamped : as for `_coupled_modes`.
+
+    Returns
+    -------
+    pushed : (r, s) force on each mode for a unit of each internal state.
+    by_penetration, by_rate : (s, r) rate of each internal state for a unit of each mode, and of its velocity.
     """
+    contacts, drive = equations.equations.contacts, equations.internal_drive
+    moved = contacts.shape @ undamped.shapes
+    moved[acting.contact] = undamped.stretch  # of stiff ones in slow motions, and none in motions that do not move them
+    penetration = -contacts.sign[:, None] * moved
+    along = equations.push @ undamped.shapes if acting.crossed else -penetration
+    return (
+        along[contacts.owner].T * equations.internal_factors,
+        drive[:, PENETRATION, None] * penetration[contacts.owner],
+        drive[:, RATE, None] * penetration[contacts.owner],
+    )
+
+
+class _UndampedModes(NamedTuple):
+    """Modes of the structure with the springs of acting contacts, and what damping does between them."""
+
+    omega_squared: Floats  # (e,) rad^2/s^2
+    shapes: Floats  # (n, e) orthonormal
+    stretch: Floats  # (a, e) deflection at each acting contact
+    damping: Floats  # (e, e)
+
+    def select(self, some: Ints) -> _UndampedModes:
+        """Some of them."""
+        return _UndampedModes(
+            self.omega_squared[some], self.shapes[:, some], self.stretch[:, some], self.damping[np.ix_(some, some)]
+        )
+
+
+def _undamped_modes(system: PiecewiseLinearSystem, acting: _Acting, across: Floats | None) -> _UndampedModes:
+    """Of a structure whose motions ``across`` (n, n - e) are held; rigid-body motions no contact feels stay exact."""
+    omega_squared, shapes, stretch = _eigenmodes(system, acting.shape, acting.stiffness, across)
+    damping = shapes.T @ system.damping @ shapes + (stretch.T * acting.dashpot) @ stretch
+    return _UndampedModes(omega_squared, shapes, stretch, damping)
+
+
+def _eigenmodes(
+    system: PiecewiseLinearSystem, phi: Floats, k: Floats, across: Floats | None
+) -> tuple[Floats, Floats, Floats]:
+    """Squared frequencies (e,), modes (n, e) and stretches (a, e) of `_UndampedModes`, with springs ``k`` (a,) along
+    ``phi`` (a, n)."""
     n = system.size
     if not k.size and across is None:
         return system.stiffness, np.eye(n), phi

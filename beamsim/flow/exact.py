@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -10,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamsim.contacts.laws import INTERNAL
-from beamsim.flow.contact_state import ContactModes, ContactState, contact_modes, tabulated
+from beamsim.flow.contact_state import ContactState
 from beamsim.flow.kernels import Inputs, Tables
 from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
 from beamsim.flow.state_tables import (
@@ -27,7 +26,6 @@ from beamsim.system.state_equations import Equations, EventFunctions, RowsOf, St
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LONGEST_WINDOW_RADIANS = 64.0  # of the slowest oscillation, before the series of a segment are started anew
-MOST_MODES = 64  # contact states whose modes flows under other loads share; the one not used for longest is dropped
 
 
 def states_in_memory(system: PiecewiseLinearSystem, memory: float) -> int:
@@ -90,8 +88,6 @@ class ExactFlow:
     equations: Equations = field(init=False)  # shared with flows under other loads
 
     def __post_init__(self) -> None:
-        self._most_modes = min(MOST_MODES, self.most_states or MOST_MODES)
-        self._modes: OrderedDict[bytes, ContactModes] = OrderedDict()  # shared with flows under other loads
         self._load()
         self._write_equations()
         slowest = self.system.stiffness[self.system.stiffness > 0]
@@ -126,7 +122,6 @@ class ExactFlow:
 
     def _clear(self, like: StateTables | None = None) -> None:
         """Remove all states; tables get the sizes of others."""
-        self.built = 0  # states, those built again included
         self.largest_exponent = 0.0  # 1/s, of all states visited
         self.highest_frequency = 0.0  # rad/s, of all states visited
         self._tables = StateTables(self.system.contacts, self.most_states, like)
@@ -159,8 +154,6 @@ class ExactFlow:
     ) -> ExactFlow:
         """The same flow under other loads, with the contact states that were used, whose modes are shared.
 
-        Responses to the loads are shared, too, where they hold for pieces that are alike, else new.
-
         Parameters
         ----------
         forcing : differs in its signals alone; what each load acts on stays as it is.
@@ -177,18 +170,13 @@ class ExactFlow:
         flow.observers = self.observers if observers is None else observers
         flow.duration = self.duration if duration is None else duration
         flow._load()
-        if self.sources.power.any() and self.sources.serve(flow.sources):
-            tables = self.sources
-            flow.sources = replace(flow.sources, longest_piece=tables.longest_piece, limit=tables.limit)
-            return flow
         if not np.array_equal(flow.sources.channel, self.sources.channel):
-            flow._modes = OrderedDict()
             flow._write_equations()
             flow._clear()
             return flow
         flow._clear(self._tables)
         for index in self._tables.used:  # its motions will visit these
-            flow._append(self.states[index].modes)
+            flow._append(self.states[index].under(flow.sources))
         flow._tables.lead_as(self._tables)
         return flow
 
@@ -200,10 +188,9 @@ class ExactFlow:
         flow = replace(self, system=system)
         flow._clear(self._tables)
         share = flow.longest_window == self.longest_window and same_at_rest(self.system, system)
-        for modes in [self.states[index].modes for index in self._tables.used]:
-            phases = modes.equations.phases
-            inert = share and not (self.system.acts(phases) or system.acts(phases))
-            flow._append(modes if inert else flow._modes_in(phases))
+        for state in [self.states[index] for index in self._tables.used]:
+            inert = share and not (self.system.acts(state.phases) or system.acts(state.phases))
+            flow._append(state if inert else flow._new_state(state.phases))
         flow._tables.lead_as(self._tables)
         return flow
 
@@ -221,47 +208,30 @@ class ExactFlow:
         flow = copy(self)
         flow.most_states = None
         flow._clear()
-        kept = {state.phases.tobytes(): state.modes for state in self.states}
+        kept = {state.phases.tobytes(): state for state in self.states}
         for phases in (self.visited[k] for k in visited):
-            flow._append(kept.get(phases.tobytes()) or flow._modes_in(phases))
+            flow._append(kept.get(phases.tobytes()) or flow._new_state(phases))
         return flow
 
     def state_index(self, phases: Ints) -> int:
         """Number of the contact state, built when it is first asked for."""
         index = self._tables.index(phases)
-        return self._append(self._modes_in(phases)) if index is None else index
+        return self._append(self._new_state(phases)) if index is None else index
 
-    def _append(self, modes: ContactModes) -> int:
-        """Number of a state that is built here."""
-        state, events = tabulated(modes, self.sources), modes.equations.events
-        watch = state.coefficients(events.rows, self.sources)
-        roughness = np.ascontiguousarray(state.roughness(events.guards, watch[:, : events.count]))
-        index = self._tables.append(state, watch, roughness)
-        self.built += 1
+    def _new_state(self, phases: Ints) -> ContactState:
+        """A contact state that is not kept, from the one that is nearest to it."""
+        nearest = self._tables.nearest(phases) if self.system.acts(phases) else None
+        return ContactState.of(self.equations.at(phases.copy()), self.sources, self.longest_window, nearest)
+
+    def _append(self, state: ContactState) -> int:
+        """Number of a state that is added."""
         self.largest_exponent = max(self.largest_exponent, float(np.abs(state.exponent).max()))
         self.highest_frequency = max(self.highest_frequency, float(np.abs(state.exponent.imag).max()))
-        return index
-
-    def _modes_in(self, phases: Ints) -> ContactModes:
-        """Equations and modes of a contact state, the same under all signals, made when they are first asked for."""
-        key = phases.tobytes()
-        if key not in self._modes:
-            nearest = self._tables.nearest(phases) if self.system.acts(phases) else None
-            self._modes[key] = contact_modes(self.equations.at(phases.copy()), self.longest_window, nearest)
-            if len(self._modes) > self._most_modes:
-                self._modes.popitem(last=False)
-        self._modes.move_to_end(key)
-        return self._modes[key]
-
-    def following(self, state: int, guard: int) -> Ints:
-        """Phases of the contacts after the event of a guard."""
-        return self._tables.following(state, guard)
+        return self._tables.append(state, self.sources)
 
     def follow(self, state: int, guard: int) -> int:
         """The state after the event of a guard."""
-        phases = self.following(state, guard)
-        self._tables.use(np.array([state]))
-        index = self.state_index(phases)
+        index = self.state_index(self._tables.following(state, guard))
         self._tables.lead(state, guard, index)
         return index
 
@@ -352,7 +322,7 @@ class ExactFlow:
             return following in unvisited[j] or bool(returns)
 
         while True:
-            equations = self.states[self.state_index(phases)].modes.equations
+            equations = self.states[self.state_index(phases)].equations
             events = equations.events
             signs, orders = self._first_signs(equations, given, state)
             acting = [g for g in range(events.count) if signs[g] < 0 and hands_over(events, g, int(orders[g]))]

@@ -16,7 +16,6 @@ from beamsim.inputs.signal import Signal, StreamedSignal, common_record
 from beamsim.typing import Complexes, Floats, Ints
 
 RESONANCE = 0.02  # |nu - lambda| times a piece, below which the response to an exponential is a power series
-LONGER, FASTER = 1.1, 1.25  # than the pieces for which responses were written down: hold for these, too
 
 
 @dataclass(frozen=True)
@@ -57,17 +56,6 @@ class Sources:
         rest = np.arange(orders)[:, None] - self.power  # what is left is the term whose power is differentiated away
         scale = factorial[:, None] / factorial[np.maximum(rest, 0)]
         return np.asarray(np.where(rest >= 0, scale * self.exponent ** np.maximum(rest, 0), 0.0))
-
-    def serve(self, other: Sources) -> bool:
-        """Whether responses that were written down for these sources hold for others, on other pieces."""
-        same = (
-            np.array_equal(self.exponent, other.exponent) and np.array_equal(self.power, other.power)
-            and np.array_equal(self.channel, other.channel)
-        )  # fmt: skip
-        if not same:
-            return False
-        longer, rising = other.longest_piece / self.longest_piece, self.power > 0
-        return bool(np.all(longer <= LONGER) and np.all((other.limit <= FASTER * self.limit * longer)[rising]))
 
     @cached_property
     def group_last(self) -> Ints:

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.contacts.contacts import Contacts
-from beamsim.flow.contact_state import ContactModes, ContactState
+from beamsim.flow.contact_state import ContactState
 from beamsim.flow.kernels import Tables
+from beamsim.flow.sources import Sources
 from beamsim.system.state_equations import StateEquations
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Floats, Ints
 
 ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
 EPS = 1e-15  # round-off of a state and of what makes up its rate
@@ -109,18 +110,19 @@ class StateTables:
     def equations(self, phases: Ints) -> StateEquations | None:
         """The equations of a state, None where it is not built; that they were asked for does not count."""
         index = self._index.get(phases.tobytes())
-        return None if index is None else self.states[index].modes.equations
+        return None if index is None else self.states[index].equations
 
-    def nearest(self, phases: Ints) -> ContactModes | None:
+    def nearest(self, phases: Ints) -> ContactState | None:
         """A state that differs in fewest contacts, None where there is none yet."""
         if not self.states:
             return None
         differing = np.count_nonzero(self._arrays["phase"][: len(self.states)] != phases, axis=1)
-        return self.states[int(np.argmin(differing))].modes
+        return self.states[int(np.argmin(differing))]
 
     def following(self, state: int, guard: int) -> Ints:
-        """Phases after the event of a guard."""
-        events = self.states[state].modes.equations.events
+        """Phases after the event of a guard of a state, which counts as used."""
+        self.use(np.array([state]))
+        events = self.states[state].equations.events
         return self.contacts.after(self.states[state].phases, int(events.contact[guard]), int(events.next[guard]))
 
     def use(self, states: Ints) -> None:
@@ -135,20 +137,10 @@ class StateTables:
         self._used.update(states.tolist())
         return np.array(self._visit, dtype=np.int64)[states]
 
-    def append(self, state: ContactState, watch: Complexes, roughness: Floats) -> int:
-        """Add a state; its number may be that of one that is dropped for it.
-
-        Parameters
-        ----------
-        state : the state, whose equations have the functions that end it.
-        watch : (T, w) coefficients of these.
-        roughness : (T, g) round-off scale of the guards.
-
-        Returns
-        -------
-        index : of the state.
-        """
-        events, key = state.modes.equations.events, state.phases.tobytes()
+    def append(self, state: ContactState, sources: Sources) -> int:
+        """Add a state under given sources; its number may be that of one that is dropped for it."""
+        events, key = state.equations.events, state.phases.tobytes()
+        watch = state.coefficients(events.rows, sources)
         full = self.most is not None and len(self.states) >= self.most
         index = self._drop() if full else len(self.states)
         visit = self._visits.setdefault(key, len(self.visited))
@@ -169,7 +161,7 @@ class StateTables:
             "term_source": state.term_source,
             "term_vector": state.term_vector,
             "watch": watch,
-            "roughness": roughness,
+            "roughness": state.roughness(events.guards, watch[:, : events.count]),
             "horizon": np.array(state.horizon),
             "phase": state.phases,
             "n_guards": np.array(events.count),

@@ -8,7 +8,7 @@ import pytest
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension
-from beamsim.flow.contact_state import contact_modes, tabulated
+from beamsim.flow.contact_state import ContactState
 from beamsim.flow.exact import ExactFlow
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
@@ -33,7 +33,7 @@ def flow_of(system, duration=0.3) -> ExactFlow:
 
 def propagator(known, system, time):
     """The free response over a time, in the norm of the energy."""
-    modes, n = known.simple, system.size
+    modes, n = known.modes.simple, system.size
     scale = np.concatenate([np.sqrt(system.stiffness), np.ones(n + modes.right.shape[0] - 2 * n)])
     weight = np.where(modes.eigenvalue.imag > 0, 2.0, 1.0) * np.exp(modes.eigenvalue * time)
     return scale[:, None] * ((modes.right * weight) @ modes.left).real / scale
@@ -45,14 +45,14 @@ def test_long_chains_of_states_stay_as_exact_as_fresh_ones(law, seed):
     """60 random changes of contacts, one after the other."""
     system, rng = beam_like(law, seed=seed, load=2.0), np.random.default_rng(seed)
     flow, phases = flow_of(system), np.zeros(M, dtype=np.int64)
-    state = contact_modes(flow.equations.at(phases.copy()), flow.longest_window)
+    state = ContactState.of(flow.equations.at(phases.copy()), flow.sources, flow.longest_window)
     for _ in range(60):
         phases[rng.integers(M)] ^= 1
-        state = contact_modes(flow.equations.at(phases.copy()), flow.longest_window, state)
-    fresh = contact_modes(flow.equations.at(phases.copy()), flow.longest_window)
+        state = ContactState.of(flow.equations.at(phases.copy()), flow.sources, flow.longest_window, state)
+    fresh = ContactState.of(flow.equations.at(phases.copy()), flow.sources, flow.longest_window)
     for time in (0.0, 1e-4, 3e-3):
         assert np.abs(propagator(state, system, time) - propagator(fresh, system, time)).max() < 2e-11
-    one, other = (tabulated(each, flow.sources).term_vector[0] for each in (state, fresh))
+    one, other = (each.term_vector[0] for each in (state, fresh))
     np.testing.assert_allclose(one, other, atol=1e-11 * np.abs(other).max())
     assert np.abs(propagator(state, system, 0.0) - np.eye(propagator(state, system, 0.0).shape[0])).max() < 2e-12
 
@@ -65,8 +65,8 @@ def test_coupled_contacts_at_one_place():
     shape[2, 1::2] = 0.0
     system = replace(system, contacts=replace(system.contacts, shape=shape))
     flow = flow_of(system)
-    state = contact_modes(flow.equations.at(np.zeros(M, dtype=np.int64)), flow.longest_window)
+    state = ContactState.of(flow.equations.at(np.zeros(M, dtype=np.int64)), flow.sources, flow.longest_window)
     for phases in ([1, 0, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0], [1, 1, 1, 0, 0, 0], [0, 1, 1, 0, 0, 0]):
-        state = contact_modes(flow.equations.at(np.array(phases)), flow.longest_window, state)
-        fresh = contact_modes(flow.equations.at(np.array(phases)), flow.longest_window)
+        state = ContactState.of(flow.equations.at(np.array(phases)), flow.sources, flow.longest_window, state)
+        fresh = ContactState.of(flow.equations.at(np.array(phases)), flow.sources, flow.longest_window)
         assert np.abs(propagator(state, system, 1e-3) - propagator(fresh, system, 1e-3)).max() < 1e-11

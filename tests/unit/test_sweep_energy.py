@@ -9,7 +9,7 @@ import beamsim
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.analyses.sweep.cycles import CycleRecord
-from beamsim.flow.contact_state import ContactModes
+from beamsim.flow import contact_state
 from beamsim.outcomes import exit_code
 from beamsim.scenario import Scenario
 from beamsim.store.results import write_result
@@ -65,19 +65,19 @@ def test_a_sweep_that_ends_within_a_cycle_is_not_trusted_where_that_cycle_is_wro
     assert result.outcome.numbers["error"] == pytest.approx(1e-3, rel=1e-6)
 
 
-def wrong_response(modes, terms, sources):
+def wrong_response(terms, *state_and_sources):
     """Forced responses that are too large by 1e-5."""
-    ORIGINAL(modes, terms, sources)
+    ORIGINAL(terms, *state_and_sources)
     for key in terms.terms:
         terms.terms[key] = terms.terms[key] * (1 + 1e-5)
 
 
-ORIGINAL = ContactModes.respond
+ORIGINAL = contact_state.add_responses
 
 
 @pytest.mark.parametrize("sweep", [SWEPT, STEPPED], ids=["swept", "stepped"])
 def test_a_wrong_response_is_not_trusted(monkeypatch, sweep):
-    monkeypatch.setattr(ContactModes, "respond", wrong_response)
+    monkeypatch.setattr(contact_state, "add_responses", wrong_response)
     result = sweep_alone(case({}, sweep))
     assert result.outcome.code == "sweep_energy_not_balanced"
     assert 0.6 <= result.outcome.numbers["frequency"] <= 0.9
