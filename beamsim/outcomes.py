@@ -1,7 +1,7 @@
 """How computations end: a kind, a code, the numbers that belong to it, and a sentence, made where it happens.
 
 Every computation returns an `Outcome`. Programs compare its kind and its code and look up its numbers by name; nothing
-is parsed out of the text. An analysis asks between events, points and cases whether it is to end (`Stop`), and
+is parsed out of the text. An analysis asks between events, points and cases whether it is to end (`asked_to_stop`), and
 returns what it has. What a kind of outcome comes to, a limit, and the exit code are decided here alone (`STANDINGS`,
 `on_limit`, `exit_code`).
 
@@ -16,7 +16,7 @@ returns what it has. What a kind of outcome comes to, a limit, and the exit code
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import asdict, dataclass, field, replace
 from enum import IntEnum, StrEnum
@@ -38,17 +38,53 @@ class Interrupted(KeyboardInterrupt):
     """Raised by `check_stop`. Whoever catches it keeps what was computed before."""
 
 
-_REQUESTS: ContextVar[tuple[Stop, ...]] = ContextVar("requests", default=())
+class _Requests(NamedTuple):
+    """Who may ask the computation under way to end, and whether its unfinished part may be given up."""
+
+    stops: tuple[Stop, ...] = ()
+    at_once: bool = False
+
+
+_NOBODY = _Requests()
+_REQUESTS = ContextVar("requests", default=_NOBODY)
 
 
 @contextmanager
-def stopped_by(stop: Stop) -> Iterator[None]:
-    """Let `check_stop` end the block, wherever it is called, as soon as ``stop`` or that of a block around is true."""
-    outer = _REQUESTS.set((*_REQUESTS.get(), stop))
+def asked_by(stop: Stop, *, at_once: bool = False) -> Iterator[None]:
+    """Let ``stop`` ask what the block computes to end, besides those who ask the blocks around it.
+
+    Parameters
+    ----------
+    stop : true once it is time.
+    at_once : whether `check_stop` may end the block; else only what polls `asked_to_stop` does.
+    """
+    around = _REQUESTS.get()
+    outer = _REQUESTS.set(_Requests((*around.stops, stop), around.at_once or at_once))
     try:
         yield
     finally:
         _REQUESTS.reset(outer)
+
+
+def stopped_by(stop: Stop = never) -> AbstractContextManager[None]:
+    """Let `check_stop` end the block, wherever it is called, as soon as ``stop`` or that of a block around is true."""
+    return asked_by(stop, at_once=True)
+
+
+def asked_to_stop() -> bool:
+    """Whether the computation is asked to end: polled between points, which are kept.
+
+    >>> with asked_by(lambda: True):
+    ...     asked_to_stop()
+    True
+    """
+    return request_around()()
+
+
+def request_around() -> Stop:
+    """What asks the blocks around to end, for what takes a `Stop` of its own."""
+    stops = _REQUESTS.get().stops
+    return lambda: any(stop() for stop in stops)
 
 
 def check_stop() -> None:
@@ -57,7 +93,7 @@ def check_stop() -> None:
     Raises
     ------
     Interrupted
-        If a request of `stopped_by` is true.
+        If it is, within a block of `stopped_by`.
 
     >>> with stopped_by(never):
     ...     check_stop()
@@ -66,7 +102,7 @@ def check_stop() -> None:
     Traceback (most recent call last):
     beamsim.outcomes.Interrupted
     """
-    if any(stop() for stop in _REQUESTS.get()):
+    if _REQUESTS.get().at_once and asked_to_stop():
         raise Interrupted
 
 
@@ -81,15 +117,16 @@ def tell(progress: Progress, share: float) -> None:
         progress(share)
 
 
-def until(points: Iterable[Point], stop: Stop) -> Iterator[Point]:
-    """The points up to the first one after which ``stop`` is true.
+def until_asked(points: Iterable[Point]) -> Iterator[Point]:
+    """The points up to the first one after which the computation is asked to end.
 
-    >>> list(until("abc", lambda: True))
+    >>> with asked_by(lambda: True):
+    ...     list(until_asked("abc"))
     ['a']
     """
     for point in points:
         yield point
-        if stop():
+        if asked_to_stop():
             return
 
 

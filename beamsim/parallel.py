@@ -29,7 +29,7 @@ from multiprocessing import connection, current_process, get_context
 from typing import Any, Generic, TypeVar
 
 from beamsim.errors import BeamsimError, NotTrustedError, ScenarioError
-from beamsim.outcomes import Stop, never
+from beamsim.outcomes import asked_to_stop
 from beamsim.version import __version__, code_digest
 
 Item = TypeVar("Item")
@@ -64,19 +64,19 @@ class Computation(Generic[Item, Result]):
 
     Parameters
     ----------
-    make : of what says whether to end, the function of an item; sent to other processes, each of which calls it once.
+    make : makes the function of an item; sent to other processes, each of which calls it once.
     failed : the result of an item that failed twice, given the reason.
     """
 
-    make: Callable[[Stop], Callable[[Item], Result]]
+    make: Callable[[], Callable[[Item], Result]]
     failed: Callable[[Item, str], Result]
 
-    def function(self, stop: Stop) -> Callable[[Item], Result]:
+    def function(self) -> Callable[[Item], Result]:
         """The function of an item, which tries again once where it fails.
 
         Errors of beamsim itself are raised at once: they would come again.
         """
-        compute = self.make(stop)
+        compute = self.make()
 
         def attempted(item: Item, attempt: int = 1) -> Result:
             try:
@@ -137,9 +137,7 @@ class Workers(ABC):
     def replace(self, worker: Hashable) -> None:
         """Start another worker in place of one that ended, where this process starts them."""
 
-    def completed(
-        self, computation: Computation[Item, Result], items: Iterable[Item], stop: Stop = never
-    ) -> Iterator[Result]:
+    def completed(self, computation: Computation[Item, Result], items: Iterable[Item]) -> Iterator[Result]:
         """Yield the result of every item, in the order of completion.
 
         An item whose worker ends is sent once more, alone, to a worker that then computes nothing else: which of
@@ -149,7 +147,6 @@ class Workers(ABC):
         ----------
         computation : of the items.
         items : to be computed; each is taken when a worker is free.
-        stop : asked whether to end; what is under way is then not yielded.
 
         Yields
         ------
@@ -165,7 +162,7 @@ class Workers(ABC):
         function = partial(_there, pickle.dumps(computation))
         unsent, again = (_Task(item) for item in items), deque[_Task[Item]]()
         under_way: dict[Future[Result], _Task[Item]] = {}
-        while not stop():
+        while not asked_to_stop():
             if not under_way and not again:  # whether anything is left does not depend on workers
                 again.extend(islice(unsent, 1))
                 if not again:
@@ -185,7 +182,7 @@ class Workers(ABC):
                 try:
                     result = self._result(future)
                 except WorkerDiedError:
-                    if stop():  # a signal to all processes of a group, of which the workers die
+                    if asked_to_stop():  # a signal to all processes of a group, of which the workers die
                         return
                     self.replace(task.worker)
                     if task.attempt < MOST_ATTEMPTS:
@@ -215,7 +212,7 @@ def _next_tasks(
 
 @contextmanager
 def working(
-    computation: Computation[Item, Result], most: int, stop: Stop = never, *,
+    computation: Computation[Item, Result], most: int, *,
     workers: int = 1, scheduler: str | Cluster | None = None,
 ) -> Iterator[Callable[[Iterable[Item]], Iterator[Result]]]:  # fmt: skip
     """Who computes items for all of a block: this process, several others, or a cluster.
@@ -227,7 +224,6 @@ def working(
     ----------
     computation : of the items.
     most : items at once; there are no more workers.
-    stop : asked whether to end; what other processes are computing is then not yielded.
     workers : their number; one is this process.
     scheduler : Dask scheduler whose workers are used instead, or its address.
 
@@ -244,12 +240,12 @@ def working(
         raise ScenarioError.at("workers", f"= {workers} is no number of workers", "give 1 or more, or leave it out")
     count = max(1, min(workers, most))
     if scheduler is None and count == 1:
-        function = computation.function(stop)
-        yield lambda items: map(function, takewhile(lambda _: not stop(), items))
+        function = computation.function()
+        yield lambda items: map(function, takewhile(lambda _: not asked_to_stop(), items))
         return
     cluster = Cluster(scheduler) if isinstance(scheduler, str) else scheduler
     with processes(count) if cluster is None else cluster_workers(cluster) as there:
-        yield partial(there.completed, computation, stop=stop)
+        yield partial(there.completed, computation)
 
 
 class _Received(threading.local):
@@ -265,7 +261,7 @@ _RECEIVED = _Received()
 def _there(sent: bytes, item: Any) -> Any:
     """Compute an item in another process, which keeps what the function has built for other items."""
     if _RECEIVED.sent != sent:
-        _RECEIVED.function, _RECEIVED.sent = pickle.loads(sent).function(never), sent
+        _RECEIVED.function, _RECEIVED.sent = pickle.loads(sent).function(), sent
     return _RECEIVED.function(item)
 
 

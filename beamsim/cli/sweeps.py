@@ -22,7 +22,7 @@ from beamsim.cli.progress import Progress, progress_of
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
 from beamsim.files import check_writable, partial_file, replacing
 from beamsim.kinds import KINDS
-from beamsim.outcomes import COMPLETE, exit_code
+from beamsim.outcomes import COMPLETE, asked_by, exit_code
 from beamsim.parallel import Cluster, default_workers
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import plain
@@ -205,7 +205,8 @@ def sweep_designs(scenario: Scenario, target: Path, given: Given, **options: Any
         with _naming_kept(journal, f" of {cases} cases", interrupted):
             with progress_of(f"{cases} cases", shown=not given.quiet) as progress:
                 by = _workers(progress, **options)
-                result, written = stored_study(plan, journal, target, progress=progress, stop=interrupted, **by)
+                with asked_by(interrupted):
+                    result, written = stored_study(plan, journal, target, progress=progress, **by)
             if not result.finished:
                 raise KeyboardInterrupt
         conclude("designs", result, written, given, interrupted, _best_design(result, written) if plan.searches else ())

@@ -45,7 +45,15 @@ from beamsim.orbits.continuation import (
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit, linear_guess
 from beamsim.orbits.special_points import special_points, switch_at_branch_point, switch_at_period_doubling
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, both_directions, never, until
+from beamsim.outcomes import (
+    Outcome,
+    OutcomeKind,
+    Progress,
+    Where,
+    asked_to_stop,
+    both_directions,
+    until_asked,
+)
 from beamsim.typing import Floats
 
 RAISED = (3.0, 10.0, 30.0)  # levels at which a motion with contact is looked for, over that of the curve
@@ -154,7 +162,6 @@ class Budget:
 
     points: int
     seconds: float
-    stop: Stop = never
     branch_points: int = 2000  # of one branch
     side_points: int = 300  # of one that leaves another branch
     branches: int = 40
@@ -165,7 +172,7 @@ class Budget:
 
     def spent(self) -> Outcome | None:
         """Why no more work is allowed; None while it is."""
-        if self.stop():
+        if asked_to_stop():
             return INTERRUPTED
         if self.points <= self.used:
             return limited(too_many_points(self.used), "sweep.most_points")
@@ -357,9 +364,9 @@ def coexisting_branches(
     """
     branches: list[OrbitBranch] = []
     for value in values:
-        if budget.stop():
+        if asked_to_stop():
             return branches
-        for start in until(tracer.sought(value), budget.stop):
+        for start in until_asked(tracer.sought(value)):
             if not budget.allows_another(len(known) + len(branches)):
                 return branches
             if start is None or coincides(start, [*known, *branches]):
@@ -456,7 +463,7 @@ def walk(
     special: list[SpecialPoint] = []
     failed: list[FailedSearch] = []
     outcome = None
-    for point in until(branch, budget.stop):
+    for point in until_asked(branch):
         if points and np.array_equal(point.u, points[-1].u):  # it begins on the end of its reach
             continue
         outcome = ends(point)

@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, reached_end
 from beamsim.orbits.continuation import BranchStep, Settings
-from beamsim.outcomes import Stop, never
+from beamsim.outcomes import asked_to_stop
 
 ROUND_OFF = 1e-12  # relative: a point so near to a value has it
 SHARE = 1e-4  # of a step, to which a maximum is located: its height is then good to the square of this
@@ -129,7 +129,6 @@ def with_maxima(
     branch: OrbitBranch,
     measure: Callable[[BranchPoint], Motion],
     quantities: Iterable[ReportedMaximum[Motion]],
-    stop: Stop = never,
 ) -> tuple[OrbitBranch, list[Motion]]:
     """The branch with a point at the largest value of each quantity, and all points measured.
 
@@ -138,7 +137,6 @@ def with_maxima(
     branch : of shooting or balance.
     measure : a motion by its point.
     quantities : whose maxima are located.
-    stop : asked before each quantity; once it says so, no more maxima are located.
 
     Returns
     -------
@@ -147,7 +145,7 @@ def with_maxima(
     """
     points, measured = list(branch.points), [measure(point) for point in branch.points]
     for quantity in quantities:
-        if stop():
+        if asked_to_stop():
             break
         values = [
             quantity.of(m) if not quantity.stable_only or branch.problem.orbit(p).stable else -np.inf

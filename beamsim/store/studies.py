@@ -24,7 +24,7 @@ from beamsim.analyses.designs.result import CaseOutcome, DesignsResult
 from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import Content, check_writable, destination, move_aside
 from beamsim.input_files import demand_memory, open_to_append
-from beamsim.outcomes import Outcome, Stop, never
+from beamsim.outcomes import Outcome
 from beamsim.parallel import Cluster
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import counted
@@ -44,7 +44,6 @@ def stored_study(
     workers: int = 1,
     scheduler: str | Cluster | None = None,
     progress: Callable[[float], None] | None = None,
-    stop: Stop = never,
 ) -> tuple[DesignsResult, Path]:
     """Solve the cases that a journal lacks, each kept in it, and write their table to a file.
 
@@ -56,7 +55,7 @@ def stored_study(
     plan : checked by `check_cases`.
     journal : of this study.
     target : the result file.
-    workers, scheduler, progress, stop : as of `design_study`.
+    workers, scheduler, progress : as of `design_study`.
 
     Returns
     -------
@@ -89,8 +88,7 @@ def stored_study(
 
     try:
         result = design_study(
-            plan, workers=workers, scheduler=scheduler, known=journal.kept, each=each, progress=progress,
-            stop=stop,
+            plan, workers=workers, scheduler=scheduler, known=journal.kept, each=each, progress=progress
         )  # fmt: skip
     except BaseException:
         if journal.added:

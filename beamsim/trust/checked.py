@@ -13,7 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from beamsim.flow.compiled import processor_time
-from beamsim.outcomes import Progress, Stop, never, part_of
+from beamsim.outcomes import Progress, Stop, asked_by, asked_to_stop, never, part_of
 from beamsim.responses.gapping import finite
 from beamsim.results.values import largest_along
 from beamsim.trust.convergence import (
@@ -79,12 +79,13 @@ def sweep(
     asked = scenario.sweep is not None and scenario.sweep.convergence != "off"
 
     def first(done: Progress) -> SweepResult:
-        result = compute(scenario, done, stop=stop, save=save, resume=resume)
+        result = compute(scenario, done, save=save, resume=resume)
         if save is not None and asked and not result.outcome.cut_short:
             save(result)
         return result
 
-    return _checked(first, partial(compute, stop=stop), asked, _of_sweep, progress, stop)
+    with asked_by(stop):
+        return _checked(first, compute, asked, _of_sweep, progress)
 
 
 def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> ContinuationResult:
@@ -112,8 +113,8 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     from beamsim.analyses.continuation.analysis import continuation as compute
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
-    again = partial(compute, stop=stop)
-    return _checked(partial(again, scenario), again, asked, _of_continuation, progress, stop)
+    with asked_by(stop):
+        return _checked(partial(compute, scenario), compute, asked, _of_continuation, progress)
 
 
 def coexisting(
@@ -143,8 +144,9 @@ def coexisting(
     from beamsim.analyses.coexisting.analysis import coexisting as compute
 
     asked = scenario.sweep is not None and scenario.sweep.convergence == "on"
-    again = partial(compute, stop=stop, workers=workers, scheduler=scheduler)
-    return _checked(partial(again, scenario, **kept), again, asked, _of_continuation, progress, stop)
+    again = partial(compute, workers=workers, scheduler=scheduler)
+    with asked_by(stop):
+        return _checked(partial(again, scenario, **kept), again, asked, _of_continuation, progress)
 
 
 def nnm(
@@ -172,8 +174,8 @@ def nnm(
     from beamsim.analyses.nnm.analysis import nnm as compute
 
     asked = scenario.nnm is not None and scenario.nnm.convergence == "on"
-    again = partial(compute, stop=stop)
-    return _checked(partial(again, scenario, compare=compare), again, asked, _of_mode, progress, stop)
+    with asked_by(stop):
+        return _checked(partial(compute, scenario, compare=compare), compute, asked, _of_mode, progress)
 
 
 def _checked(
@@ -182,7 +184,6 @@ def _checked(
     asked: bool,
     values: Callable[[_Result], Values],
     progress: Progress,
-    stop: Stop,
 ) -> _Result:
     """A result with its comparison, where it is asked for and nothing is missing of the result.
 
@@ -193,7 +194,6 @@ def _checked(
     asked : whether the comparison is asked for.
     values : of a result, which are compared.
     progress : called with the fraction of both that is done.
-    stop : asked whether to end.
     """
     share = 0.4 if asked else 1.0  # of the progress
     result = first(part_of(progress, 0.0, share))
@@ -201,11 +201,11 @@ def _checked(
         return with_convergence(result, Convergence(reason=NOT_ASKED))
     if result.outcome.cut_short:
         return result
-    if stop():
+    if asked_to_stop():
         return result.interrupted(COMPARISON)
     begin, wall, own = processor_time(), clock.perf_counter(), values(result)
-    checked = _convergence(values, own, result, lambda case: again(case, part_of(progress, share, 1.0)), stop)
-    if stop():
+    checked = _convergence(values, own, result, lambda case: again(case, part_of(progress, share, 1.0)))
+    if asked_to_stop():
         return result.interrupted(COMPARISON)
     checked = replace(checked, processor_time_s=processor_time() - begin)
     result = with_convergence(result, checked, own)
@@ -217,13 +217,12 @@ def _convergence(
     own: Values,
     result: _Result,
     solve: Callable[[Scenario], _Result],
-    stop: Stop,
 ) -> Convergence:
     """The changes of a result's own values with a finer model."""
     modes = result.modes.kept_modes
     if keeps_all(result.scenario, modes):
         return Convergence(unchanged(own))
-    second = solved_again(solve, result.scenario, modes, stop)
+    second = solved_again(solve, result.scenario, modes)
     if isinstance(second, Convergence):
         return second
     if not second.outcome.trusted:

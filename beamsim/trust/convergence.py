@@ -291,9 +291,7 @@ def finer(scenario: Scenario, modes: int) -> Scenario:
     return scenario.refined(math.ceil(MORE_MODES * modes))
 
 
-def solved_again(
-    solve: Callable[[Scenario], _Solved], scenario: Scenario, modes: int, stop: Callable[[], bool]
-) -> _Solved | Convergence:
+def solved_again(solve: Callable[[Scenario], _Solved], scenario: Scenario, modes: int) -> _Solved | Convergence:
     """The solution of a finer model, or why there is none.
 
     Parameters
@@ -301,17 +299,15 @@ def solved_again(
     solve : solves a case.
     scenario : the case whose model has so many modes.
     modes : of that model.
-    stop : asked after it whether it was interrupted.
 
     Returns
     -------
-    What ``solve`` returns; a `Convergence` with the reason where the finer model is no valid case, or was interrupted.
+    What ``solve`` returns; a `Convergence` with the reason where the finer model is no valid case.
     """
     try:
-        second = solve(finer(scenario, modes))
+        return solve(finer(scenario, modes))
     except ScenarioError as error:
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
-    return Convergence(reason="interrupted") if stop() else second
 
 
 def with_convergence(result: _Result, checked: Convergence, values: Values | None = None) -> _Result:

@@ -240,7 +240,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds) -> Convergence:
     elif isinstance(settings.start, OrbitStart):
         reason = "the run starts from a state of this model, which a finer one does not share"
         checked = _disturbed_alone(Convergence(reason=reason), first, derived)
-    elif isinstance(second := solved_again(solve, scenario, modes, never), Convergence):
+    elif isinstance(second := solved_again(solve, scenario, modes), Convergence):
         checked = second
     else:
         checked = _compared_models(first, second, derived)

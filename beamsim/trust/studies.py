@@ -25,7 +25,7 @@ from beamsim.analyses.designs.search import search
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import BeamsimError, allowing_hours
-from beamsim.outcomes import Outcome, Stop, never, tell
+from beamsim.outcomes import Outcome, Progress, Stop, asked_by, asked_to_stop, never, request_around, tell
 from beamsim.parallel import Cluster, Computation, most_processors, working
 from beamsim.results.result import CONVERGENCE
 from beamsim.results.values import BY_NAME, limited
@@ -38,8 +38,7 @@ from beamsim.trust.runs import run
 
 
 def solve_case(
-    scenario: Scenario, analysis: str, *, entries: Collection[str] | None = None, shared: SharedBuilds | None = None,
-    stop: Stop = never,
+    scenario: Scenario, analysis: str, *, entries: Collection[str] | None = None, shared: SharedBuilds | None = None
 ) -> RunResult | SweepResult | ContinuationResult:  # fmt: skip
     """Solve a case and judge it, as `beamsim run` and `beamsim sweep` do.
 
@@ -49,7 +48,6 @@ def solve_case(
     analysis : one of `beamsim.analyses.designs.plan.ANALYSES`.
     entries : of the summary of a run that are needed, by default all; outcome, warnings and margins are the same.
     shared : keeps what cases have in common.
-    stop : asked whether to end.
 
     Returns
     -------
@@ -62,16 +60,15 @@ def solve_case(
     """
     with allowing_hours(math.inf):  # the study was estimated as a whole, and workers are not told what is allowed
         if analysis == "run":
-            return run(scenario, stop=stop, entries=entries, shared=shared)
-        return (continuation if analysis == "continuation" else sweep)(scenario, stop=stop)
+            return run(scenario, stop=request_around(), entries=entries, shared=shared)
+        return (continuation if analysis == "continuation" else sweep)(scenario)
 
 
 class CaseSolver:
     """Solves the cases of one study; what they share is built once."""
 
-    def __init__(self, study: Study, stop: Stop = never) -> None:
+    def __init__(self, study: Study) -> None:
         self.study = study
-        self.stop = stop
         self.shared = SharedBuilds()
 
     def __call__(self, case: Case) -> CaseOutcome:
@@ -87,7 +84,7 @@ class CaseSolver:
         """Responses, outcome, margins and warnings of a case."""
         scenario, asked, analysis = self.study.scenario(case), self.study.asked, self.study.analysis
         entries = entries_of(asked, scenario) if analysis == "run" else None
-        result = solve_case(scenario, analysis, entries=entries, shared=self.shared, stop=self.stop)
+        result = solve_case(scenario, analysis, entries=entries, shared=self.shared)
         values = {} if result.outcome.ended_early else responses_of_result(result)
         if asked:
             values = {name: x for name, x in values.items() if any(means(each, name) for each in asked)}
@@ -155,57 +152,57 @@ def design_study(
     else:
         plan = plan_designs(scenario)
         check_cases(plan)
-    ended: Outcome | None = None
-    histories: Exceedance | None = None
-    count = plan.study.realisations.count
-    known, total = tuple(known), plan.most * count
+    known, total = tuple(known), plan.most * plan.study.realisations.count
     solved_before = len({outcome.index for outcome in known})
     least_time_of_study(plan, solved_before).demand_allowed(most_processors(workers, scheduler))
-    estimated = plan.kind == "reliability"  # how many cases it needs follows from those that are solved
+    # how many cases a study of reliability needs follows from those that are solved
+    of_cases = None if plan.kind == "reliability" else progress
+    tell(of_cases, solved_before / total)
 
     def solved(outcome: CaseOutcome) -> None:
         if each is not None:
             each(outcome)
-        tell(None if estimated else progress, len(evaluate.outcomes) / total)
+        tell(of_cases, len(evaluate.outcomes) / total)
 
-    tell(None if estimated else progress, solved_before / total)
     computation = Computation(partial(CaseSolver, plan.study), failed_case)
-    solving = working(computation, total, stop, workers=workers, scheduler=scheduler)
-    all_compared = plan.convergence == "on"
-    with Evaluator(
-        solving, most=plan.most, realisations=count, compared=all_compared, known=known, each=solved
-    ) as evaluate:
-        with suppress(Ended):
-            if plan.kind == "reliability":
-                histories = asked(plan, evaluate, progress)
-            elif plan.searches:
-                ended = search(plan, evaluate)
-            else:
-                evaluate([case.values for case in plan.cases if not case.realisation])
-        if evaluate.ended != "interrupted" and plan.convergence is None:
-            while chosen := worth_comparing(plan, evaluate.outcomes):
-                evaluate.compare(chosen)
-    ended = unsettled(plan.most) if evaluate.ended == "most_cases" else ended
-    result = gather(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
-    interrupted = evaluate.ended == "interrupted"
-    if histories is not None and not interrupted:
-        result = concluded(result, histories)
-    if interrupted and result.finished:
-        return result.interrupted(COMPARISON)
-    return result if interrupted else _with_runs(result, stop)
+    with asked_by(stop):
+        with Evaluator(
+            working(computation, total, workers=workers, scheduler=scheduler), most=plan.most,
+            realisations=plan.study.realisations.count, compared=plan.convergence == "on", known=known, each=solved,
+        ) as evaluate:  # fmt: skip
+            ended, histories = _evaluated(plan, evaluate, progress)
+        result = gather(plan, evaluate.outcomes, clock.perf_counter() - begin, ended)
+        if evaluate.ended == "interrupted":
+            return result.interrupted(COMPARISON) if result.finished else result
+        return _with_runs(result if histories is None else concluded(result, histories))
 
 
-def _with_runs(result: DesignsResult, stop: Stop) -> DesignsResult:
+def _evaluated(plan: DesignPlan, evaluate: Evaluator, progress: Progress) -> tuple[Outcome | None, Exceedance | None]:
+    """Solve the cases of a plan and compare those that decide: why a search ended, and what histories say."""
+    ended: Outcome | None = None
+    histories: Exceedance | None = None
+    with suppress(Ended):
+        if plan.kind == "reliability":
+            histories = asked(plan, evaluate, progress)
+        elif plan.searches:
+            ended = search(plan, evaluate)
+        else:
+            evaluate([case.values for case in plan.cases if not case.realisation])
+    if evaluate.ended != "interrupted" and plan.convergence is None:
+        while chosen := worth_comparing(plan, evaluate.outcomes):
+            evaluate.compare(chosen)
+    return (unsettled(plan.most) if evaluate.ended == "most_cases" else ended), histories
+
+
+def _with_runs(result: DesignsResult) -> DesignsResult:
     """A search with what the runs of its best design and of the scenario as it is show; any other study as it is."""
     if result.kind != "optimise" or not result.finished or "best" not in result.summary:
         return result
     chosen = {"best": result.summary["best"][0], "as_it_is": result.summary.get("as_it_is")}
     runs = {
-        name: solve_case(design(result, case), result.analysis, stop=stop)
-        for name, case in chosen.items()
-        if case is not None
+        name: solve_case(design(result, case), result.analysis) for name, case in chosen.items() if case is not None
     }
-    if stop():
+    if asked_to_stop():
         return result.interrupted("the run of the best design")
     best = runs["best"]
     said: dict[str, Any] = {entry.name: best.summary[entry.name] for entry in CONVERGENCE if entry.name in best.summary}

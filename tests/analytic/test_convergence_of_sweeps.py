@@ -9,6 +9,7 @@ import beamsim
 from beamsim.analyses.run.result import ALLOWED_CHANGE
 from beamsim.analyses.sweep.analysis import sweep as unchecked
 from beamsim.cli.tables import table_rows
+from beamsim.outcomes import asked_by
 from beamsim.scenario import load_scenario
 
 BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.05}}
@@ -92,7 +93,8 @@ def test_a_comparison_can_be_left_out_and_interrupted():
     whole = beamsim.sweep(case(3), stop=lambda: next(asked) < 0)
     first = next(asked)
     of_first_model = count()
-    unchecked(case(3), stop=lambda: next(of_first_model) < 0)
+    with asked_by(lambda: next(of_first_model) < 0):
+        unchecked(case(3))
     ended = next(of_first_model)
     assert ended < first
     again = count()

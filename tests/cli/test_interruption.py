@@ -16,7 +16,7 @@ import beamsim
 from beamsim.analyses.nnm.analysis import nnm
 from beamsim.cli.failures import STOPPING, interruptible
 from beamsim.measurements.channels import read_tests
-from beamsim.outcomes import COMPLETE, exit_code
+from beamsim.outcomes import COMPLETE, asked_by, exit_code
 from beamsim.scenario import load_scenario
 from beamsim.store import results as result_files
 from beamsim.store.results import open_result
@@ -51,7 +51,8 @@ def mode():
 @pytest.mark.parametrize("points", slow_after(1, [1, 20]))
 def test_a_mode_keeps_the_points_it_has(mode, points):
     request = After(points)
-    part = nnm(load_scenario(MODE), request, stop=request.stop)
+    with asked_by(request.stop):
+        part = nnm(load_scenario(MODE), request)
     assert mode.complete  # the twin that is not stopped
     assert part.status == f"interrupted at stiffness factor {part.backbone.parameter[-1]:.6g}"
     assert part.summary["status"] == part.status

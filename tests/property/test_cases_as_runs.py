@@ -9,6 +9,7 @@ from shipped import PATHS, shipped
 import beamsim
 from beamsim.analyses.designs.plan import plan_draws
 from beamsim.analyses.designs.responses import responses_of_result
+from beamsim.outcomes import asked_by
 from beamsim.scenario.parameters import find_parameters, value_at
 from beamsim.store.studies import journal_path, opened_journal, stored_study
 from beamsim.trust.studies import design_study
@@ -204,7 +205,8 @@ def test_an_interruption_amid_the_comparison_changes_nothing(tmp_path):
     with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:
         journal_add = journal.add
         journal.add = lambda outcome: (seen.append(outcome), journal_add(outcome))
-        part, _ = stored_study(plan, journal, target, stop=lambda: len(seen) > 5)
+        with asked_by(lambda: len(seen) > 5):
+            part, _ = stored_study(plan, journal, target)
     assert part.outcome.interrupted
     assert part.status.startswith("interrupted during the comparison with a finer model")
     with opened_journal(journal_path(target), plan.fingerprint, resume=True) as journal:

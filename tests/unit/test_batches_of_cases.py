@@ -7,6 +7,7 @@ import pytest
 import beamsim
 from beamsim.analyses.designs.cases import Evaluator, failed_case
 from beamsim.analyses.designs.plan import plan_draws
+from beamsim.outcomes import asked_by
 from beamsim.parallel import Computation, working
 from beamsim.scenario import load_scenario
 from beamsim.trust.studies import CaseSolver
@@ -68,7 +69,7 @@ def test_the_block_ends_after_the_cases_that_are_allowed_and_after_a_stop(solver
         evaluate(GAPS)
         pytest.fail("went on")
     assert (evaluate.ended, sorted(evaluate.outcomes)) == ("most_cases", [0, 1, 2])
-    with Evaluator(working(solver, 9, lambda: len(solved) > 4), most=9) as evaluate:
+    with asked_by(lambda: len(solved) > 4), Evaluator(working(solver, 9), most=9) as evaluate:
         evaluate(GAPS[:1])
         evaluate(GAPS[1:])
         pytest.fail("went on")

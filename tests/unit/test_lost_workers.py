@@ -7,7 +7,6 @@ from functools import partial
 import pytest
 
 from beamsim.errors import ScenarioError
-from beamsim.outcomes import never
 from beamsim.parallel import Computation, working
 
 
@@ -17,7 +16,7 @@ class Failing:
     def __init__(self, folder, how, times=100):
         self.folder, self.how, self.times = folder, how, times
 
-    def __call__(self, stop):
+    def __call__(self):
         return self.square
 
     def square(self, number):
@@ -60,7 +59,7 @@ WAYS = [
 
 
 def results(folder, how, times=100, **who):
-    with working(Computation(Failing(folder, how, times), failed), 20, never, **who) as solved:
+    with working(Computation(Failing(folder, how, times), failed), 20, **who) as solved:
         found = list(solved(range(20)))
     recorded = [each for each in found if isinstance(each, tuple)]
     assert sorted(each for each in found if each not in recorded) == [

@@ -33,7 +33,7 @@ from beamsim.orbits.continuation import solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.steady import largest_exponent, settle, stepper_on, velocity_weights
 from beamsim.orbits.tracing import SETTINGS, Budget, Tracer, coincides, follow, joined, side_branches
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, together
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, asked_to_stop, interruption, together
 from beamsim.parallel import Cluster, Computation, working
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import Wanted, with_points_at
@@ -91,7 +91,7 @@ _Order = Sequence[tuple[int, _Motion]]  # each with its number at its frequency
 
 
 def coexisting(
-    scenario: Scenario, progress: Progress = None, stop: Stop = never, *, workers: int = 1,
+    scenario: Scenario, progress: Progress = None, *, workers: int = 1,
     scheduler: str | Cluster | None = None, known: Iterable[CaseOutcome] = (),
     each: Callable[[CaseOutcome], None] | None = None,
 ) -> CoexistingResult:  # fmt: skip
@@ -103,7 +103,6 @@ def coexisting(
     ----------
     scenario : with a ``sweep`` section of kind coexisting and a harmonic excitation.
     progress : called with the fraction done.
-    stop : asked between starts and points of branches; the result then holds the starts up to there.
     workers, scheduler : that share starts and disturbances, as of `beamsim.trust.studies.design_study`.
     known : outcomes of starts and disturbances of an earlier call that was interrupted.
     each : called with every new one, in the order of completion.
@@ -122,8 +121,8 @@ def coexisting(
         If none is found, or the connection to the cluster is lost.
     """
     begin, processor = clock.perf_counter(), processor_time()
-    marches = Marches(scenario, stop)
-    hz, rows, budget = marches.settings.frequencies, marches.drawn(), Budget(4000, 300.0, stop)
+    marches = Marches(scenario)
+    hz, rows, budget = marches.settings.frequencies, marches.drawn(), Budget(4000, 300.0)
     starts = [(f, 0, *row) for f in hz for row in rows.tolist()]
 
     def solved(outcome: CaseOutcome) -> None:
@@ -133,7 +132,7 @@ def coexisting(
             progress(0.6 * len(evaluate.outcomes) / len(starts))  # the rest is for what follows
 
     solving = working(
-        Computation(partial(Marches, scenario), failed_case), sys.maxsize, stop, workers=workers, scheduler=scheduler
+        Computation(partial(Marches, scenario), failed_case), sys.maxsize, workers=workers, scheduler=scheduler
     )
     with Evaluator(solving, most=sys.maxsize, known=known, each=solved) as evaluate:
         with suppress(Ended):
@@ -144,11 +143,11 @@ def coexisting(
                 continue
             ends[hz[index // len(rows)]][index % len(rows)] = Destination.of(outcome)
         motions = {f: _attracting(marches, f, of) for f, of in ends.items()}
-        if marches.settings.unstable and not stop():
+        if marches.settings.unstable and not asked_to_stop():
             _add_unstable(marches, motions, budget)
         order = [each for of in motions.values() for each in enumerate(sorted(of, key=_Motion.importance), 1)]
         if not order:
-            if stop():
+            if asked_to_stop():
                 raise KeyboardInterrupt
             raise NotTrustedError("no start has settled, and no periodic motion was found; raise sweep.most_cycles")
         result = _gathered(marches, order, rows, ends)
@@ -300,7 +299,7 @@ def _outcome(marches: Marches, result: CoexistingResult, budget: Budget, failed:
         sentence = f"{of} could not be computed; the first: {failed[0].outcome.text}"
         remarks.append(Outcome.of(OutcomeKind.INCOMPLETE, "cases_failed", sentence))
     outcome = together(remarks)
-    if marches.stop():
+    if asked_to_stop():
         outcome = interruption(f"with {int(np.sum(result.cycles == 0))} starts left", *outcome.unless_complete)
     return reduction_checked(balanced(outcome, result.branches, "Hz"), marches.scenario, result.modes)
 
@@ -349,11 +348,9 @@ class Marches:
     Parameters
     ----------
     scenario : with a ``sweep`` section of kind coexisting.
-    stop : asked within a case.
     """
 
     scenario: Scenario
-    stop: Stop = never
 
     @property
     def settings(self) -> Coexisting:
@@ -399,7 +396,7 @@ class Marches:
         else:
             end = self._from_row(flow, np.array(values, dtype=float))
             found = end._asdict() | {"state": end.state.tolist()}
-        outcome = interruption("before it was known") if self.stop() else COMPLETE
+        outcome = interruption("before it was known") if asked_to_stop() else COMPLETE
         return CaseOutcome(case.number, found, outcome, clock.thread_time() - begin, given=case.values)
 
     def _from_row(self, flow: PeriodicFlow, row: Floats) -> Destination:
@@ -437,7 +434,7 @@ class Marches:
         """The state where a sweep ends whose frequency stays for a cycle each; the phase goes on between them."""
         last = flow.omega / (2.0 * np.pi)
         sign = 1.0 if last > hz else -1.0
-        while sign * (last - hz) > 0.0 and not self.stop():
+        while sign * (last - hz) > 0.0 and not asked_to_stop():
             stepper, motion = stepper_on(flow.under(2.0 * np.pi * hz), y)
             y = stepper.carry(motion, 1)[0]
             change = sign * starts.rate.value / hz
@@ -487,7 +484,7 @@ class Marches:
             for t, z in states:
                 for size in (amplitude, -amplitude):
                     end = self.destination(flow, z + size * change, t, named=False)
-                    if not self.stop() and not known.holds(end, NEAR * self.settings.steady_to):
+                    if not asked_to_stop() and not known.holds(end, NEAR * self.settings.steady_to):
                         yield size, t
 
         amplitudes = (disturbance.to * FINER ** np.arange(1.0 - LEVELS, 1.0)).tolist()
@@ -495,7 +492,7 @@ class Marches:
             ((low, first) for low, high in pairwise([0.0, *amplitudes]) for first in leaving(high)),
             (0.0, (np.nan, np.nan)),
         )
-        while abs(found[0]) - low > SHARP * abs(found[0]) and not self.stop():
+        while abs(found[0]) - low > SHARP * abs(found[0]) and not asked_to_stop():
             middle = 0.5 * (low + abs(found[0]))
             first = next(leaving(middle), None)
             low, found = (middle, found) if first is None else (low, first)

@@ -38,7 +38,16 @@ from beamsim.orbits.tracing import (
     side_branches,
     trace_range,
 )
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, part_of
+from beamsim.outcomes import (
+    COMPLETE,
+    Outcome,
+    OutcomeKind,
+    Progress,
+    Where,
+    asked_to_stop,
+    interruption,
+    part_of,
+)
 from beamsim.responses.parameters import ResponseModel, response_model
 from beamsim.responses.points import ReportedMaximum, Wanted, cut, with_maxima, with_points_at
 from beamsim.results.branch import (
@@ -74,14 +83,13 @@ WITHOUT_CERTIFICATE = (
 )
 
 
-def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> ContinuationResult:
+def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationResult:
     """Follow the periodic motions of a scenario through its parameter, at all its levels.
 
     Parameters
     ----------
     scenario : with a ``sweep`` section of kind continuation and a harmonic excitation.
     progress : called with the fraction that is done, which never falls.
-    stop : asked after every point; once it says so, the result holds what there is, and its status "interrupted".
 
     Returns
     -------
@@ -100,14 +108,14 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
     settings = model.settings
     grown = progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else 0.8  # of the progress
-    branches, folds, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share), stop)
+    branches, folds, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share))
     outcome = _outcome(model, branches, remarks)
     overlay: dict[str, OverlayCurve] | None = {}
-    interrupted = stop()
+    interrupted = asked_to_stop()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in left]
     if settings.overlay is not None:
         part = part_of(grown, curves_share, 1.0)
-        overlay = None if interrupted else swept_overlay(scenario, part, stop)
+        overlay = None if interrupted else swept_overlay(scenario, part)
         if overlay is None:
             missing.append("sweep.overlay")
     if interrupted or missing:
@@ -140,7 +148,7 @@ def continuation(scenario: Scenario, progress: Progress = None, stop: Stop = nev
 
 
 def _follow_levels(
-    model: ResponseModel, report: Progress, stop: Stop
+    model: ResponseModel, report: Progress
 ) -> tuple[list[ResponseBranch], list[FoldBranch], list[Outcome], Sequence[float]]:
     """Branches and folds of one level after the other, remarks on them, and the levels that are left.
 
@@ -155,10 +163,10 @@ def _follow_levels(
     folds: list[FoldBranch] = []
     remarks: list[Outcome] = []
     for index, level in enumerate(levels):
-        if branches and stop():
+        if branches and asked_to_stop():
             return branches, folds, remarks, levels[index:]
         budget = Budget(
-            settings.most_points, settings.longest_time, stop, settings.most_branch_points, settings.most_side_points,
+            settings.most_points, settings.longest_time, settings.most_branch_points, settings.most_side_points,
             settings.most_branches,
         )  # fmt: skip
         traced = _trace(model, level, budget, part_of(report, index / len(levels), (index + 1) / len(levels)))
@@ -169,7 +177,7 @@ def _follow_levels(
         remarks += _remarks(model, traced, budget, level if len(levels) > 1 else None)
         if model.second is not None:
             folds += follow_folds(model, traced, level, budget)
-        branches += [response(model, branch, level, stop) for branch in traced]
+        branches += [response(model, branch, level) for branch in traced]
     return branches, folds, remarks, ()
 
 
@@ -300,7 +308,7 @@ def _doubt(branches: list[ResponseBranch], method: HarmonicBalance, unit: str) -
         )  # fmt: skip
 
 
-def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop = never) -> ResponseBranch:
+def response(model: ResponseModel, traced: OrbitBranch, level: float) -> ResponseBranch:
     """Peaks, harmonics, forces and stability along a branch.
 
     Parameters
@@ -308,7 +316,6 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop
     model : whose motions they are.
     traced : the branch.
     level : of the excitation.
-    stop : asked before each of the maxima that are located along the branch.
 
     Returns
     -------
@@ -320,7 +327,7 @@ def response(model: ResponseModel, traced: OrbitBranch, level: float, stop: Stop
     moved = None if f.moved is None else f.system
     measurement = Measurement(system, model.scenario.sine, channels, settings.stored_harmonics, moved)
     traced, motions = with_maxima(
-        traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels), stop
+        traced, lambda point: measurement.of(problem, point), _reported_maxima(model, channels)
     )
     spectra = [problem.multipliers(point) for point in traced.points]
     count = min((mu.size for mu in spectra), default=0)
@@ -510,14 +517,13 @@ def _highest(model: ResponseModel, branches: list[ResponseBranch]) -> list[tuple
     return highest
 
 
-def swept_overlay(scenario: Scenario, progress: Progress = None, stop: Stop = never) -> dict[str, OverlayCurve] | None:
+def swept_overlay(scenario: Scenario, progress: Progress = None) -> dict[str, OverlayCurve] | None:
     """The swept sine that a continuation's ``overlay`` asks for, at the same levels.
 
     Parameters
     ----------
     scenario : with an ``overlay`` in its continuation.
     progress : called with the share of the sweep that is done.
-    stop : asked between cycles and levels.
 
     Returns
     -------
@@ -536,7 +542,7 @@ def swept_overlay(scenario: Scenario, progress: Progress = None, stop: Stop = ne
     swept = SweptSine.model_construct(
         from_=low, to=high, levels=settings.levels, rate=asked.rate, direction=asked.direction
     )
-    result = sweep(scenario.model_copy(update={"sweep": swept, "limits": None}), progress, stop=stop)
+    result = sweep(scenario.model_copy(update={"sweep": swept, "limits": None}), progress)
     if result.outcome.interrupted:
         return None
     if not result.complete:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Any
 
@@ -33,7 +33,7 @@ from beamsim.analyses.identify.stiffness import (
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.compiled import processor_time
 from beamsim.measurements.signal import MeasuredSignal
-from beamsim.outcomes import Stop, never, together
+from beamsim.outcomes import Progress, Stop, asked_by, never, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.identification import IdentifyStiffness
@@ -52,7 +52,7 @@ _MIN_MODES = 3  # in the tables
 def identify_stiffness(
     scenario: Scenario,
     measurements: Sequence[MeasuredSignal] = (),
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
     stop: Stop = never,
 ) -> IdentificationResult:
     """Identify the parameters listed in the section ``identify_stiffness`` of a scenario.
@@ -62,7 +62,7 @@ def identify_stiffness(
     scenario : with that section.
     measurements : one signal for each of ``identify_stiffness.nonlinear.tests`` that is used, read from their files.
     progress : called repeatedly with the fraction done.
-    stop : asked after each start of a fit to vibrations, and before its profiles, whether to end with the best so far.
+    stop : asked within fits to vibrations whether to end with the best parameters so far, without their intervals.
 
     Returns
     -------
@@ -73,18 +73,11 @@ def identify_stiffness(
     ScenarioError
         If the section is missing, or no parameters explain the measurements: with the reason and a remedy.
     """
-    try:
-        return _identify(scenario, measurements, progress, stop)
-    except ScenarioError as error:
-        raise scenario.located(error) from None
+    with scenario.locating(), asked_by(stop):
+        return _identify(scenario, measurements, progress)
 
 
-def _identify(
-    scenario: Scenario,
-    measurements: Sequence[MeasuredSignal],
-    progress: Callable[[float], None] | None,
-    stop: Stop,
-) -> IdentificationResult:
+def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progress: Progress) -> IdentificationResult:
     begin, processor = clock.perf_counter(), processor_time()
     section = scenario.identify_stiffness
     if section is None:
@@ -112,7 +105,7 @@ def _identify(
     if section.nonlinear is not None:
         from beamsim.analyses.identify.vibrations import fit_nonlinear
 
-        nonlinear = fit_nonlinear(current, section, measurements, progress, stop)
+        nonlinear = fit_nonlinear(current, section, measurements, progress)
         warnings += nonlinear.warnings
     pad = None
     if section.pad is not None and section.pad.data is not None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from beamsim.analyses.identify.result import ParameterEstimate, ProfileLikelihood
 from beamsim.errors import ScenarioError
+from beamsim.outcomes import Interrupted, asked_to_stop, stopped_by
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path
 from beamsim.scenario.identification import SoughtParameter, bounds_of
@@ -146,6 +147,7 @@ class Fit:
         self.lower, self.upper = limits[:, 0], limits[:, 1]
         self.evaluations = 0
         self._last: tuple[Floats, Floats] | None = None
+        self._least: Best | None = None  # of all that was evaluated
 
     def residuals(self, x: Floats, beside: bool = False) -> Floats:
         """Those of the measurements, then those of the priors; `beside` as for the measurements."""
@@ -157,6 +159,9 @@ class Fit:
                 if np.isfinite(number.prior)
             ]
             self._last = (x.copy(), np.concatenate([self.measured(x, beside), priors]))
+            misfit = float(self._last[1] @ self._last[1])
+            if self._least is None or misfit < self._least.misfit:
+                self._least = Best(self._last[0], misfit, converged=False)
         return self._last[1]
 
     def jacobian(self, x: Floats) -> Floats:
@@ -191,13 +196,26 @@ class Fit:
         Returns
         -------
         Best
-            Not converged where `MOST_EVALUATIONS` did not suffice.
+            Not converged where `MOST_EVALUATIONS` did not suffice, or where it is asked to stop: then the best of all
+            that was evaluated.
 
         Raises
         ------
         UnpredictableError
             If the model predicts nothing at the start.
+        Interrupted
+            If it is asked to stop before anything was evaluated.
         """
+        try:
+            with stopped_by():
+                return self._searched(start, held, tolerance)
+        except Interrupted:
+            if self._least is None:
+                raise
+            return self._least
+
+    def _searched(self, start: Floats, held: Bools | None, tolerance: float) -> Best:
+        """See `best`."""
         from scipy.optimize import least_squares
 
         start = np.clip(start, np.nextafter(self.lower, np.inf), np.nextafter(self.upper, -np.inf))
@@ -284,7 +302,7 @@ class Fit:
         Returns
         -------
         tuple of ProfileLikelihood
-            Of the parameters whose standard deviation, in x, lies between 0 and 1.
+            Of the parameters whose standard deviation, in x, lies between 0 and 1; none where it is asked to stop.
         """
         profiles = []
         for i, number in enumerate(self.numbers):
@@ -300,6 +318,8 @@ class Fit:
                     again = self.best(start, np.arange(start.size) == i, tolerance=1e-4)
                 except UnpredictableError:
                     continue
+                if asked_to_stop():
+                    return ()
                 value.append(number.at(float(at))[0])
                 misfit.append(max(again.misfit - best.misfit, 0.0) / scale)
             profiles.append(ProfileLikelihood(number.parameter, np.array(value), np.array(misfit)))

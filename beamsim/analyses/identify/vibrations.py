@@ -12,7 +12,7 @@ of neighbouring exact responses. The sum is minimised from several starting poin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import gcd, nan
@@ -51,7 +51,18 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
-from beamsim.outcomes import Outcome, OutcomeKind, Stop, interruption, never, tell, together
+from beamsim.outcomes import (
+    Interrupted,
+    Outcome,
+    OutcomeKind,
+    Progress,
+    asked_to_stop,
+    check_stop,
+    interruption,
+    stopped_by,
+    tell,
+    together,
+)
 from beamsim.responses.loads import periodic_forcing
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path as Keys
@@ -72,8 +83,7 @@ def fit_nonlinear(
     scenario: Scenario,
     section: IdentifyStiffness,
     signals: Sequence[MeasuredSignal],
-    progress: Callable[[float], None] | None = None,
-    stop: Stop = never,
+    progress: Progress = None,
 ) -> NonlinearEstimate:
     """Fit ``section.nonlinear.estimate`` to measured signals, one per test, in SI units.
 
@@ -83,12 +93,11 @@ def fit_nonlinear(
     section : what is sought.
     signals : one for each test.
     progress : called with the share of the starts that is done.
-    stop : asked after each start, and before the profiles, whether to end with the best so far.
 
     Returns
     -------
     NonlinearEstimate
-        From the start with the lowest misfit.
+        From the start with the lowest misfit; where it is asked to stop, the best so far, without intervals.
 
     Raises
     ------
@@ -102,8 +111,8 @@ def fit_nonlinear(
     scenario = _prepared(scenario, tests)
     vibrations = _Vibrations(tests, scenario, sought_numbers(scenario, nonlinear.estimate)[0])
     _check_count(vibrations.numbers, tests)
-    search = _searched(vibrations, nonlinear, progress, stop)
-    found = _judged(vibrations, search, section, stop)
+    search = _searched(vibrations, nonlinear, progress)
+    found = _judged(vibrations, search, section)
     records = zip(nonlinear.recorded.values(), signals, strict=True)
     of_records = tuple(f"{test.label}: {text}" for test, signal in records for text in signal.warnings)
     return replace(found, warnings=(*of_records, *found.warnings), processor_time_s=processor_time() - begin)
@@ -122,16 +131,14 @@ class _Search:
     warnings: list[str]
 
 
-def _searched(
-    vibrations: _Vibrations, settings: NonlinearFit, progress: Callable[[float], None] | None, stop: Stop
-) -> _Search:
+def _searched(vibrations: _Vibrations, settings: NonlinearFit, progress: Progress) -> _Search:
     """The least misfit of all starts, and what noise it tells: `vibrations.tests` have it afterwards.
 
     Parameters
     ----------
     vibrations : with the tests and the parameters.
     settings : what is said of the starts.
-    progress, stop : see `fit_nonlinear`.
+    progress : see `fit_nonlinear`.
 
     Returns
     -------
@@ -141,13 +148,14 @@ def _searched(
     fit = Fit(vibrations.numbers, vibrations.residuals)
     first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
     fits = [*vibrations.of_first_parts(), fit]
-    solutions, tried = _from_starts(fits, settings, progress, stop)
+    solutions, tried = _from_starts(fits, settings, progress)
     best = min(solutions, key=lambda each: each.misfit)
     agreeing = sum(each.misfit <= best.misfit + max(0.5, 1e-3 * best.misfit) for each in solutions)
-    if len(fits) > 1:  # the noise of transients is what is left, but for a wrong model
+    if len(fits) > 1 and not asked_to_stop():  # the noise of transients is what is left, but for a wrong model
         vibrations.tests = _sharpened(vibrations.tests, fit.residuals(best.x), len(fit.numbers))
         fit = Fit(vibrations.numbers, vibrations.residuals)
         first, before = fit.residuals(np.zeros(len(fit.numbers))), vibrations.compared
+        fit.residuals(best.x)
         best = fit.best(best.x)
     warnings = []
     if agreeing == 1 < len(solutions):
@@ -155,7 +163,7 @@ def _searched(
     return _Search(fit, best, before, float(first @ first), tried, agreeing, warnings)
 
 
-def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness, stop: Stop) -> NonlinearEstimate:
+def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness) -> NonlinearEstimate:
     """Intervals of parameters and delays from the derivatives at the estimate, and each test's part of the misfit.
 
     Parameters
@@ -163,7 +171,6 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     vibrations : with the tests as the search left them.
     search : where it ended; parameters of which the tests say nothing get the scenario's values again.
     section : with the probability of the intervals.
-    stop : asked before the profiles.
 
     Returns
     -------
@@ -174,7 +181,7 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     penetration = np.array([vibration.extremes("penetration").high for vibration in vibrations.last])
     unknown = _unreached(vibrations.scenario, fit.numbers, penetration)
     best = replace(best, x=np.where([i in unknown for i in range(len(fit.numbers))], 0.0, best.x))
-    jacobian, by_delay = vibrations.jacobian(best.x)
+    jacobian, by_delay, complete = vibrations.jacobian(best.x, fit.residuals(best.x).size)
     jacobian[:, list(unknown)] = 0.0
     predicted = vibrations.compared
     vibrations.take_out_phases(jacobian)
@@ -190,11 +197,11 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     warnings += _yielding(vibrations.scenario, fit.numbers)
     warnings += [said for test, last in both for said in test.doubts(last)]
     without = [p.parameter for p, column in zip(parameters, jacobian.T, strict=True) if np.isnan(column).any()]
-    settings, interrupted = not_none(section.nonlinear), stop()
-    stopped = f"after {search.tried} of {settings.starts} starts" if interrupted else ""
-    profiled = settings.profiles and not interrupted
+    settings = not_none(section.nonlinear)
+    profiles = fit.profiles(best, covariance, scale, points=7) if settings.profiles and complete else ()
+    interrupted = f"after {search.tried} of {settings.starts} starts" if asked_to_stop() else ""
     return NonlinearEstimate(
-        outcome=_outcome(stopped, best, without),
+        outcome=_outcome(interrupted, best, without if complete else ()),
         parameters=parameters,
         correlation=correlation_of(covariance),
         tests=tuple(each for each in records if isinstance(each, TestFit)),
@@ -205,7 +212,7 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
         degrees_of_freedom=freedom,
         starts=search.tried,
         starts_agreeing=search.agreeing,
-        profiles=fit.profiles(best, covariance, scale, points=7) if profiled else (),
+        profiles=profiles,
         responses=vibrations.responses[0],
         processor_time_s=0.0,
         coverage=coverage,
@@ -213,9 +220,11 @@ def _judged(vibrations: _Vibrations, search: _Search, section: IdentifyStiffness
     )
 
 
-def _outcome(stopped: str, best: Best, without_derivative: Sequence[str]) -> Outcome:
-    """How the fit ended: where it was stopped, and the parameters without a derivative."""
-    outcomes = [interruption(stopped)] if stopped else []
+def _outcome(interrupted: str, best: Best, without_derivative: Sequence[str]) -> Outcome:
+    """How the fit ended: where it was interrupted, and the parameters without a derivative."""
+    if interrupted:
+        return interruption(interrupted)
+    outcomes = []
     if not best.converged:
         outcomes.append(
             Outcome.of(
@@ -471,6 +480,7 @@ class _Vibrations:
         for t, test in enumerate(self.tests):
             near, before = self.guesses[t] if self.guesses else (None, None)
             predictions.append(test.predicted(test.case(scenario), near, self.shared))
+            check_stop()
             self.responses[0] += 1
             compared.append(test.compared(predictions[t], gains[test.number], before if beside else None))
         self.last, self.compared = predictions, compared
@@ -478,18 +488,25 @@ class _Vibrations:
             self.guesses = list(zip(predictions, compared, strict=True))
         return np.concatenate([each.residuals for each in compared])
 
-    def jacobian(self, x: Floats) -> tuple[Floats, Floats]:
-        """Derivatives (r, p) of the residuals, those of the priors at the end, and (t, p) of the delays; the last
-        comparison is that at x."""
+    def jacobian(self, x: Floats, count: int) -> tuple[Floats, Floats, bool]:
+        """Derivatives (r, p) of the ``count`` residuals, those of the priors at the end, and (t, p) of the delays; the
+        last comparison is that at x, as before. Whether they are known: where it is asked to stop all are nan."""
 
         def both(at: Floats, beside: bool) -> Floats:
             return np.concatenate([self.residuals(at, beside), [each.delay for each in self.compared]])
 
         fit, size = Fit(self.numbers, both), sum(test.size for test in self.tests)
-        jacobian = fit.jacobian(x)
-        self.residuals(x)
+        there = self.last, self.compared
+        try:
+            with stopped_by():
+                check_stop()
+                jacobian = fit.jacobian(x)
+                self.residuals(x)
+        except Interrupted:
+            self.last, self.compared = there
+            return np.full((count, x.size), nan), np.full((len(self.tests), x.size), nan), False
         delays = slice(size, size + len(self.tests))
-        return np.delete(jacobian, delays, axis=0), jacobian[delays]
+        return np.delete(jacobian, delays, axis=0), jacobian[delays], True
 
     def take_out_phases(self, jacobian: Floats) -> None:
         """Take out of derivatives what delays that are fitted take up to first order, so that they are those of the
@@ -531,9 +548,7 @@ def _rows(tests: Sequence[AnyTest]) -> list[slice]:
 ROUGHLY = 1e-3  # tolerance of a fit from which the next one starts
 
 
-def _from_starts(
-    fits: Sequence[Fit], settings: NonlinearFit, progress: Callable[[float], None] | None, stop: Stop
-) -> tuple[list[Best], int]:
+def _from_starts(fits: Sequence[Fit], settings: NonlinearFit, progress: Progress) -> tuple[list[Best], int]:
     """The minima found by the last fit, each from where those before it end, and the number of starts tried."""
     generator = np.random.default_rng(settings.seed)
     solutions: list[Best] = []
@@ -548,7 +563,7 @@ def _from_starts(
         except UnpredictableError:
             continue
         tell(progress, tried / (settings.starts + 1))
-        if stop():
+        if asked_to_stop():
             break
     if not solutions:
         raise ScenarioError.at(

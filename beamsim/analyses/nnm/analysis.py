@@ -33,7 +33,16 @@ from beamsim.flow.compiled import processor_time
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, with_failed_searches
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.free_orbits import linear_mode
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, combined, interruption, never
+from beamsim.outcomes import (
+    COMPLETE,
+    Outcome,
+    OutcomeKind,
+    Progress,
+    Where,
+    asked_to_stop,
+    combined,
+    interruption,
+)
 from beamsim.responses.points import Wanted, with_points_at
 from beamsim.results.branch import ModeBranch, SpecialPointResult
 from beamsim.results.validity import forces_beyond_tables, reduction_checked
@@ -78,9 +87,7 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
     return replace(system, dynamics=undamped)
 
 
-def nnm(
-    scenario: Scenario, progress: Progress = None, compare: Collection[str] = (), stop: Stop = never
-) -> NormalModeResult:
+def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] = ()) -> NormalModeResult:
     """Follow the nonlinear normal mode that a scenario asks for.
 
     Parameters
@@ -88,8 +95,6 @@ def nnm(
     scenario : with a section ``nnm``.
     progress : called with the completed fraction of the path.
     compare : other methods to compare with it: any of :data:`COMPARISONS`.
-    stop : called after every point; once it returns True the result holds the points so far, with the outcome
-        "interrupted".
 
     Returns
     -------
@@ -111,17 +116,17 @@ def nnm(
     _refuse_comparisons(scenario, compare)
     system = conservative_system(scenario)
     job = mode_path(system)
-    work = _followed(job, compare, progress, stop)
+    work = _followed(job, compare, progress)
     followed = work.followed
-    special, failed, given_up = special_points(job, followed, stop)
+    special, failed, given_up = special_points(job, followed)
     if given_up and not followed.backbone.outcome.interrupted:
         work.left_out.append("the search for special points")
     branches = _branches(job, work, special)
     branches, shown, point = _with_motion(system, branches, work.full_period or followed)
     motion = not_none(branches[shown].motion)
     resonance = None
-    if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance", stop):
-        resonance = hold_mode(system, followed.problem, followed.backbone.points, progress, stop)
+    if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance"):
+        resonance = hold_mode(system, followed.problem, followed.backbone.points, progress)
     outcome = job.ended(with_failed_searches(_outcome(work, resonance), failed))
     outcome = reduction_checked(balanced(outcome, branches, branches[0].unit), scenario, system.modes)
     result = NormalModeResult(
@@ -164,9 +169,9 @@ class _MethodResults:
     left_out: list[str] = field(default_factory=list)  # steps that an interruption has left out
     requested: list[RequestedPoint] = field(default_factory=list)
 
-    def goes_on(self, to: str, stop: Stop) -> bool:
+    def goes_on(self, to: str) -> bool:
         """Whether to go on; the step is recorded as left out where not."""
-        if stop():
+        if asked_to_stop():
             self.left_out.append(to)
             return False
         return True
@@ -191,24 +196,24 @@ def _refuse_comparisons(scenario: Scenario, compare: Collection[str]) -> None:
         )
 
 
-def _followed(job: ModePath, compare: Collection[str], progress: Progress, stop: Stop) -> _MethodResults:
+def _followed(job: ModePath, compare: Collection[str], progress: Progress) -> _MethodResults:
     """Exact motions first, then what is compared with them."""
     system, solver = job.system, job.settings.method
     begin = processor_time()
     if solver.kind == "multiple_scales":
         return _near_expansion(job)
-    followed, requested = _with_points(job, job.follow(progress, stop))
+    followed, requested = _with_points(job, job.follow(progress))
     work = _MethodResults(followed, 0.0, requested=requested)
     work.relaxing = isinstance(solver, RelaxedMinimisationMethod)
-    if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting", stop):
-        work.full_period = follow_full_period(job, work.followed, solver, progress, stop)
+    if isinstance(solver, FullPeriodMethod) and work.goes_on("full-period shooting"):
+        work.full_period = follow_full_period(job, work.followed, solver, progress)
         if solver.branches and work.full_period.backbone.outcome.complete:
-            work.goes_on("the end of the search for non-brake orbits", stop)
+            work.goes_on("the end of the search for non-brake orbits")
     work.processor_time_s = processor_time() - begin
-    if (work.relaxing or "relaxed_minimisation" in compare) and work.goes_on("relaxed minimisation", stop):
+    if (work.relaxing or "relaxed_minimisation" in compare) and work.goes_on("relaxed minimisation"):
         steps = solver if isinstance(solver, RelaxedMinimisationMethod) else RelaxedMinimisationMethod()
-        work.relaxed = compare_relaxed(job, work.followed, work.processor_time_s, steps, progress, stop)
-    if "multiple_scales" in compare and work.goes_on("the expansion", stop):
+        work.relaxed = compare_relaxed(job, work.followed, work.processor_time_s, steps, progress)
+    if "multiple_scales" in compare and work.goes_on("the expansion"):
         path = expansion_path(system, job.mode + 1, job.settings.energy, largest=job.last)
         work.expansion = compare_expansion(system, path, exact_points(system, path, work.followed))
     return work

@@ -23,7 +23,7 @@ from beamsim.orbits.expansions.free import (
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.tongues import LEAST_SHARE
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, tell, until
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, interruption, tell, until_asked
 from beamsim.scenario.sweep import RelaxedMinimisationMethod
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
@@ -241,7 +241,6 @@ def compare_relaxed(
     shooting_time_s: float,
     settings: RelaxedMinimisationMethod,
     progress: Progress = None,
-    stop: Stop = never,
 ) -> RelaxedComparison:
     """Take steps of relaxed minimisation along a backbone that shooting has followed, and compare.
 
@@ -251,7 +250,6 @@ def compare_relaxed(
     shooting_time_s : processor time of shooting so far, s.
     settings : steps, tolerance and iterations.
     progress : called with the share of the steps that is done.
-    stop : asked after every step.
 
     Returns
     -------
@@ -266,7 +264,7 @@ def compare_relaxed(
     shooting_time_s += processor_time() - begin
     steps: list[RelaxedStep] = []
     outcome = COMPLETE
-    for step in until(relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations), stop):
+    for step in until_asked(relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations)):
         steps.append(step)
         tell(progress, len(steps) / settings.steps)
         if not step.reached:

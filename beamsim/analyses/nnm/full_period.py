@@ -22,7 +22,7 @@ from beamsim.orbits.branch import INTERRUPTED, BranchPoint, OrbitBranch, reached
 from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, FreeOrbits, free_of, slowest_instant
 from beamsim.orbits.special_points import beside
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, never, tell, until
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, asked_to_stop, tell, until_asked
 from beamsim.scenario.sweep import FullPeriodMethod
 from beamsim.typing import Floats
 
@@ -115,7 +115,7 @@ REST = 1e-4  # slowest speed that counts as rest
 
 
 def non_brake_branch(
-    brake: BrakeOrbits, origin: SymmetryBreaking, reach: tuple[float, float], settings: Settings, stop: Stop = never
+    brake: BrakeOrbits, origin: SymmetryBreaking, reach: tuple[float, float], settings: Settings
 ) -> OrbitBranch:
     """The motions that leave at a symmetry-breaking point, until they are brake orbits again.
 
@@ -128,7 +128,6 @@ def non_brake_branch(
     origin : where to leave.
     reach : the parameter's range.
     settings : steps and tolerances.
-    stop : asked after every point.
 
     Returns
     -------
@@ -144,7 +143,7 @@ def non_brake_branch(
     if start is not None:
         branch = Branch(orbits, start, *reach, settings)
         before, fastest = np.zeros(n), 0.0
-        for point in until(branch, stop):
+        for point in until_asked(branch):
             flow_map, flow = point.data.flow_map, point.data.flow
             time, _ = slowest_instant(flow, flow_map, n)
             # velocities then, over sqrt(2 E)
@@ -167,9 +166,8 @@ ONE_MOTION = 1e-6  # relative distance within which two solutions are one motion
 
 
 def over_full_period(
-    brake: BrakeOrbits, points: Sequence[BranchPoint], gaps: Collection[float] = (), report: Progress = None,
-    stop: Stop = never,
-) -> OrbitBranch:  # fmt: skip
+    brake: BrakeOrbits, points: Sequence[BranchPoint], gaps: Collection[float] = (), report: Progress = None
+) -> OrbitBranch:
     """A path of brake orbits followed again over the whole period: a check that assumes no instant of rest.
 
     The half-period path hands over the parameters to stop at and, beyond its jumps, where to begin again. In between
@@ -181,7 +179,6 @@ def over_full_period(
     points : its path.
     gaps : parameters of its points that a jump follows.
     report : called with the share of the path that is done.
-    stop : asked after every point.
 
     Returns
     -------
@@ -208,7 +205,7 @@ def over_full_period(
             break
         reached.append(new)
         tell(report, len(reached) / len(points))
-        if stop():
+        if asked_to_stop():
             outcome = INTERRUPTED
             break
         last = [*last[-1:], new] if brake_point.parameter not in gaps else []
@@ -240,7 +237,6 @@ def follow_full_period(
     branches: ModeBranches,
     settings: FullPeriodMethod,
     report: Progress = None,
-    stop: Stop = never,
 ) -> ModeBranches:
     """Follow a half-period backbone again over the whole period, and the non-brake orbits that branch off.
 
@@ -250,7 +246,6 @@ def follow_full_period(
     branches : the backbone with its tongues and jumps, by half-period shooting.
     settings : how many non-brake branches are followed, and their points.
     report : called with the share of the backbone that is done.
-    stop : asked after every point.
 
     Returns
     -------
@@ -263,11 +258,11 @@ def follow_full_period(
         Where not even the first motion of the backbone is found over the whole period.
     """
     points = branches.backbone.points
-    backbone = over_full_period(branches.problem, points, branches.gaps, report, stop)
+    backbone = over_full_period(branches.problem, points, branches.gaps, report)
     if not backbone.points:
         raise NotTrustedError(f"full-period shooting found no motion to start from: {backbone.outcome}")
     breakings: list[SymmetryBreaking] = []  # along the backbone, its tongues, and the ways back into them; each once
-    for a, b in until(_steps(branches) if settings.branches and not stop() else (), stop):
+    for a, b in until_asked(_steps(branches) if settings.branches and not asked_to_stop() else ()):
         origin = symmetry_breaking(BranchStep(branches.problem, a, b))
         if origin is not None and not any(_alike(branches.problem, origin, known) for known in breakings):
             breakings.append(origin)
@@ -277,9 +272,9 @@ def follow_full_period(
     for origin in breakings:
         if len(non_brake) == settings.branches or any(_arrives(branch, origin) for branch in non_brake):
             continue
-        if stop():
+        if asked_to_stop():
             break
-        branch = non_brake_branch(branches.problem, origin, reach, steps, stop)
+        branch = non_brake_branch(branches.problem, origin, reach, steps)
         if branch.points:
             non_brake.append(replace(branch, outcome=job.ended(branch.outcome, branch.points[-1])))
     backbone = replace(backbone, outcome=job.ended(backbone.outcome, backbone.points[-1]))

@@ -16,7 +16,7 @@ from beamsim.orbits.branch import FailedSearch, OrbitBranch
 from beamsim.orbits.continuation import BranchStep, Settings
 from beamsim.orbits.free_orbits import BrakeOrbits, slowest_instant
 from beamsim.orbits.special_points import special_points as special_points_on
-from beamsim.outcomes import Stop, never
+from beamsim.outcomes import asked_to_stop
 from beamsim.results.branch import ModeBranch, OrbitMotion, SpecialPointResult, of_states, special_result
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats
@@ -101,7 +101,7 @@ def branch_result(job: ModePath, brake: BrakeOrbits, branch: OrbitBranch, **more
 
 
 def special_points(
-    job: ModePath, branches: ModeBranches, stop: Stop = never
+    job: ModePath, branches: ModeBranches
 ) -> tuple[tuple[SpecialPointResult, ...], list[FailedSearch], bool]:
     """Folds, branch points and grazings along a backbone, but not across its jumps.
 
@@ -109,13 +109,12 @@ def special_points(
     ----------
     job : the parameter of the backbone.
     branches : with the backbone.
-    stop : asked before every step.
 
     Returns
     -------
     special : the points, in the order of the backbone.
     failed : the searches that ended in a numerical error.
-    stopped : whether ``stop`` ended the search.
+    stopped : whether the search was asked to end.
     """
     special: list[SpecialPointResult] = []
     failed: list[FailedSearch] = []
@@ -124,7 +123,7 @@ def special_points(
     for a, b in pairwise(branches.backbone.points):
         if a.parameter in branches.gaps:
             continue
-        if stop():
+        if asked_to_stop():
             return tuple(special), failed, True
         for located in special_points_on(BranchStep(orbits, a, b, settings), failed):
             period = orbits.split(located.point.u)[1]

@@ -18,7 +18,7 @@ from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.free_orbits import BrakeOrbits, linear_mode
 from beamsim.orbits.spring_families import SpringFamily
 from beamsim.orbits.tongues import LEAST_SHARE
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, never, tell, until
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, tell, until_asked
 from beamsim.scenario.sweep import NonlinearMode
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.structural import StructuralSystem
@@ -92,8 +92,8 @@ class ModePath:
         """The section."""
         return not_none(self.system.scenario.nnm)
 
-    def follow(self, progress: Progress, stop: Stop = never) -> ModeBranches:
-        """The backbone, with what was found beside it, until its end or until ``stop`` returns True.
+    def follow(self, progress: Progress) -> ModeBranches:
+        """The backbone, with what was found beside it, until its end or until it is asked to stop.
 
         Raises
         ------
@@ -108,13 +108,13 @@ class ModePath:
                 raise ScenarioError.at("nnm.mode", where, "ask for another")
             if self.first != 0.0:
                 linear = self._led_to(by_factor, linear, self.first)
-            return self._backbone(by_factor, linear, self.last, progress, stop)
+            return self._backbone(by_factor, linear, self.last, progress)
         orbits, start = self._small()
         if self.parameter == "frequency":
-            return self._in_frequency(orbits, start, progress, stop)
+            return self._in_frequency(orbits, start, progress)
         if abs(start.parameter - self.inward(self.first)) > 1e-12:
             start = self._led_to(orbits, start, self.inward(self.first), " J")
-        return self._backbone(orbits, start, self.inward(self.last), progress, stop)
+        return self._backbone(orbits, start, self.inward(self.last), progress)
 
     def _small(self) -> tuple[BrakeOrbits, BranchPoint]:
         """A motion so small that it is linear, or nearly so."""
@@ -169,7 +169,7 @@ class ModePath:
             raise ScenarioError.at("nnm.continue_in.from", problem, f"begin at {possible} or below")
         return reached
 
-    def _in_frequency(self, orbits: BrakeOrbits, start: BranchPoint, progress: Progress, stop: Stop) -> ModeBranches:
+    def _in_frequency(self, orbits: BrakeOrbits, start: BranchPoint, progress: Progress) -> ModeBranches:
         """From the motion of the first frequency, where the backbone in the energy passes it."""
         first, last = self.inward(self.first), self.inward(self.last)
         low, high = sorted((first, last))
@@ -196,7 +196,7 @@ class ModePath:
         branch = Branch(by_frequency, begin, low, high, Settings(most_points=3000))
         points: list[BranchPoint] = []
         unbounded = False
-        for point in until(_reporting(branch, begin.parameter, last, progress), stop):
+        for point in until_asked(_reporting(branch, begin.parameter, last, progress)):
             points.append(point)
             if not 1.0 / MOST_ENERGY < point.data.energy / begin.data.energy < MOST_ENERGY:
                 unbounded = True
@@ -211,11 +211,9 @@ class ModePath:
             )  # fmt: skip
         return ModeBranches(OrbitBranch(by_frequency, points, self.ended(outcome, points[-1]), kind="backbone"))
 
-    def _backbone(
-        self, orbits: BrakeOrbits, start: BranchPoint, last: float, progress: Progress, stop: Stop
-    ) -> ModeBranches:
+    def _backbone(self, orbits: BrakeOrbits, start: BranchPoint, last: float, progress: Progress) -> ModeBranches:
         backbone = Backbone(orbits, start, last, self.mode, points=POINTS)
-        points = list(until(_reporting(backbone, start.parameter, last, progress), stop))
+        points = list(until_asked(_reporting(backbone, start.parameter, last, progress)))
         outcome = self.ended(backbone.outcome, points[-1])
         if outcome.code == MODE_LOST:
             outcome = outcome.but(remedy=_BESIDE[self.parameter])

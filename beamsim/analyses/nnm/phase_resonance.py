@@ -40,7 +40,17 @@ from beamsim.orbits.phase_resonance import (
 )
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.tracing import joined
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, tell, together
+from beamsim.outcomes import (
+    COMPLETE,
+    Outcome,
+    OutcomeKind,
+    Progress,
+    Where,
+    asked_to_stop,
+    interruption,
+    tell,
+    together,
+)
 from beamsim.responses.loads import periodic_flow, periodic_forcing
 from beamsim.results.values import DISPLACEMENT
 from beamsim.scenario.excitation import Harmonic
@@ -204,7 +214,7 @@ class _Levels:
 
 
 def hold_mode(
-    system: StructuralSystem, orbits: BrakeOrbits, points: Sequence[BranchPoint], progress: Progress, stop: Stop
+    system: StructuralSystem, orbits: BrakeOrbits, points: Sequence[BranchPoint], progress: Progress
 ) -> PhaseResonanceResult:
     """Hold a nonlinear mode by the scenario's excitation, at all levels of its ``nnm.phase_resonance``.
 
@@ -213,7 +223,6 @@ def hold_mode(
     system : without damping, of a scenario with ``nnm.phase_resonance`` and a harmonic excitation.
     orbits, points : its backbone.
     progress : called with the share of the levels that is done.
-    stop : asked after every level.
 
     Returns
     -------
@@ -242,7 +251,7 @@ def hold_mode(
             raise ScenarioError(_beyond(held, predicted, level, at))
         motions.append(_resonance(held, motion, level, probe, section.span, section.periods))
         tell(progress, (index + 1) / len(levels))
-        if stop():
+        if asked_to_stop():
             break
     return PhaseResonanceResult(
         outcome=_balanced(_ended(motions, len(levels), unit), motions, unit),

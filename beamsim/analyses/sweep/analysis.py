@@ -23,7 +23,7 @@ from beamsim.analyses.sweep.stepped import step_level
 from beamsim.analyses.sweep.swept_sine import sweep_level, with_held_limits, with_limited_outputs
 from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import limit_curve, read_profile
-from beamsim.outcomes import Progress, Stop, combined, interruption, never, part_of
+from beamsim.outcomes import Progress, asked_to_stop, combined, interruption, part_of
 from beamsim.responses.gapping import (
     contact_levels,
     gapping,
@@ -49,7 +49,6 @@ def sweep(
     scenario: Scenario,
     progress: Progress = None,
     *,
-    stop: Stop = never,
     save: Callable[[SweepResult], object] | None = None,
     resume: SweepResult | None = None,
 ) -> SweepResult:
@@ -59,15 +58,14 @@ def sweep(
     ----------
     scenario : with a ``sweep`` section of kind swept_sine or stepped and a harmonic excitation.
     progress : called with the fraction done.
-    stop : asked between cycles, frequencies and levels whether to end; the result then holds those up to there,
-        which may be none.
     save : called with the partial result after the first level and repeatedly later.
     resume : partial result of an interrupted sweep of the same scenario; its levels are not computed again.
 
     Returns
     -------
     SweepResult
-        The curves of all levels that were computed, with their peaks.
+        The curves of all levels that were computed, with their peaks; where it was asked to stop (between cycles,
+        frequencies or levels), up to there, which may be none.
 
     Raises
     ------
@@ -95,8 +93,8 @@ def sweep(
             continue
         report = part_of(progress, index / len(levels), (index + 1) / len(levels))
         one = SweepLevel(system, settings, level, index, limited)
-        runs[index] = (sweep_level if isinstance(settings, SweptSine) else step_level)(one, report, stop)
-        if stop():
+        runs[index] = (sweep_level if isinstance(settings, SweptSine) else step_level)(one, report)
+        if asked_to_stop():
             break
         if save is not None and clock.perf_counter() >= next_save:
             started = clock.perf_counter()

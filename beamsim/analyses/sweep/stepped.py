@@ -15,7 +15,7 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import Motion, start
 from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, Exponent, Settled, largest_exponent, settle
-from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Stop, Where, interruption, never, tell
+from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, asked_to_stop, interruption, tell
 from beamsim.responses.loads import harmonic_loads, sine_of
 from beamsim.scenario.quantities import acceleration_amplitude, level_unit
 from beamsim.scenario.sweep import SteppedSine
@@ -42,14 +42,13 @@ def steps_of(one: SweepLevel) -> list[tuple[str, float]]:
     return [(direction, f) for direction, of in ways.items() if way in (direction, "both") for f in of]
 
 
-def step_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -> LevelRun:
+def step_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
     """Step through the frequencies at one level, in all directions.
 
     Parameters
     ----------
     one : the level, of a stepped sine.
     progress : called with the share of the frequencies that is done.
-    stop : asked before every frequency but the first.
 
     Returns
     -------
@@ -60,7 +59,7 @@ def step_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -
     stepper, motion = stepper_of(one)
     points: dict[str, list[_SteadyPoint]] = {}
     for done, (direction, f) in enumerate(steps, 1):
-        if done > 1 and stop():
+        if done > 1 and asked_to_stop():
             outcome = interruption(f"before {f:.6g} Hz")
             break
         try:

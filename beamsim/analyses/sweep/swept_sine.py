@@ -31,7 +31,7 @@ from beamsim.inputs.measured import on_curve
 from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
-from beamsim.outcomes import Outcome, OutcomeKind, Progress, Stop, Where, never, part_of
+from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, asked_to_stop, part_of
 from beamsim.results.values import Margins, judged
 from beamsim.results.values import limited as limited_value
 from beamsim.scenario.quantities import level_unit, power_of
@@ -87,16 +87,14 @@ class SweptMarch(NamedTuple):
     corrections: tuple[Correction, ...] | None  # of a base's acceleration
 
 
-def swept_march(
-    one: SweepLevel, notching: Notching | None, progress: Progress = None, stop: Stop = never
-) -> SweptMarch:
+def swept_march(one: SweepLevel, notching: Notching | None, progress: Progress = None) -> SweptMarch:
     """The motion of a level in all directions.
 
     Parameters
     ----------
     one : the level, of a swept sine.
     notching : its table, where it is lowered to limits.
-    progress, stop : as of `sweep_level`.
+    progress : as of `sweep_level`.
 
     Returns
     -------
@@ -110,19 +108,18 @@ def swept_march(
     corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     march = SweptMotion(
-        system.dynamics, swept_loads(system), windows, system.initial_state, stop=stop, progress=progress
+        system.dynamics, swept_loads(system), windows, system.initial_state, stop=asked_to_stop, progress=progress
     )
     return SweptMarch(march, profile, corrections)
 
 
-def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) -> LevelRun:
+def sweep_level(one: SweepLevel, progress: Progress = None) -> LevelRun:
     """Sweep at one level in all directions; each direction starts from the final motion of the previous one.
 
     Parameters
     ----------
     one : the level, of a swept sine.
     progress : called with the share of the work that is done.
-    stop : asked between cycles.
 
     Returns
     -------
@@ -135,8 +132,8 @@ def sweep_level(one: SweepLevel, progress: Progress = None, stop: Stop = never) 
     notch_limits: tuple[Limited, ...] = ()
     if settings.notch_to is not None:
         notch_limits = limited_of(settings.notch_to, one)
-        notching = notched_level(one, notch_limits, part_of(progress, 0.0, CONTROL), stop)
-    march, profile, corrections = swept_march(one, notching, part_of(progress, beginning, 1.0), stop)
+        notching = notched_level(one, notch_limits, part_of(progress, 0.0, CONTROL))
+    march, profile, corrections = swept_march(one, notching, part_of(progress, beginning, 1.0))
     windows = march.windows
     parts, history = _recorded(one, march)
     curves = _curves(one, profile, windows, CycleRecord.joined(parts)) if parts else ()
@@ -258,7 +255,7 @@ def limited_of(limits: Mapping[str, float], one: SweepLevel) -> tuple[Limited, .
     return tuple(limited)
 
 
-def notched_level(one: SweepLevel, limited: Sequence[Limited], progress: Progress, stop: Stop) -> Notching:
+def notched_level(one: SweepLevel, limited: Sequence[Limited], progress: Progress) -> Notching:
     """Follow the first leg and lower its level to the limits; what the response is then is left to `compared`.
 
     Parameters
@@ -266,7 +263,6 @@ def notched_level(one: SweepLevel, limited: Sequence[Limited], progress: Progres
     one : the level, of a swept sine.
     limited : the limits.
     progress : called with the share of the leg that is done.
-    stop : asked on the way; once it says so, the table ends there.
 
     Returns
     -------
@@ -286,7 +282,7 @@ def notched_level(one: SweepLevel, limited: Sequence[Limited], progress: Progres
 
     control = LevelControl(
         system.dynamics, swept_loads(system), limited_outputs, np.array([each.limit for each in limited]), leg,
-        specification, phase, system.base_acceleration is not None, system.initial_state, stop, progress,
+        specification, phase, system.base_acceleration is not None, system.initial_state, asked_to_stop, progress,
     )  # fmt: skip
     frequency, amplitude = control.level()
     divisor = (2 * np.pi * frequency) ** power_of(quantity)
