@@ -21,7 +21,7 @@ from beamsim.version import __version__
 
 if TYPE_CHECKING:
     from beamsim.analyses.coexisting.result import CoexistingResult
-    from beamsim.analyses.compare.analysis import compare, pair_channels
+    from beamsim.analyses.compare.analysis import ChannelChoice, compare, pair_channels
     from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
     from beamsim.analyses.continuation.result import ContinuationResult
@@ -56,7 +56,7 @@ _NAMES = {
     "beamsim.store.studies": ("ensemble",),
     "beamsim.store.export": ("export_result",),
     "beamsim.measurements.channels": ("read_tests",),
-    "beamsim.analyses.compare.analysis": ("pair_channels",),
+    "beamsim.analyses.compare.analysis": ("ChannelChoice", "pair_channels"),
     "beamsim.analyses.compare_modes.analysis": ("read_shapes",),
     "beamsim.store.results": ("open_result", "write_result"),
 }
@@ -68,6 +68,7 @@ for _kind in KINDS.values():  # the function and the class of each
 
 __all__ = [
     "BeamsimError",
+    "ChannelChoice",
     "CoexistingResult",
     "Comparison",
     "ContinuationResult",

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import ValidationError
 
-from beamsim.analyses.compare.analysis import compare, pair_channels
+from beamsim.analyses.compare.analysis import ChannelChoice, compare, pair_channels
 from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
 from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
@@ -47,7 +47,7 @@ def compare_signals(
     ----------
     given : to the command, whose case is the file of a result.
     measured : file of the measurement.
-    pairing : which channel belongs to which signal of the result, for `pair_channels`.
+    pairing : which channel belongs to which signal of the result, as in `ChannelChoice`.
     prepared_by : factor, remove and high_pass of measured histories.
     of_runs, of_sweeps : options for results of one and of the other kind.
 
@@ -61,7 +61,7 @@ def compare_signals(
     preparation = _preparation({name: value for name, value in prepared_by.items() if value is not None})
     swept = kind_of(path) == "sweep"
     with stored_result(path, "sweep" if swept else "run") as result:
-        pairs = pair_channels(result, measured, preparation=preparation, **pairing)
+        pairs = pair_channels(result, measured, ChannelChoice(preparation=preparation, **pairing))
         comparison: Callable[[], Comparison]
         if swept:
             name = of_sweeps["reference"]

@@ -24,7 +24,7 @@ from beamsim.plots.drawing import save_figures
 from beamsim.plots.model import model_figure
 from beamsim.plots.sketch import Sketch
 from beamsim.plots.style import shown_in
-from beamsim.report.contents import page_of
+from beamsim.report.contents import Printed, page_of
 from beamsim.report.page import animation_page, plotly
 from beamsim.scenario import Scenario
 from beamsim.store.results import kind_of, stored_result
@@ -77,7 +77,7 @@ def report(given: Given) -> None:
         model = _model(result)
         scene = _scene(result, model, shown=not (given.json or given.quiet))
         rows = list(table_rows(result))
-        page = page_of(result, about, screen, rows, limits, figures, sketched(result, model), scene)
+        page = page_of(result, about, Printed(screen, rows, limits), figures, sketched(result, model), scene)
     with replacing(target) as temporary:
         temporary.write_text(page.html(), encoding="utf-8")
     print_files([target], json=given.json)

@@ -24,8 +24,6 @@ from beamsim.measurements.functions import FunctionType, function_over_frequency
 from beamsim.measurements.signal import MeasuredSignal, axis_kind, label_of, split_heading, stated
 from beamsim.scenario import units as si
 
-HDF5 = (".h5", ".hdf5", ".hdf", ".nc", ".nc4", ".cdf")
-MATLAB = (".mat",)
 _NETCDF_FILL = 9.969209968386869e36  # of floats that were never written
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 _SCALING = re.compile(r"scale|slope|gain|calib|sensitiv|offset|lsb", re.IGNORECASE)

@@ -9,13 +9,19 @@ from pathlib import Path
 
 from beamsim.errors import InputFileError
 from beamsim.input_files import open_input, reading
-from beamsim.measurements.arrays import HDF5, MATLAB, read_hdf5, read_matlab
+from beamsim.kinds import named
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.measurements.tables import read_csv
-from beamsim.measurements.universal import ENDINGS, read_uff
 from beamsim.scenario.files import DecimalMark
 
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
+UNIVERSAL = (".uff", ".unv", ".uf", ".58")
+_BY_ENDING = {
+    **dict.fromkeys((".h5", ".hdf5", ".hdf", ".nc", ".nc4", ".cdf"), ("HDF5", "arrays:read_hdf5")),
+    ".mat": ("MATLAB", "arrays:read_matlab"),
+    **dict.fromkeys(UNIVERSAL, ("a universal file", "universal:read_uff")),
+}
+"""What a file is called, and its reader, which is imported for such a file alone; others are text tables."""
 
 
 def ending_of(path: Path) -> str:
@@ -51,17 +57,14 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
         If the file is missing, empty, of an unknown format, damaged, or has cells that are no numbers.
     """
     ending = ending_of(path)
-    readers = {
-        **dict.fromkeys(HDF5, ("HDF5", read_hdf5)), **dict.fromkeys(MATLAB, ("MATLAB", read_matlab)),
-        **dict.fromkeys(ENDINGS, ("a universal file", read_uff)),
-    }  # fmt: skip
-    if ending not in (*TEXT, *readers):
+    if ending not in (*TEXT, *_BY_ENDING):
         raise InputFileError("has an unknown format", "use .csv, .h5, .nc, .mat or .uff")
-    if decimal is not None and ending in readers:
+    if decimal is not None and ending in _BY_ENDING:
         raise InputFileError("is no text table, which alone has a decimal mark", "leave decimal out")
-    called, read = readers.get(ending, ("a text table", partial(read_csv, decimal=decimal)))
+    called, reader = _BY_ENDING.get(ending, ("a text table", ""))
+    read = named(f"beamsim.measurements.{reader}") if reader else partial(read_csv, decimal=decimal)
     with reading(path, called):
-        signals = read(path)
+        signals: list[MeasuredSignal] = read(path)
     several = Counter(signal.name for signal in signals)
     return [
         replace(signal, name=f"{signal.name} ({number})") if several[signal.name] > 1 else signal

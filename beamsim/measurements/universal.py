@@ -31,7 +31,6 @@ from beamsim.measurements.functions import (
 from beamsim.measurements.signal import MeasuredSignal, Reference, axis_kind, stated
 from beamsim.scenario import units as si
 
-ENDINGS = (".uff", ".unv", ".uf", ".58")
 _MEMORY = 10  # bytes for each byte of a file, as measured
 _READ = (15, 55, 58, 82, 164, 1858, 2411)  # data sets that are used
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from re import fullmatch
-from typing import Any
+from typing import Any, NamedTuple
 
 from beamsim.fields import figure_in_words, place_in_words
 from beamsim.kinds import KINDS, kind_of_class
@@ -56,12 +56,18 @@ HOW_TO_READ = (
 )
 
 
+class Printed(NamedTuple):
+    """What the command line prints of a result."""
+
+    screen: str  # first
+    rows: Sequence[tuple[str, str]]  # of its table
+    limits: Mapping[str, Mapping[str, str]]  # the margin, value, place and verdict of each
+
+
 def page_of(
     result: Result,
     about: str,
-    screen: str,
-    rows: Sequence[tuple[str, str]],
-    limits: Mapping[str, Mapping[str, str]],
+    printed: Printed,
     figures: Mapping[str, Picture],
     sketch: Sketch | None,
     scene: Scene | None,
@@ -72,8 +78,7 @@ def page_of(
     ----------
     result : of any kind.
     about : which command made it, and when.
-    screen, rows : what is printed of it first, and its table.
-    limits : the printed margin, value, place and verdict of each.
+    printed : of it.
     figures : its pictures by name.
     sketch : of its model; None where it has none, or it is not known.
     scene : an animation of its motion; None without one.
@@ -86,14 +91,14 @@ def page_of(
     page.add("Question", labelled(_question(result, result.scenario if sketch is None else sketch.scenario)))
     if sketch is not None:
         page.add("Model", f"<figure>{picture(model_figure(sketch), 'model')}</figure>")
-    page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_limits(limits)))))
+    page.add("Limits", table(Cells(("limit of", "value", "at", "limit", "margin", ""), list(_limits(printed.limits)))))
     page.add(
         "Summary",
-        listing(screen),
+        listing(printed.screen),
         *(captioned(name.removesuffix("_0"), picture(shown, name)) for name, shown in _front(figures)),
     )
-    page.add("How sure", table(Cells(("what", "outcome", "meaning"), list(_checked(result, rows)))))
-    page.add("Results", labelled(rows))
+    page.add("How sure", table(Cells(("what", "outcome", "meaning"), list(_checked(result, printed.rows)))))
+    page.add("Results", labelled(printed.rows))
     if sketch is not None:
         page.add("Model in numbers", *_model(sketch))
     if scene is not None:

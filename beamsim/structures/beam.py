@@ -8,7 +8,7 @@ nodal force and moment by integrating the load, so that a station under a point 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -101,7 +101,9 @@ def moment_rows(model: BeamStructure, member: MemberBody, basis: ReducedBasis, x
     static deflections are exact in this case as well.
     """
     a = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
-    moment = _moments(model, x, _fields(model, member, x, basis.patterns, basis.vectors, a, basis.pattern))
+    moment = _moments(
+        model, x, _fields(model, member, x, basis.vectors, a, zip(basis.patterns, basis.pattern, strict=True))
+    )
     moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
     if basis.modes == member.whole.size and basis.patterns:
         moment = moment + _static_correction(model, member, basis, x, moment)
@@ -115,17 +117,18 @@ def _static_moments(
     whole, loads = member.whole, np.array([pattern.vector for pattern in patterns]).T
     u = static_deflections(whole, loads)
     relief = -whole.rigid @ (whole.rigid.T @ loads)
-    return u, _moments(model, x, _fields(model, member, x, patterns, u, relief, np.eye(len(patterns))))
+    return u, _moments(
+        model, x, _fields(model, member, x, u, relief, zip(patterns, np.eye(len(patterns)), strict=True))
+    )
 
 
 def _fields(
     model: BeamStructure,
     member: MemberBody,
     x: Floats,
-    patterns: Sequence[LoadPattern],
     u: Floats,
     a: Floats,
-    p: Floats,
+    loads: Iterable[tuple[LoadPattern, Floats]],
 ) -> _Fields:
     """Fields on all dofs of the beam; an inertia pattern becomes the acceleration of a rigid motion, supports included.
 
@@ -135,7 +138,7 @@ def _fields(
     displacement = model.whole_field(member.field(u))
     acceleration = model.whole_field(member.field(a)) * inertia
     forces = []
-    for pattern, row in zip(patterns, p, strict=True):
+    for pattern, row in loads:
         site = pattern.site
         if isinstance(site, BaseDirection):
             moving = model.rigid_motion(member.whole.seen_from(model.name, site))

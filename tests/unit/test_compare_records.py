@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lsim
 
 import beamsim
-from beamsim.analyses.compare.analysis import compare, compare_records, pair_channels
+from beamsim.analyses.compare.analysis import ChannelChoice, compare, compare_records, pair_channels
 from beamsim.analyses.compare.sweeps import compare_sweep
 from beamsim.errors import ScenarioError
 from beamsim.measurements.signal import MeasuredSignal
@@ -151,13 +151,15 @@ def test_moments_of_hinges_and_outputs(boom):
         assert c.record.scale == pytest.approx(1.1, rel=1e-9)
         assert c.unit == {"root.end": "N m", "angle": "rad"}[c.place]
         assert c.record.summary()["peak_ratio"] == pytest.approx(1.1, rel=1e-9)
-    ((place, quantity, signal),) = pair_channels(result, path, channel="root.end moment", place="root.end")
+    ((place, quantity, signal),) = pair_channels(
+        result, path, ChannelChoice(channel="root.end moment", place="root.end")
+    )
     assert (place, quantity) == ("root.end", "moment")
     assert np.abs(signal.y).max() == pytest.approx(result.snubbers["root.end"].force.max() / 1.1)
     with pytest.raises(ScenarioError, match="give the unit of the moment"):
-        pair_channels(result, path, channel="root.end moment", place="root.end", unit="N")
+        pair_channels(result, path, ChannelChoice(channel="root.end moment", place="root.end", unit="N"))
     with pytest.raises(ScenarioError, match=r"--probe root.end has no force|force is not one of"):
-        pair_channels(result, path, channel="root.end moment", place="root.end", quantity="force")
+        pair_channels(result, path, ChannelChoice(channel="root.end moment", place="root.end", quantity="force"))
 
 
 def test_files_of_results_are_compared_with_themselves(boom, tmp_path):

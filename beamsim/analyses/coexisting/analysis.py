@@ -124,6 +124,7 @@ def coexisting(
     marches = Marches(scenario)
     hz, rows, budget = marches.settings.frequencies, marches.drawn(), Budget(4000, 300.0)
     starts = [(f, 0, *row) for f in hz for row in rows.tolist()]
+    computation = Computation(partial(Marches, scenario), failed_case)
 
     def solved(outcome: CaseOutcome) -> None:
         if each is not None:
@@ -131,9 +132,7 @@ def coexisting(
         if progress is not None and outcome.index < len(starts):
             progress(0.6 * len(evaluate.outcomes) / len(starts))  # the rest is for what follows
 
-    solving = working(
-        Computation(partial(Marches, scenario), failed_case), sys.maxsize, workers=workers, scheduler=scheduler
-    )
+    solving = working(computation, sys.maxsize, workers=workers, scheduler=scheduler)
     with Evaluator(solving, most=sys.maxsize, known=known, each=solved) as evaluate:
         with suppress(Ended):
             evaluate(starts)
@@ -145,11 +144,7 @@ def coexisting(
         motions = {f: _attracting(marches, f, of) for f, of in ends.items()}
         if marches.settings.unstable and not asked_to_stop():
             _add_unstable(marches, motions, budget)
-        order = [each for of in motions.values() for each in enumerate(sorted(of, key=_Motion.importance), 1)]
-        if not order:
-            if asked_to_stop():
-                raise KeyboardInterrupt
-            raise NotTrustedError("no start has settled, and no periodic motion was found; raise sweep.most_cycles")
+        order = _in_order(motions)
         result = _gathered(marches, order, rows, ends)
         result = replace(result, disturbances=_disturbances(marches, order, evaluate))
     failed = [outcome for outcome in evaluate.outcomes.values() if outcome.failed]
@@ -157,6 +152,22 @@ def coexisting(
         result, outcome=_outcome(marches, result, budget, failed), wall_time_s=clock.perf_counter() - begin
     )
     return result.with_summary(**_summary(marches, result), processor_time_s=processor_time() - processor)
+
+
+def _in_order(motions: Mapping[float, list[_Motion]]) -> _Order:
+    """All motions with their numbers.
+
+    Raises
+    ------
+    KeyboardInterrupt, NotTrustedError
+        If there are none.
+    """
+    order = [each for of in motions.values() for each in enumerate(sorted(of, key=_Motion.importance), 1)]
+    if not order and asked_to_stop():
+        raise KeyboardInterrupt
+    if not order:
+        raise NotTrustedError("no start has settled, and no periodic motion was found; raise sweep.most_cycles")
+    return order
 
 
 def _attracting(marches: Marches, hz: float, ends: Mapping[int, Destination]) -> list[_Motion]:

@@ -7,7 +7,7 @@ compared by peaks, scale, correlation and response spectra.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -71,7 +71,7 @@ def compare(
     warnings: list[str] = []
     begin = perf_counter()
     demand_amplitudes((signal for _, _, signal in pairs), "a comparison with a run")
-    channels = tuple(_channel(result, *pair, harmonics, last, warnings) for pair in pairs)
+    channels = tuple(_channel(result, pair, harmonics, last, warnings) for pair in pairs)
     warnings += [f"{signal.name}: {text}" for _, _, signal in pairs for text in record_warnings(signal)]
     return Comparison(
         scenario=result.scenario,
@@ -113,15 +113,14 @@ def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
     return np.asarray(result.outputs[place].value)
 
 
-def _channel(
-    result: RunResult, place: str, quantity: str, signal: MeasuredSignal, count: int, last: float | None,
-    warnings: list[str],
-) -> ChannelComparison:  # fmt: skip
+def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warnings: list[str]) -> ChannelComparison:
+    """A channel compared with the history of a run: harmonics in phase, histories without a delay, spectra."""
+    place, quantity, signal = pair
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
     unit = quantities_of(result)[place][quantity].unit
     run = _part_of_run(result, place, quantity, excitation, warnings)
     if last is None and np.isfinite(excitation):
-        last = float(run.x[-1] - run.x[0]) * (1 + 1e-9)
+        last = float(run.x[-1] - run.x[0]) * (1 + WHOLE_PART)
     if not np.any(signal.y):
         what = f"{signal.label} is zero throughout"
         raise unusable(what, "check the channel and its cable, or leave it out with --channel")
@@ -145,21 +144,10 @@ def _channel(
     if not (np.isfinite(excitation) or signal.of_frequency):
         settings = None if result.scenario.run is None else result.scenario.run.srs
         likeness = compare_records(unit, (time_p, history_p), (time_m, history_m), settings)
-        if likeness is not None and settings is not None and likeness.frequency_hz[-1] < settings.to * (1 - 1e-9):
+        if likeness is not None and settings is not None:
             rate = min((t.size - 1) / float(t[-1] - t[0]) for t in (time_p, time_m))
-            warnings.append(
-                f"{signal.name}: response spectra end at {likeness.frequency_hz[-1]:.4g} Hz, below run.srs.to = "
-                f"{settings.to:g} Hz: the records have {rate:.4g} samples a second, and oscillators above a tenth of "
-                "that follow the interpolation between samples"
-            )
-    aliased = _aliased(result, place, quantity)
-    if aliased is not None:
-        rate = (result.time.size - 1) / float(result.time[-1] - result.time[0])
-        warnings.append(
-            f"{place} {spoken(quantity)}: {100.0 * aliased:.2g} % of the run's root mean square lies above half its "
-            f"output rate of {rate:.5g} Hz, and is aliased in its harmonics, spectrum and response spectra: raise "
-            "run.sample_rate"
-        )
+            warnings += _of_rate(signal.name, float(likeness.frequency_hz[-1]), settings.to, rate)
+    warnings += _of_aliasing(result, place, quantity)
     return ChannelComparison(
         place=place,
         quantity=quantity,
@@ -181,9 +169,34 @@ def _channel(
         predicted_spectrum=spectra[0],
         measured_spectrum=spectra[1],
         start_s=float(run.x[0]),
-        aliased_share=aliased,
+        aliased_share=_aliased(result, place, quantity),
         record=likeness,
     )
+
+
+WHOLE_PART = 1e-9  # relative round-off of times, by which the last part of a record may be longer
+
+
+def _of_rate(name: str, reached_hz: float, asked_hz: float, rate: float) -> Iterator[str]:
+    """A warning where the sample rate, 1/s, ends response spectra below the frequency that is asked for."""
+    if reached_hz < asked_hz * (1 - WHOLE_PART):
+        yield (
+            f"{name}: response spectra end at {reached_hz:.4g} Hz, below run.srs.to = {asked_hz:g} Hz: the records "
+            f"have {rate:.4g} samples a second, and oscillators above a tenth of that follow the interpolation between "
+            "samples"
+        )
+
+
+def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
+    """A warning where a history has a notable part above half its sample rate."""
+    share = _aliased(result, place, quantity)
+    if share is not None:
+        rate = (result.time.size - 1) / float(result.time[-1] - result.time[0])
+        yield (
+            f"{place} {spoken(quantity)}: {100.0 * share:.2g} % of the run's root mean square lies above half its "
+            f"output rate of {rate:.5g} Hz, and is aliased in its harmonics, spectrum and response spectra: raise "
+            "run.sample_rate"
+        )
 
 
 def _aliased(result: RunResult, place: str, quantity: str) -> float | None:
@@ -346,23 +359,33 @@ def _compared(channel: ChannelComparison) -> dict[str, Any]:
     }
 
 
-def pair_channels(
-    result: RunResult | SweepResult,
-    path: Path,
-    *,
-    place: str | None = None,
-    quantity: str | None = None,
-    channel: str | None = None,
-    unit: str | None = None,
-    axis_unit: str | None = None,
-    level: str | None = None,
-    decimal: DecimalMark | None = None,
-    preparation: RecordPreparation | None = None,
-) -> list[tuple[str, str, MeasuredSignal]]:
+Pair = tuple[str, str, MeasuredSignal]
+"""Place and quantity of a result, and the measured signal that is compared with it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelChoice:
+    """Which channels of a file are compared with what, and what the file does not say of them."""
+
+    place: str | None = None  # probe, snubber or output; without it and `channel` those of all are paired
+    quantity: str | None = None  # without it and `channel` all of `quantities_of` the place are paired
+    channel: str | None = None  # its name
+    unit: str | None = None  # of the values
+    axis_unit: str | None = None  # of the time or frequency
+    level: str | None = None  # with its unit, of the excitation at which frequency responses were measured
+    decimal: DecimalMark | None = None  # of a text file, where its numbers leave it open
+    preparation: RecordPreparation | None = None  # of time histories; by default they are taken as they are
+
+
+BY_NAME = ChannelChoice()
+"""All channels that are named after places and quantities."""
+
+
+def pair_channels(result: RunResult | SweepResult, path: Path, choice: ChannelChoice = BY_NAME) -> list[Pair]:
     """The measured channels of a file that belong to places of a result by name, in SI units.
 
-    With `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or unit says,
-    else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
+    With a chosen `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or
+    unit says, else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
 
     Time histories and amplitude spectra can be compared; with a sweep frequency responses, too, times the level at
     which they were measured. Channels of other function types are left out where others are named after the places.
@@ -371,13 +394,7 @@ def pair_channels(
     ----------
     result : a run or a sweep.
     path : of the file.
-    place : probe, snubber or output; without it and `channel` those of all are paired.
-    quantity : of the channel; without it and `channel` all of `quantities_of` the place are paired.
-    channel : its name.
-    unit, axis_unit : of its values, and of its time or frequency, where the file does not say.
-    level : amplitude of the excitation at which frequency responses were measured, with its unit.
-    decimal : decimal mark of a text file, where its numbers leave it open.
-    preparation : of time histories: factor, mean or trend, high-pass filter; by default as they are.
+    choice : of channels, places and quantities; by default all that are named after each other.
 
     Returns
     -------
@@ -389,23 +406,22 @@ def pair_channels(
     ScenarioError
         If the file cannot be used, no channel matches, or the one that does is of a function type that cannot be used.
     """
-    signals = read_signals(path, axis_unit, decimal)
-    found = quantities_of(result)
-    if place is not None and place not in found:
-        raise ScenarioError.at("", f"--probe {place} is not in the result", f"it has {', '.join(found)}")
-    if channel is not None or len(signals) == 1:
-        signal = channel_named(
-            signals, channel or signals[0].name, quantity or "absolute_acceleration", path, required=channel is not None
-        )
-        signal = _amplitudes(signal, isinstance(result, SweepResult), path, level)
-        at, compared = _owner(signal, found, path, place, quantity, unit)
-        return [(at, compared, _prepared(in_si(signal, unit, found[at][compared], "--unit"), path, preparation))]
-    usable = [each for each in signals if each.function in _functions(isinstance(result, SweepResult))]
-    pairs = _by_name(usable or signals, found, path, place, quantity, unit)
-    pairs = [(name, q, _amplitudes(each, isinstance(result, SweepResult), path, level)) for name, q, each in pairs]
+    signals, unit = read_signals(path, choice.axis_unit, choice.decimal), choice.unit
+    found, swept = quantities_of(result), isinstance(result, SweepResult)
+    if choice.place is not None and choice.place not in found:
+        raise ScenarioError.at("", f"--probe {choice.place} is not in the result", f"it has {', '.join(found)}")
+    if choice.channel is not None or len(signals) == 1:
+        named, quantity = choice.channel or signals[0].name, choice.quantity or "absolute_acceleration"
+        signal = channel_named(signals, named, quantity, path, required=choice.channel is not None)
+        signal = _amplitudes(signal, swept, path, choice.level)
+        at, compared = _owner(signal, found, path, choice)
+        return [(at, compared, _prepared(in_si(signal, unit, found[at][compared], "--unit"), path, choice.preparation))]
+    usable = [each for each in signals if each.function in _functions(swept)]
+    pairs = _by_name(usable or signals, found, path, choice)
+    pairs = [(name, q, _amplitudes(each, swept, path, choice.level)) for name, q, each in pairs]
     try:
         in_units = [(name, q, in_si(signal, unit, found[name][q], "--unit")) for name, q, signal in pairs]
-        return [(name, q, _prepared(signal, path, preparation)) for name, q, signal in in_units]
+        return [(name, q, _prepared(signal, path, choice.preparation)) for name, q, signal in in_units]
     except ScenarioError as error:
         several = list(dict.fromkeys(q for _, q, _ in pairs))
         if unit is None or len(several) == 1:
@@ -448,25 +464,23 @@ def _prepared(signal: MeasuredSignal, path: Path, preparation: RecordPreparation
 _Quantities = Mapping[str, Mapping[str, Dimension]]  # by place and name
 
 
-def _owner(
-    signal: MeasuredSignal, found: _Quantities, path: Path, place: str | None, quantity: str | None, unit: str | None
-) -> tuple[str, str]:
+def _owner(signal: MeasuredSignal, found: _Quantities, path: Path, choice: ChannelChoice) -> tuple[str, str]:
     """Place and quantity of the one channel that is compared.
 
     Parameters
     ----------
     signal : the channel.
     found : what the result has.
-    path, place, quantity, unit : see `pair_channels`.
+    path, choice : see `pair_channels`.
 
     Raises
     ------
     ScenarioError
         If the result has no such quantity, or not there.
     """
-    known = _dimensions(found)
+    known, place, unit = _dimensions(found), choice.place, choice.unit
     meant = known if place is None else {**found[place], **known}
-    compared = quantity or _quantity_of(signal.name, signal.unit or unit or "", meant)
+    compared = choice.quantity or _quantity_of(signal.name, signal.unit or unit or "", meant)
     if compared not in known:
         message = f"--quantity {compared} is not one of {', '.join(known)}"
         raise ScenarioError.at("", message, "choose one of these")
@@ -477,28 +491,22 @@ def _owner(
     return at, compared
 
 
-def _by_name(
-    signals: list[MeasuredSignal],
-    found: _Quantities,
-    path: Path,
-    place: str | None,
-    quantity: str | None,
-    unit: str | None,
-) -> list[tuple[str, str, MeasuredSignal]]:
+def _by_name(signals: list[MeasuredSignal], found: _Quantities, path: Path, choice: ChannelChoice) -> list[Pair]:
     """Places, quantities and the channels that are named after them, in the units of the file.
 
     Parameters
     ----------
     signals : of the file.
     found : what the result has.
-    path, place, quantity, unit : see `pair_channels`.
+    path, choice : see `pair_channels`.
 
     Raises
     ------
     ScenarioError
         If no channel is.
     """
-    pairs: list[tuple[str, str, MeasuredSignal]] = []
+    place, quantity, unit = choice.place, choice.quantity, choice.unit
+    pairs: list[Pair] = []
     for name in found if place is None else [place]:
         for q in found[name] if quantity is None else found[name].keys() & {quantity}:
             own = q in (*OF_PROBES, *dict(OF_CONTACTS.values()))  # the channel of an output need not say what it is

@@ -22,10 +22,10 @@ from pydantic import ValidationError
 from beamsim.errors import InputFileError, ScenarioError
 from beamsim.fields import Counter, Entry, Number, attribute, dataset, declared, list_of, record, stored
 from beamsim.input_files import reading
-from beamsim.measurements.read import TEXT, ending_of
+from beamsim.measurements.read import TEXT, UNIVERSAL, ending_of
 from beamsim.measurements.signal import split_heading
 from beamsim.measurements.tables import read_named_columns
-from beamsim.measurements.universal import ENDINGS, DataSet, data_sets
+from beamsim.measurements.universal import DataSet, data_sets
 from beamsim.outcomes import COMPLETE
 from beamsim.results.result import Result
 from beamsim.scenario import Scenario, units
@@ -263,7 +263,7 @@ def read_shapes(path: Path, scenario: Scenario, decimal: DecimalMark | None = No
     try:
         suffix = ending_of(path)
         with reading(path, "mode shapes"):
-            if suffix in (*ENDINGS, ".55"):
+            if suffix in (*UNIVERSAL, ".55"):
                 return _read_uff(path, scenario)
             if suffix in TEXT:
                 return _read_csv(path, decimal)

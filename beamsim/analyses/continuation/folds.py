@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,7 @@ SecondParameter = Literal["level"] | Callable[[float], tuple[PeriodicFlow, Conta
 SETTINGS = Settings(tolerance=1e-9, most_points=600)  # of one curve, in each direction
 CORNER = 1e-5  # relative distance in frequency within which a fold lies on a grazing
 SAME = 1e-6  # relative distance within which a fold lies on a curve that is known
+AT_EDGE = 1e-9  # relative distance from an end of the range within which a curve begins there
 TOO_CLOSE = Outcome.of(OutcomeKind.STOPPED, "corner_too_close", "the fold is too close to a corner of the curve")
 BEYOND = 3.0  # how far the frequency may leave the range it was found in, as a ratio
 
@@ -179,6 +180,15 @@ def start_of_curve(
     return None if point is None else (curve, point)
 
 
+class _Corner(NamedTuple):
+    """Where a curve of folds begins."""
+
+    orbits: ForcedOrbits
+    fold: SpecialPoint
+    touching: SpecialPoint | None  # the grazing on which the fold lies
+    branch: int  # number of the branch of both
+
+
 def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, budget: Budget) -> list[FoldBranch]:
     """One curve for every fold of the branches of the excitation's own period, each fold on one curve only.
 
@@ -202,7 +212,7 @@ def follow_folds(model: ResponseModel, traced: list[OrbitBranch], level: float, 
             if budget.spent() or any(_holds(curve, fold.parameter, _present(model, level)) for curve in curves):
                 continue
             touching = fold if fold.kind == "nonsmooth_fold" else _grazing_at(branch, fold)
-            curves.append(_curve(model, branch.problem, fold, touching, level, index, budget))
+            curves.append(_curve(model, _Corner(branch.problem, fold, touching, index), level, budget))
     return curves
 
 
@@ -241,17 +251,40 @@ def _holds(curve: FoldBranch, omega: float, present: float) -> bool:
     return False
 
 
-def _curve(
-    model: ResponseModel,
-    orbits: ForcedOrbits,
-    fold: SpecialPoint,
-    touching: SpecialPoint | None,
-    level: float,
-    branch: int,
-    budget: Budget,
-) -> FoldBranch:
-    second = not_none(model.second)
-    present = _present(model, level)
+def _curve(model: ResponseModel, corner: _Corner, level: float, budget: Budget) -> FoldBranch:
+    """The curve through a fold or grazing, with the largest displacements of its motions."""
+    second, fold, touching = not_none(model.second), corner.fold, corner.touching
+    halves = _halves(model, corner, _present(model, level), budget)
+    # what was followed comes first, so that its points are kept
+    followed = joined(*sorted(halves, key=lambda half: not half.points))
+    names = [p.name for p in model.system.probes]
+    displacements = model.system.channels.of_keys(DISPLACEMENT)
+    measurement = Measurement(
+        model.system, model.scenario.sine, displacements, moved=None if second.moved is None else second.system
+    )
+    motions = [measurement.of(followed.problem, point) for point in followed.points]
+    peak = np.array([motion.peak for motion in motions]).reshape(-1, len(names))
+    points = followed.points
+    states = np.array([p.u[:-2] for p in points]).reshape(len(points), corner.orbits.flow.size)
+    return FoldBranch(
+        touching="" if touching is None else model.system.contact_names[touching.contact],
+        level=float("nan") if second.kind == "level" else level,
+        branch=corner.branch,
+        start_hz=fold.parameter / (2 * np.pi),
+        outcome=second.shown(both_directions(halves[-1].outcome, halves[0].outcome)),
+        frequency_hz=np.array([p.u[-2] for p in points]) / (2 * np.pi),
+        parameter=np.array([second.outward(p.parameter) for p in points]),
+        unit=second.unit,
+        parameter_meaning=f"second parameter: {second.kind} {second.snubber}".strip(),
+        peak_displacement={name: peak[:, j] for j, name in enumerate(names)},
+        residual=np.array([p.residual for p in points]),
+        **of_states(states, model.system.dynamics.size),
+    )
+
+
+def _halves(model: ResponseModel, corner: _Corner, present: float, budget: Budget) -> list[OrbitBranch]:
+    """Both directions of a curve from the present value of the second parameter; one from an end of the range."""
+    second, orbits, fold = not_none(model.second), corner.orbits, corner.fold
     path: Any = "level" if second.kind == "level" else second.path(orbits.flow)
     low, high = sorted((second.inward(second.first), second.inward(second.last)))
 
@@ -265,40 +298,15 @@ def _curve(
         )  # fmt: skip
 
     halves: list[OrbitBranch] = []
-    for direction in (1.0, -1.0):
-        edge = high if direction > 0 else low
-        if abs(second.inward(present) - edge) < 1e-9 * max(abs(edge), 1.0):
+    for direction, edge in ((1.0, high), (-1.0, low)):
+        if abs(second.inward(present) - edge) < AT_EDGE * max(abs(edge), 1.0):
             continue
         begun = None
         with suppress(ArithmeticError, np.linalg.LinAlgError):
-            begun = start_of_curve(orbits, touching or fold, path, second.inward(present), direction)
+            begun = start_of_curve(orbits, corner.touching or fold, path, second.inward(present), direction)
         if begun is None:
             halves.append(OrbitBranch(None, (), TOO_CLOSE))
         else:
             curve, start = begun
             halves.append(walk(Branch(curve, start, low, high, SETTINGS), budget, within, with_special=False))
-    # what was followed comes first, so that its points are kept
-    followed = joined(*sorted(halves, key=lambda half: not half.points))
-    names = [p.name for p in model.system.probes]
-    displacements = model.system.channels.of_keys(DISPLACEMENT)
-    measurement = Measurement(
-        model.system, model.scenario.sine, displacements, moved=None if second.moved is None else second.system
-    )
-    motions = [measurement.of(followed.problem, point) for point in followed.points]
-    peak = np.array([motion.peak for motion in motions]).reshape(-1, len(names))
-    points = followed.points
-    states = np.array([p.u[:-2] for p in points]).reshape(len(points), orbits.flow.size)
-    return FoldBranch(
-        touching="" if touching is None else model.system.contact_names[touching.contact],
-        level=float("nan") if second.kind == "level" else level,
-        branch=branch,
-        start_hz=fold.parameter / (2 * np.pi),
-        outcome=second.shown(both_directions(halves[-1].outcome, halves[0].outcome)),
-        frequency_hz=np.array([p.u[-2] for p in points]) / (2 * np.pi),
-        parameter=np.array([second.outward(p.parameter) for p in points]),
-        unit=second.unit,
-        parameter_meaning=f"second parameter: {second.kind} {second.snubber}".strip(),
-        peak_displacement={name: peak[:, j] for j, name in enumerate(names)},
-        residual=np.array([p.residual for p in points]),
-        **of_states(states, model.system.dynamics.size),
-    )
+    return halves

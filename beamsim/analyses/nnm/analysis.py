@@ -128,13 +128,12 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
     if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance"):
         resonance = hold_mode(system, followed.problem, followed.backbone.points, progress)
     outcome = job.ended(with_failed_searches(_outcome(work, resonance), failed))
-    outcome = reduction_checked(balanced(outcome, branches, branches[0].unit), scenario, system.modes)
     result = NormalModeResult(
         scenario=scenario,
         mode=job.mode + 1,
         parameter=job.parameter,
         method=scenario.nnm.method.kind,
-        outcome=outcome,
+        outcome=reduction_checked(balanced(outcome, branches, branches[0].unit), scenario, system.modes),
         branches=branches,
         jumps=tuple(BranchJump(job.shown(j.start), job.shown(j.end), j.mode + 1, j.ratio) for j in followed.jumps),
         stations=system.stations,
@@ -145,15 +144,11 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
         phase_resonance=resonance,
         expansion=work.expansion,
         relaxed=work.relaxed,
-        warnings=(
-            *scenario.warnings,
-            *system.warnings,
-            *forces_beyond_tables(scenario, [motion.force]),
-        ),
+        warnings=(*scenario.warnings, *system.warnings, *forces_beyond_tables(scenario, [motion.force])),
         wall_time_s=clock.perf_counter() - begin,
     )
-    linear = float(followed.problem.omega[job.mode] / (2 * np.pi))
-    return result.with_summary(**nnm_summary(result, linear, work.processor_time_s, _requested(result, work)))
+    linear_hz = float(followed.problem.omega[job.mode] / (2 * np.pi))
+    return result.with_summary(**nnm_summary(result, linear_hz, work.processor_time_s, _requested(result, work)))
 
 
 @dataclass

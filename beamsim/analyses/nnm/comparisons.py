@@ -4,7 +4,7 @@ vanishes, and relaxed minimisation (Hazim 2010) with its range, accuracy and cos
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from beamsim.orbits.tongues import LEAST_SHARE
 from beamsim.outcomes import COMPLETE, Outcome, OutcomeKind, Progress, Where, interruption, tell, until_asked
 from beamsim.scenario.sweep import RelaxedMinimisationMethod
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Floats
+from beamsim.typing import Bools, Floats
 
 ExactPoints = tuple[BrakeOrbits, list[BranchPoint | None]]  # shooting, and its motions
 
@@ -65,7 +65,7 @@ def expansion_path(
     ValueError
         Where the structure is damped.
     """
-    c, n = structure.dynamics.contacts.split(), structure.dynamics.size
+    c = structure.dynamics.contacts.split()
     if np.any(structure.dynamics.damping) or c.damped:
         raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
     index, family = flexible_mode(structure, mode), spring_family(structure)
@@ -77,8 +77,8 @@ def expansion_path(
             return expand_mode_at_energy(family, index, held, factor, order, sign, harmonics, uniform)
 
     linear = expand(0.0, 0)
-    chosen = _into_reach(linear.reach, largest) if factors is None else np.asarray(factors, dtype=float)
-    frequency, shape, uniform = _at_factors(expand, chosen, n)
+    chosen = _into_reach(linear.reach, largest) if factors is None else factors
+    frequency, shape, uniform = _at_factors(expand, chosen, structure.dynamics.size)
     return ExpansionPath(
         mode=mode,
         energy=held,
@@ -263,61 +263,18 @@ def compare_relaxed(
     shooting_passages = orbits.family.passages
     shooting_time_s += processor_time() - begin
     steps: list[RelaxedStep] = []
-    outcome = COMPLETE
     for step in until_asked(relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations)):
         steps.append(step)
         tell(progress, len(steps) / settings.steps)
         if not step.reached:
             break
-    last = Where(steps[-1].factor, "", "stiffness factor")
-    if not steps[-1].reached:
-        code, sentence, remedy = (
-            "too_few_iterations",
-            f"the limit of {settings.iterations} iterations is reached",
-            ("raise nnm.method.iterations, steps or the tolerance"),
-        )
-        if steps[-1].stalled:
-            code, sentence = "no_descent", "no further descent was found"
-            remedy = "use more nnm.method.steps or a larger tolerance"
-        outcome = Outcome.of(
-            OutcomeKind.STOPPED, code,
-            f"the functional of relaxed minimisation is {steps[-1].functional:.3g}, the tolerance "
-            f"{settings.tolerance:g}; {sentence}", at=last, remedy=remedy,
-        )  # fmt: skip
-    elif len(steps) < settings.steps:
-        outcome = interruption("during relaxed minimisation", at=last)
-    return _compared(job, steps, exact[: len(steps)], settings, outcome, (shooting_passages, shooting_time_s), orbits)
-
-
-def _compared(
-    job: ModePath, steps: list[RelaxedStep], exact: list[BranchPoint | None], settings: RelaxedMinimisationMethod,
-    outcome: Outcome, shooting: tuple[int, float], orbits: BrakeOrbits,
-) -> RelaxedComparison:  # fmt: skip
-    n = orbits.n
-    shapes = np.array([s.shape for s in steps]).reshape(len(steps), n)
-    frequency = np.array([1.0 / s.period for s in steps])
-    known = np.array([np.nan if e is None else 1.0 / float(e.u[-2]) for e in exact])
-    apart = np.full(len(steps), np.nan)
-    fates: list[str] = []
-    moved: list[bool] = []
-    last: Floats | None = None  # the exact motion that the step before was beside
-    for k, (step, point) in enumerate(zip(steps, exact, strict=True)):
-        if point is not None:
-            apart[k] = _distance(orbits, step.shape, point.u[:n])
-        near = solve_at(orbits, orbits.unknowns(step.shape, step.period, step.factor), Settings(iterations=15))
-        fates.append("none" if near is None else "between" if point is None else "other")
-        if near is not None and point is not None:
-            same = _distance(orbits, near.u[:n], point.u[:n]) < SAME
-            fates[-1] = "same" if same and abs(near.u[-2] / point.u[-2] - 1.0) < SAME else "other"
-        here = None if near is None else near.u[:n]
-        moved.append(fates[-1] in ("other", "none") and (k == 0 or fates[-2] in ("same", "between")))
-        if fates[-1] == "other" and not moved[-1] and last is not None and here is not None:
-            moved[-1] = _distance(orbits, here, last) > FAR
-        last = here
+    apart, fates, jumped = _beside_exact(orbits, steps, exact)
+    shapes, frequency = np.array([s.shape for s in steps]), np.array([1.0 / s.period for s in steps])
+    known = np.array([np.nan if e is None else 1.0 / float(e.u[-2]) for e in exact[: len(steps)]])
     return RelaxedComparison(
         steps=settings.steps,
         tolerance=settings.tolerance,
-        outcome=outcome,
+        outcome=_end_of_steps(steps, settings),
         factor=np.array([s.factor for s in steps]),
         frequency_hz=frequency,
         functional=np.array([s.functional for s in steps]),
@@ -330,10 +287,66 @@ def _compared(
         frequency_difference=np.abs(frequency / known - 1.0),
         shape_difference=apart,
         fate=tuple(fates),
-        jumped=np.array(moved, dtype=bool),
-        shooting_passages=shooting[0],
-        shooting_processor_time_s=shooting[1],
+        jumped=jumped,
+        shooting_passages=shooting_passages,
+        shooting_processor_time_s=shooting_time_s,
     )
+
+
+def _end_of_steps(steps: Sequence[RelaxedStep], settings: RelaxedMinimisationMethod) -> Outcome:
+    """Why the steps end where they do."""
+    last = Where(steps[-1].factor, "", "stiffness factor")
+    if not steps[-1].reached:
+        code, sentence, remedy = (
+            "too_few_iterations",
+            f"the limit of {settings.iterations} iterations is reached",
+            ("raise nnm.method.iterations, steps or the tolerance"),
+        )
+        if steps[-1].stalled:
+            code, sentence = "no_descent", "no further descent was found"
+            remedy = "use more nnm.method.steps or a larger tolerance"
+        return Outcome.of(
+            OutcomeKind.STOPPED, code,
+            f"the functional of relaxed minimisation is {steps[-1].functional:.3g}, the tolerance "
+            f"{settings.tolerance:g}; {sentence}", at=last, remedy=remedy,
+        )  # fmt: skip
+    return COMPLETE if len(steps) == settings.steps else interruption("during relaxed minimisation", at=last)
+
+
+def _beside_exact(
+    orbits: BrakeOrbits, steps: Sequence[RelaxedStep], exact: Sequence[BranchPoint | None]
+) -> tuple[Floats, list[str], Bools]:
+    """How steps of relaxed minimisation lie to exact motions.
+
+    Parameters
+    ----------
+    orbits : of the exact motions.
+    steps : s of them.
+    exact : the motions at the same stiffness factors, where there are some; s at least.
+
+    Returns
+    -------
+    (s,) relative differences of the shapes; to which motion Newton's method leads from each step (`RelaxedComparison`);
+    (s,) whether the step has jumped to another motion than the step before.
+    """
+    n, apart = orbits.n, np.full(len(steps), np.nan)
+    fates: list[str] = []
+    jumped: list[bool] = []
+    last: Floats | None = None  # the exact motion that the step before was beside
+    for k, (step, point) in enumerate(zip(steps, exact, strict=False)):
+        if point is not None:
+            apart[k] = _distance(orbits, step.shape, point.u[:n])
+        near = solve_at(orbits, orbits.unknowns(step.shape, step.period, step.factor), Settings(iterations=15))
+        fates.append("none" if near is None else "between" if point is None else "other")
+        if near is not None and point is not None:
+            same = _distance(orbits, near.u[:n], point.u[:n]) < SAME
+            fates[-1] = "same" if same and abs(near.u[-2] / point.u[-2] - 1.0) < SAME else "other"
+        here = None if near is None else near.u[:n]
+        jumped.append(fates[-1] in ("other", "none") and (k == 0 or fates[-2] in ("same", "between")))
+        if fates[-1] == "other" and not jumped[-1] and last is not None and here is not None:
+            jumped[-1] = _distance(orbits, here, last) > FAR
+        last = here
+    return apart, fates, np.array(jumped, dtype=bool)
 
 
 def _distance(orbits: BrakeOrbits, shape: Floats, other: Floats) -> float:

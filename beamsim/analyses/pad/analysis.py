@@ -18,7 +18,7 @@ that were recorded over time give Maxwell branches beside a softer curve, both f
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -47,31 +47,28 @@ class PadNumbers:
     loss_factor: float | None = None  # as given, or of the measured loop
 
 
-def pad(
-    *,
-    modulus: float | None = None,
-    shape_factor: float = 0.0,
-    area: float | None = None,
-    height: float | None = None,
-    curve: Path | None = None,
-    segments: int = 5,
-    loss_factor: float | None = None,
-    frequency: float | None = None,
-    columns: Sequence[str] = (),
-    decimal: DecimalMark | None = None,
-) -> PadNumbers:
+@dataclass(frozen=True, kw_only=True)
+class PadData:
+    """What is known of a pad, in SI units: its material and size, or a measured curve."""
+
+    modulus: float | None = None  # Pa, Young's modulus of the material
+    shape_factor: float = 0.0  # see the module's equations
+    area: float | None = None  # m^2
+    height: float | None = None  # m
+    curve: Path | None = None  # file of measured forces over deflections
+    segments: int = 5  # of the line that is fitted to it
+    loss_factor: float | None = None
+    frequency: float | None = None  # Hz, at which the dashpot has the loss factor
+    columns: Sequence[str] = ()  # headings that are meant in the file, where several have the same dimension
+    decimal: DecimalMark | None = None  # decimal mark of its numbers, by default what they themselves show
+
+
+def pad(data: PadData) -> PadNumbers:
     """The snubber that has what is known.
 
     Parameters
     ----------
-    modulus : Young's modulus of the material, Pa.
-    shape_factor : see above.
-    area, height : of the block, m^2 and m.
-    curve : file of measured forces over deflections.
-    segments : of the line that is fitted to it.
-    loss_factor, frequency : for the dashpot, at which frequency, Hz.
-    columns : headings of the columns of the file that are meant, where several have the same dimension.
-    decimal : decimal mark of its numbers, by default what they themselves show.
+    data : of the pad.
 
     Returns
     -------
@@ -82,23 +79,22 @@ def pad(
     ScenarioError
         Where too little or too much is known.
     """
-    known = {"area": area, "height": height, "loss_factor": loss_factor, "frequency": frequency}
-    _check(modulus, curve, known)
-    points, misfit = None, None
-    if curve is not None:
-        loop = loss_factor is None and frequency is None
-        fitted, misfit, of_loop, record = _measured(curve, segments, columns, decimal)
-        if loop and record is not None:
+    _check(data)
+    points, misfit, loss_factor = None, None, data.loss_factor
+    if data.curve is not None:
+        fitted, misfit, of_loop, record = _measured(data.curve, data.segments, data.columns, data.decimal)
+        if record is not None and data.loss_factor is None and data.frequency is None:
             return _of_record(fitted, record, of_loop)
         stiffness = 2.0 * _work(fitted.deflection, fitted.force) / float(fitted.deflection[-1]) ** 2
         if fitted.slopes.size > 1:
             points = tuple(zip(fitted.deflection.tolist(), fitted.force.tolist(), strict=True))
         loss_factor = of_loop if loss_factor is None else loss_factor
     else:
-        stiffness = not_none(modulus) * (1.0 + 2.0 * shape_factor**2) * not_none(area) / not_none(height)
+        area, height = not_none(data.area), not_none(data.height)
+        stiffness = not_none(data.modulus) * (1.0 + 2.0 * data.shape_factor**2) * area / height
     dashpot = 0.0
-    if loss_factor is not None and frequency is not None:
-        dashpot = loss_factor * stiffness / (2.0 * math.pi * frequency)
+    if loss_factor is not None and data.frequency is not None:
+        dashpot = loss_factor * stiffness / (2.0 * math.pi * data.frequency)
     return PadNumbers(stiffness=stiffness, dashpot=dashpot, points=points, misfit=misfit, loss_factor=loss_factor)
 
 
@@ -122,24 +118,24 @@ def _of_record(middle: ForceCurve, record: Record, loss_factor: float | None) ->
     )
 
 
-def _check(modulus: float | None, curve: Path | None, others: Mapping[str, float | None]) -> None:
+def _check(data: PadData) -> None:
     """One source of the stiffness, and what it and the loss factor need.
 
     Raises
     ------
     ScenarioError
     """
-    problems, known = [], {"modulus": modulus, **others}
-    if modulus is None and curve is None:
+    problems = []
+    if data.modulus is None and data.curve is None:
         problems.append(Problem("--modulus", "is missing", "give --modulus, --area and --height, or --curve"))
-    elif modulus is not None and curve is not None:
+    elif data.modulus is not None and data.curve is not None:
         problems.append(Problem("--modulus", "and --curve exclude each other", "give one of them"))
     needs = [("modulus", "area", "'4 cm^2'"), ("modulus", "height", "'6 mm'"), ("loss_factor", "frequency", "'65 Hz'")]
     for name, other, example in needs:
-        if known[name] is not None and known[other] is None:
+        if getattr(data, name) is not None and getattr(data, other) is None:
             what = f"is missing, which {option(name)} needs"
             problems.append(Problem(option(other), what, f"give for example {option(other)} {example}"))
-    if known["frequency"] is not None and modulus is not None and known["loss_factor"] is None:
+    if data.frequency is not None and data.modulus is not None and data.loss_factor is None:
         problems.append(Problem("--loss-factor", "is missing, which --frequency needs", "give for example 0.1"))
     if problems:
         raise ScenarioError(problems)
