@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -195,44 +195,26 @@ class ContactDirection:
 
     @classmethod
     def of(
-        cls,
-        contacts: Contacts,
-        stiffness: Any = 0.0,
-        dashpot: Any = 0.0,
-        gap: Any = 0.0,
-        shape: Any = 0.0,
-        base_participation: Any = 0.0,
-        along: Contacts | None = None,
-        cubic: Floats | None = None,
+        cls, contacts: Contacts, along: Contacts | None = None, cubic: Floats | None = None, **rates: Floats | float
     ) -> ContactDirection:
-        """A direction from numbers that are broadcast to all contacts.
+        """A direction along which only what is named changes.
 
         Parameters
         ----------
         contacts : m of them.
-        stiffness, dashpot, gap : N/m, N s/m and m per unit of the parameter; (m,), or one for all.
-        shape : (m, n) per unit of the parameter.
-        base_participation : (m,) per unit of the parameter, of the motion of each place for a unit motion of the base.
-        along : contacts whose laws' forces are added.
-        cubic : (nc,) stiffness of cubic springs beside the contacts, N/m^3 per unit of the parameter.
+        along, cubic : fields of the direction.
+        rates : other fields, per unit of the parameter; one number for all contacts, or an entry for each.
 
         Returns
         -------
         The direction, with an entry for each contact.
         """
-
-        def spread(value: Any, like: Floats) -> Floats:
-            return np.array(np.broadcast_to(np.asarray(value, dtype=float), like.shape))
-
-        return cls(
-            spread(stiffness, contacts.gap),
-            spread(dashpot, contacts.gap),
-            spread(gap, contacts.gap),
-            spread(shape, contacts.shape),
-            spread(base_participation, contacts.gap),
-            along,
-            cubic,
-        )
+        shapes = dict.fromkeys(("stiffness", "dashpot", "gap", "base_participation"), contacts.gap.shape)
+        shapes["shape"] = contacts.shape.shape
+        entries = {name: np.full(shape, rates.pop(name, 0.0)) for name, shape in shapes.items()}
+        if rates:
+            raise TypeError(f"contacts have no {', '.join(rates)} to change along a direction")
+        return cls(**entries, along=along, cubic=cubic)
 
 
 Parameter = Frequency | Level | ContactDirection

@@ -97,35 +97,33 @@ def newton_step(J: Floats, row: Floats, R: Floats, r: float) -> Floats:
     return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
 
 
-def correct(
-    problem: ContinuationProblem,
-    guess: Floats,
-    row: Floats,
-    scale: Floats,
-    settings: Settings,
-    *,
-    reference: Floats | None = None,
-    furthest: float = np.inf,
-    ahead: float = 0.0,
-) -> BranchPoint | None:
-    """The point of a branch by Newton's method across a direction, ``row . (u - guess) / scale = ahead``.
+@dataclass(frozen=True)
+class Predictor:
+    """A guess of a point, and the plane ``row . (u - guess) / scale = ahead`` on which the point is looked for."""
+
+    guess: Floats  # (n,) unknowns
+    row: Floats  # (n,) unit normal of the plane, in scaled unknowns
+    scale: Floats  # (n,) of the unknowns
+    reference: Floats | None = None  # (n,) direction in scaled unknowns that the tangent has a positive part along
+    furthest: float = np.inf  # distance from the guess, in scaled unknowns, at which Newton's method gives up
+    ahead: float = 0.0  # of the plane; a guess that is moved there beforehand leaves the curve that it lies on
+
+
+def correct(problem: ContinuationProblem, predictor: Predictor, settings: Settings) -> BranchPoint | None:
+    """The point of a branch near a predictor, by Newton's method.
 
     Parameters
     ----------
     problem : the residual.
-    guess : (n,) unknowns to begin with.
-    row : (n,) along which the solution's distance from the guess is given, in scaled unknowns.
-    scale : (n,) of the unknowns.
+    predictor : the guess, and where the point is looked for.
     settings : tolerance and iterations.
-    reference : (n,) direction in scaled unknowns that the tangent has a positive part along.
-    furthest : distance from the guess at which the method gives up.
-    ahead : the distance along ``row``. A guess that is moved there beforehand leaves the curve that it lies on.
 
     Returns
     -------
     The point; None where the method does not converge.
     """
-    w = start = guess / scale
+    row, scale, reference = predictor.row, predictor.scale, predictor.reference
+    w = start = predictor.guess / scale
     last = before = moved = np.inf
     for iteration in range(settings.iterations + 1):
         try:
@@ -138,7 +136,7 @@ def correct(
         if not np.isfinite(size):
             return None
         Jw = J * scale / rs[:, None]
-        off = float(row @ (w - start)) - ahead
+        off = float(row @ (w - start)) - predictor.ahead
         if _converged(size, moved, iteration, settings.tolerance) and abs(off) <= 1e-9 + settings.tolerance:
             tangent, sign = _kernel(Jw)
             point = BranchPoint(u, tangent, scale, size, sign, iteration, data)
@@ -153,7 +151,7 @@ def correct(
             return None
         w = w + step
         moved = float(np.linalg.norm(step))
-        if not np.linalg.norm(w - start) <= furthest:  # not a number included
+        if not np.linalg.norm(w - start) <= predictor.furthest:  # not a number included
             return None
         last, before = size, size if iteration % 5 == 1 else before
     return None
@@ -182,10 +180,11 @@ def solve_at(
 
     Parameters
     ----------
-    problem, settings, furthest : as those of `correct`.
+    problem, settings : as those of `correct`.
     guess : (n,) unknowns.
     parameter : its value, by default that of the guess.
     forward : whether the tangent points to larger values (> 0) or smaller ones.
+    furthest : see `Predictor`.
 
     Returns
     -------
@@ -197,7 +196,7 @@ def solve_at(
     u = guess.astype(float).copy()
     if parameter is not None:
         u[-1] = parameter
-    point = correct(problem, u, row, scale, settings, furthest=furthest)
+    point = correct(problem, Predictor(u, row, scale, furthest=furthest), settings)
     return None if point is None else point.towards(forward)
 
 
@@ -219,7 +218,7 @@ def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settin
     except (ArithmeticError, np.linalg.LinAlgError):
         return None
     along, _ = _kernel(J * scale / size[:, None])
-    return correct(problem, guess, along, scale, settings, reference=along)
+    return correct(problem, Predictor(guess, along, scale, along), settings)
 
 
 def interpolated(
@@ -320,7 +319,8 @@ class BranchStep(Generic[ProblemT_co]):
         nearest_first = (left, right) if s < 0.5 else (right, left)
         for guess in (*guesses, *(_on_tangent(end, row, target, a.scale) for end in nearest_first)):
             missing = target - float(row @ (guess / a.scale))
-            point = correct(self.problem, guess, row, a.scale, self.settings, reference=a.tangent, ahead=missing)
+            predictor = Predictor(guess, row, a.scale, a.tangent, ahead=missing)
+            point = correct(self.problem, predictor, self.settings)
             if point is not None:
                 return point
         return None
@@ -560,7 +560,7 @@ class Branch:
         if before is not None:
             w = interpolated(before, point, 1.0, scale, ahead=ds) / scale
         missing, furthest = float(t @ (along - w)), 2.0 * ds + 1e-12
-        new = correct(self.problem, w * scale, t, scale, s, reference=t, furthest=furthest, ahead=missing)
+        new = correct(self.problem, Predictor(w * scale, t, scale, t, furthest, missing), s)
         if new is None:
             return None
         same = self.problem.same_events(point, new)

@@ -33,7 +33,7 @@ from scipy.optimize import root_scalar
 
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint
-from beamsim.orbits.continuation import Settings, correct
+from beamsim.orbits.continuation import Predictor, Settings, correct
 from beamsim.orbits.period import gauss_panels
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.system.equations import PiecewiseLinearSystem
@@ -135,7 +135,8 @@ def find_phase_resonance(problem: ForcedOrbits, start: Floats, omega: float) -> 
     def cosine(turn: float) -> float:
         """Of the motion whose phase is ``turn`` ahead of the guess's."""
         before, near = (0.0, u) if not found else (found[-1][0], found[-1][2].u)
-        point = correct(problem, near + (turn - before) * speed * row * scale, row, scale, settings)
+        guess = near + (turn - before) * speed * row * scale
+        point = correct(problem, Predictor(guess, row, scale), settings)
         if point is None:
             raise ArithmeticError("no periodic motion has this phase")
         found.append((turn, quadrature(problem, point)[0], point))

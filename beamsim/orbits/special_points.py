@@ -19,7 +19,7 @@ from beamsim.contacts.laws import INTERNAL
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.orbits.branch import BranchPoint, FailedSearch, SpecialPoint, recorded
-from beamsim.orbits.continuation import BranchStep, ContinuationProblem, Settings, correct
+from beamsim.orbits.continuation import BranchStep, ContinuationProblem, Predictor, Settings, correct
 from beamsim.orbits.period import cyclic, extrema_of
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.typing import Bools, Complexes, Floats, Ints
@@ -418,7 +418,7 @@ def beside(
     for size in sizes:
         guess = u + size * row * scale
         # 10.0: how far the unknowns may move while the first amplitude is held, in units of it
-        point = correct(problem, guess, row, scale, settings, reference=row, furthest=10.0 * size)
+        point = correct(problem, Predictor(guess, row, scale, row, furthest=10.0 * size), settings)
         if point is not None:
             yield point
 

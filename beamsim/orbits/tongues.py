@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from beamsim.orbits.branch import BranchPoint, OrbitBranch, too_many_points
-from beamsim.orbits.continuation import Settings, correct
+from beamsim.orbits.continuation import Predictor, Settings, correct
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats
@@ -143,7 +143,7 @@ class Tongues:
         def at(guess: Floats, amplitude: float) -> BranchPoint | None:
             w = guess / scale
             w = w + (sign * amplitude + float(row @ (u / scale - w))) * direction
-            point = correct(self.orbits, w * scale, row, scale, settings, furthest=0.5)
+            point = correct(self.orbits, Predictor(w * scale, row, scale, furthest=0.5), settings)
             if point is None or not self.low <= point.parameter <= self.high:
                 return None
             # 0.6: of the amplitude asked for, for a motion to count as one in the tongue
@@ -237,7 +237,7 @@ class Tongues:
             size = float(np.linalg.norm(before))
             # Newton's form of the parabola in the length along the chords
             guess = guess + ds * (ds + last) * (row - before / size) / (last + size)
-        point = correct(self.orbits, guess * scale, row, scale, self.settings, reference=row, furthest=0.7 * ds)
+        point = correct(self.orbits, Predictor(guess * scale, row, scale, row, furthest=0.7 * ds), self.settings)
         if point is None or not self.low <= point.parameter <= self.high:
             return None
         return point if self._third(point, other) < most_third else None

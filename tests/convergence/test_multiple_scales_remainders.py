@@ -12,7 +12,7 @@ from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.expansions.forced import ResonantForcing
-from beamsim.orbits.expansions.free import expand_mode, expand_mode_at_energy, observed_orders, weakened
+from beamsim.orbits.expansions.free import ModeAtEnergy, expand_mode, observed_orders, weakened
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.spring_families import SpringFamily
 
@@ -142,7 +142,7 @@ def test_energy_chooses_the_amplitude(six):
     for gap in (0.0, 0.1, -0.1):
         system = six(5, gap=gap)
         for order in (0, 1, 2):
-            e = expand_mode_at_energy(SpringFamily(system), 3, 0.7, 0.05, order, -1.0)
+            e = ModeAtEnergy(SpringFamily(system), 3, 0.7, -1.0).expand(0.05, order)
             assert e.amplitude < 0
             q, c = e.initial(0.05, order), system.contacts
             pressed = np.maximum(-c.gap - c.sign * (c.shape @ q), 0.0)
@@ -161,7 +161,7 @@ def test_refusals(make_system, oscillator):
     with pytest.raises(MethodError, match="has 1 modes"):
         expand_mode(oscillator(), 1, 1.0)
     with pytest.raises(MethodError, match="no motion"):
-        expand_mode_at_energy(SpringFamily(oscillator()), 0, -1.0, 0.1)
+        ModeAtEnergy(SpringFamily(oscillator()), 0, -1.0).expand(0.1)
     with pytest.raises(MethodError, match="not a flexible mode"):
         ResonantForcing(floating, 0, np.ones(2))
     with pytest.raises(MethodError, match="grows"):

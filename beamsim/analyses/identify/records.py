@@ -45,7 +45,7 @@ from beamsim.measurements.read import ending_of
 from beamsim.measurements.signal import MeasuredSignal, split_heading
 from beamsim.measurements.tables import read_named_columns
 from beamsim.orbits.branch import BranchPoint
-from beamsim.orbits.continuation import BranchStep, Settings, correct, correct_across, solve_at
+from beamsim.orbits.continuation import BranchStep, Predictor, Settings, correct, correct_across, solve_at
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.tracing import Budget, Tracer, trace_range
 from beamsim.responses.loads import periodic_forcing
@@ -393,7 +393,7 @@ class _Curve:
     def moved(self, point: BranchPoint, distance: float) -> BranchPoint:
         """The motion so far along the tangent of a point."""
         t, guess = point.tangent, point.u + distance * point.scale * point.tangent
-        found = correct(self.orbits, guess, t, point.scale, _EXACT, reference=t)
+        found = correct(self.orbits, Predictor(guess, t, point.scale, t), _EXACT)
         if found is None:
             raise UnpredictableError("a motion beside a peak or jump was not found")
         return found

@@ -14,12 +14,7 @@ from beamsim.errors import locating
 from beamsim.flow.compiled import processor_time
 from beamsim.orbits.branch import BranchPoint
 from beamsim.orbits.continuation import Settings, solve_at
-from beamsim.orbits.expansions.free import (
-    HARMONICS,
-    ModeExpansion,
-    expand_mode_at_energy,
-    observed_orders,
-)
+from beamsim.orbits.expansions.free import HARMONICS, ModeAtEnergy, ModeExpansion, observed_orders
 from beamsim.orbits.expansions.relaxed import RelaxedStep, relaxed_path
 from beamsim.orbits.free_orbits import BrakeOrbits
 from beamsim.orbits.tongues import LEAST_SHARE
@@ -37,12 +32,9 @@ FURTHEST = 0.3  # relative distance of an exact initial vector from the expansio
 
 
 def expansion_path(
-    structure: StructuralSystem,
-    mode: int,
-    energy: float | None = None,
-    factors: Floats | None = None,
+    structure: StructuralSystem, mode: int, energy: float | None = None, factors: Floats | None = None,
     largest: float | None = None,
-) -> ExpansionPath:
+) -> ExpansionPath:  # fmt: skip
     """Expand a mode at one energy for several stiffness factors.
 
     Parameters
@@ -69,12 +61,12 @@ def expansion_path(
     if np.any(structure.dynamics.damping) or c.damped:
         raise ValueError("nonlinear normal modes belong to the structure without damping; use conservative_system")
     index, family = flexible_mode(structure, mode), spring_family(structure)
-    held, harmonics = held_energy(structure, energy), _harmonics(family.omega, index)
-    sign = -1.0 if c.count and (c.sign @ c.shape)[index] < 0 else 1.0
+    sign, held = -1.0 if c.count and (c.sign @ c.shape)[index] < 0 else 1.0, held_energy(structure, energy)
+    of_mode = ModeAtEnergy(family, index, held, sign, _harmonics(family.omega, index))
 
     def expand(factor: float, order: int, uniform: bool = False) -> ModeExpansion:
         with locating({"mode": "nnm.mode", "energy": "nnm.energy", "expansion": "nnm.method"}):
-            return expand_mode_at_energy(family, index, held, factor, order, sign, harmonics, uniform)
+            return of_mode.expand(factor, order, uniform=uniform)
 
     linear = expand(0.0, 0)
     chosen = _into_reach(linear.reach, largest) if factors is None else factors

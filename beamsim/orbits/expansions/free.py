@@ -231,54 +231,48 @@ def _solve(w2: Floats, mode: int, force: Floats, squared: float | None = None) -
     return np.asarray(np.where(skipped | small, 0.0, force / np.where(skipped | small, 1.0, divisor)))
 
 
-def expand_mode_at_energy(
-    family: SpringFamily,
-    mode: int,
-    energy: float,
-    factor: float,
-    order: int = 1,
-    sign: float = 1.0,
-    harmonics: int = HARMONICS,
-    uniform: bool = False,
-) -> ModeExpansion:
-    """The expansion whose initial vector (to ``order``) has the potential energy asked for, J, at this factor.
+@dataclass(frozen=True)
+class ModeAtEnergy:
+    """A mode whose motions have one energy at all factors of the springs."""
 
-    ``sign`` chooses the extreme from which the motion starts; ``uniform`` takes the divisors at the frequency that
-    belongs to the factor.
+    family: SpringFamily
+    mode: int  # from 0
+    energy: float  # J, from static equilibrium
+    sign: float = 1.0  # of the mode's coordinate in the extreme from which the motion starts
+    harmonics: int = HARMONICS  # where the series are cut
 
-    Parameters
-    ----------
-    family : the structure by the factor of its springs.
-    mode : from 0.
-    energy : J, from static equilibrium.
-    factor : of the springs.
-    order : of the initial vector.
-    sign, uniform : see above.
-    harmonics : where the series are cut.
+    def expand(self, factor: float, order: int = 1, *, uniform: bool = False) -> ModeExpansion:
+        """The expansion whose initial vector has the energy as its potential energy.
 
-    Returns
-    -------
-    The expansion.
+        Parameters
+        ----------
+        factor : of the springs.
+        order : of the initial vector.
+        uniform : whether the divisors are taken at the frequency that belongs to the factor.
 
-    Raises
-    ------
-    MethodError : where no motion of the expansion has this energy.
-    """
-    if energy <= 0:
-        raise MethodError("energy", f"= {energy:g} J has no motion", "give a positive energy")
-    omega = float(family.omega[mode]) or 1.0
-    amplitude = sign * np.sqrt(2.0 * energy) / omega
-    for _ in range(50):
-        at = factor if uniform else None
-        expansion = expand_mode(family.system, mode, amplitude, harmonics, family.cubic, at)
-        potential = family.potential(expansion.initial(factor, order), factor)[0]
-        if potential <= 0:
-            raise MethodError("energy", f"= {energy:g} J is beyond the expansion", "give more or a smaller factor")
-        new = amplitude * float(np.sqrt(energy / potential))  # exact in one step where there is no gap
-        if abs(new - amplitude) <= 1e-14 * abs(amplitude):
-            break
-        amplitude = new
-    return expansion
+        Returns
+        -------
+        The expansion.
+
+        Raises
+        ------
+        MethodError : where no motion of the expansion has this energy.
+        """
+        family, energy = self.family, self.energy
+        if energy <= 0:
+            raise MethodError("energy", f"= {energy:g} J has no motion", "give a positive energy")
+        omega, at = float(family.omega[self.mode]) or 1.0, factor if uniform else None
+        amplitude = self.sign * np.sqrt(2.0 * energy) / omega
+        for _ in range(50):
+            expansion = expand_mode(family.system, self.mode, amplitude, self.harmonics, family.cubic, at)
+            potential = family.potential(expansion.initial(factor, order), factor)[0]
+            if potential <= 0:
+                raise MethodError("energy", f"= {energy:g} J is beyond the expansion", "give more or a smaller factor")
+            new = amplitude * float(np.sqrt(energy / potential))  # exact in one step where there is no gap
+            if abs(new - amplitude) <= 1e-14 * abs(amplitude):
+                break
+            amplitude = new
+        return expansion
 
 
 def observed_orders(factors: Floats, errors: Floats) -> Floats:
