@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
-from beamsim.analyses.run.records import Window
 from beamsim.analyses.run.result import (
     ALLOWED_CHANGE,
     Fatigue,
@@ -50,6 +49,7 @@ from beamsim.plots.drawing import (
 )
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.results.values import OUTPUT
+from beamsim.signals.records import Window
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.typing import Bools, Floats, Ints
 

@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 
-from beamsim.analyses.run.aliasing import NOTABLE
 from beamsim.analyses.sweep.result import NotchLimit, SweepCurve, SweepResult
 from beamsim.plots.drawing import (
     DARK,
@@ -35,6 +34,7 @@ from beamsim.plots.drawing import (
 from beamsim.plots.style import Scale, amount, level_text, scale_for
 from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, OUTPUT, Value
 from beamsim.scenario.reporting import limited_quantity
+from beamsim.signals.aliasing import NOTABLE
 from beamsim.typing import Floats
 
 MOST_LEVELS = 4  # whose harmonics are drawn; limits of notches

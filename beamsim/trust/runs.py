@@ -36,7 +36,6 @@ from beamsim.analyses.run.motion import RunMotion, output_times
 from beamsim.analyses.run.needed import MOTION_ALONE
 from beamsim.analyses.run.observers import Histories
 from beamsim.analyses.run.random_response import sampling_errors, statistics_of
-from beamsim.analyses.run.records import SampledRecord, SpectrumRecord
 from beamsim.analyses.run.result import MAIN_QUANTITY, STATISTICS, RandomResponse, RunResult, ShockResponse, Spectrum
 from beamsim.analyses.run.spectra import WORTH_LISTING, found_again, records_of
 from beamsim.analyses.run.summary import (
@@ -56,6 +55,7 @@ from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, e
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.signals.records import SampledRecord, SpectrumRecord
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem

@@ -6,10 +6,10 @@ from matplotlib.figure import Figure
 
 import beamsim
 from beamsim.analyses.compare.analysis import compare
-from beamsim.analyses.run.aliasing import NOTABLE, between_samples, share_above_half_rate
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.plots.sweep import plot_spectrogram
 from beamsim.scenario import load_scenario
+from beamsim.signals.aliasing import NOTABLE, between_samples, share_above_half_rate
 
 RATE = 1000.0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from beamsim.analyses.run.records import SampledRecord, Window, refined
+from beamsim.signals.records import SampledRecord, Window, refined
 
 RATE, SAMPLES = 200.0, 400
 WINDOW = Window("blackmanharris")

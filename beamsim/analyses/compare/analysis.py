@@ -18,7 +18,6 @@ from scipy.interpolate import CubicSpline
 
 from beamsim.analyses.compare.result import ChannelComparison, Comparison, RecordComparison, outcome_of_comparison
 from beamsim.analyses.run.filters import PANELS_OF_OSCILLATOR, SAMPLES_OF_OSCILLATOR, geomspaced, shock_spectra
-from beamsim.analyses.run.records import project
 from beamsim.analyses.run.result import RunResult, Spectrum
 from beamsim.analyses.run.spectra import amplitude_db, spectrum
 from beamsim.analyses.sweep.result import SweepResult
@@ -32,6 +31,7 @@ from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.quantities import motion_dimension
 from beamsim.scenario.run import ShockSpectrumSettings, SpectrumSettings
 from beamsim.scenario.units import ACCELERATION, FORCE, MOMENT, Dimension
+from beamsim.signals.records import project
 from beamsim.typing import Complexes, Floats, Ints
 
 OF_PROBES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.orbit_energy import balance_error, energy_error
-from beamsim.analyses.run.records import RECTANGULAR
 from beamsim.analyses.run.stepped_motion import SteppedChannels
 from beamsim.flow.channels import Observed, fourier_integrals, outputs_of
 from beamsim.flow.exact import ExactFlow
@@ -26,6 +25,7 @@ from beamsim.orbits.period import PIECES, polynomial_extrema
 from beamsim.responses.loads import harmonic_loads, sine_of
 from beamsim.results.values import DISPLACEMENT, LIMITED
 from beamsim.scenario.excitation import Sine
+from beamsim.signals.records import RECTANGULAR
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints

@@ -26,7 +26,6 @@ from beamsim.analyses.nnm.result import (
 )
 from beamsim.analyses.run.energy import LARGEST_ERROR
 from beamsim.analyses.run.orbit_energy import unbalanced
-from beamsim.analyses.run.records import RECTANGULAR
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.periodic_flow import PeriodicForcing
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
@@ -54,6 +53,7 @@ from beamsim.outcomes import (
 from beamsim.responses.loads import periodic_flow, periodic_forcing
 from beamsim.results.values import DISPLACEMENT
 from beamsim.scenario.excitation import Harmonic
+from beamsim.signals.records import RECTANGULAR
 from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamsim.analyses.run.aliasing import between_samples
 from beamsim.analyses.run.analysis import built_at_orbit, motion_of
 from beamsim.analyses.run.needed import Needed
 from beamsim.analyses.run.result import RunResult
@@ -22,6 +21,7 @@ from beamsim.results.branch import OrbitMotion
 from beamsim.results.values import FORCE, OPENING
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart
+from beamsim.signals.aliasing import between_samples
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place, Site, ends_of
 from beamsim.structures.stations import IN_PLANE, StationPart, Stations

@@ -8,16 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from beamsim.analyses.run.close_lines import LOBE, Remainder
 from beamsim.analyses.run.motion import RunMotion
-from beamsim.analyses.run.records import (
-    MotionRecord,
-    SampledRecord,
-    SpectrumRecord,
-    Window,
-    parabola_top,
-    refined,
-)
 from beamsim.analyses.run.result import ALLOWED_REMAINDER, SpectralLine, Spectrum, UnresolvedLine
 from beamsim.flow.channels import MotionPart, Observed
 from beamsim.flow.trajectory import Trajectory
@@ -25,6 +16,15 @@ from beamsim.outcomes import check_stop
 from beamsim.results.values import ACCELERATION, DISPLACEMENT
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import MOST_FREQUENCIES, SpectrumSettings
+from beamsim.signals.close_lines import LOBE, Remainder
+from beamsim.signals.records import (
+    MotionRecord,
+    SampledRecord,
+    SpectrumRecord,
+    Window,
+    parabola_top,
+    refined,
+)
 from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, Ints, not_none
@@ -379,7 +379,7 @@ def _lines(
     of ``residual_hz``. Amplitude and phase come from the least-squares projection on the exact frequencies of all lines
     together, so no line leaks into another, weighted by the Blackman–Harris window, so that nothing else leaks into
     them. Of a motion in closed form the projection is that of the continuous motion, see
-    `beamsim.analyses.run.records`. A record of 1 to 8 excitation periods is projected on the orders 1 to 10 directly,
+    `beamsim.signals.records`. A record of 1 to 8 excitation periods is projected on the orders 1 to 10 directly,
     as far as its spectrum goes, with the residual as noise floor; below one period only the mean is known. The mean is
     always listed, at most 50 lines beside it.
     """

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.aliasing import between_samples, share_above_half_rate
 from beamsim.analyses.run.observers import reached, samples_until
 from beamsim.analyses.sweep.cycles import CycleRecord, SinePhase, balanced, energy_errors, record_cycles
 from beamsim.analyses.sweep.outputs import LevelRun, SweepLevel
@@ -38,6 +37,7 @@ from beamsim.scenario.quantities import level_unit, power_of
 from beamsim.scenario.reporting import BASE_FORCE, LimitedQuantity, limited_quantity
 from beamsim.scenario.scenario import Scenario
 from beamsim.scenario.sweep import SweptSine
+from beamsim.signals.aliasing import between_samples, share_above_half_rate
 from beamsim.system.equations import Forcing
 from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import StructuralSystem

@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from beamsim.analyses.run.records import SpectrumRecord, Window
+from beamsim.signals.records import SpectrumRecord, Window
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LOBE = 4  # half-width of the Blackman-Harris main lobe, bins
