@@ -7,7 +7,7 @@ times :math:`e^{-i \omega \tau}`. Their integrals over a time are moments :math:
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -202,7 +202,7 @@ def exponential_products(
     Parameters
     ----------
     exponent : (T,) 1/s.
-    left, right : (T, K) coefficients of the outputs.
+    left, right : (T, K) coefficients of the outputs; the fewer exponentials are in left factors, the less is computed.
     weight : (K, Q) of the products in the sums.
     amplitude : (S, T) of the exponentials on S segments, which coefficients multiply.
     of : (n,) which of the segments.
@@ -212,23 +212,25 @@ def exponential_products(
     -------
     (n, Q) integrals.
     """
-    one = SegmentOutputs(exponent, np.zeros(exponent.size, dtype=np.int64), left[None])
-    both = replace(one, coefficient=right[None]).with_conjugates()
-    forms = np.stack([(left * w) @ both.coefficient[0].T for w in weight.T])
+    acting = np.flatnonzero(left.any(axis=1))
+    powers = np.zeros(exponent.size, dtype=np.int64)
+    one = SegmentOutputs(exponent[acting], powers[acting], left[None, acting])
+    both = SegmentOutputs(exponent, powers, right[None]).with_conjugates()
+    forms = np.stack([(left[acting] * w) @ both.coefficient[0].T for w in weight.T])
     rate, power, by_ends = _pairs(one, both, tau)
     grown, mixed = np.split(forms * np.divide(1.0, rate, out=np.zeros_like(rate), where=by_ends), 2, axis=2)
     alike, apart = mixed + grown, mixed - grown
     of_parts = np.block([[alike.real, apart.imag], [-alike.imag, apart.real]])  # of real and imaginary parts
 
     def at(amplitude: Complexes) -> Floats:
-        parts = np.hstack([amplitude.real, amplitude.imag])
-        return np.stack([((parts @ form) * parts).sum(axis=1) for form in of_parts], axis=1)
+        one, other = (np.hstack([x.real, x.imag]) for x in (amplitude[:, acting], amplitude))
+        return np.stack([((one @ form) * other).sum(axis=1) for form in of_parts], axis=1)
 
     out, (row, column) = -at(amplitude)[of], np.nonzero(~by_ends)
     whole = np.concatenate([amplitude, amplitude.conj()], axis=1)
     for part in blocks(tau.size, 4 * exponent.size + 2 * row.size):
         out[part] += at(amplitude[of[part]] * np.exp(np.multiply.outer(tau[part], exponent)))
-        alone = whole[of[part]][:, row] * whole[of[part]][:, column]
+        alone = amplitude[of[part]][:, acting[row]] * whole[of[part]][:, column]
         alone *= _integrals(rate[row, column], power[row, column], tau[part])
         out[part] += (alone @ forms[:, row, column].T).real
     return out

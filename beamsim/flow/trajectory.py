@@ -456,21 +456,20 @@ class Trajectory:
         -------
         (nt, Q) integrals from ``begin`` to ``times`` of ``sum_k weight[k, q] left_k right_k``.
         """
-        asked = np.append(begin, times)
-        segment = np.clip(np.searchsorted(self.time, asked, side="right") - 1, 0, None)
-        tau = np.minimum(asked - self.time[segment], self.length[segment])
-        whole, inside = np.empty((self.time.size, weight.shape[1])), np.empty((asked.size, weight.shape[1]))
+        motion = self.between(begin, float(times[-1]))  # what came before is not subtracted again, with its digits
+        segment = np.clip(np.searchsorted(motion.time, times, side="right") - 1, 0, None)
+        tau = np.minimum(times - motion.time[segment], motion.length[segment])
+        whole, inside = np.empty((motion.time.size, weight.shape[1])), np.empty((times.size, weight.shape[1]))
         first = 0
-        for part in self.parts():
+        for part in motion.parts():
             last = first + part.time.size
             here = np.flatnonzero((segment >= first) & (segment < last))
             of_part = np.append(np.arange(part.time.size), segment[here] - first)
             integrals = part._products(of_part, np.append(part.length, tau[here]), left_of, right_of, weight)
             whole[first:last], inside[here] = integrals[: part.time.size], integrals[part.time.size :]
             first = last
-        before = np.cumsum(whole.astype(np.longdouble), axis=0) - whole
-        values = before[segment] + inside
-        return np.asarray(values[1:] - values[0], dtype=float)
+        before = np.vstack([np.zeros((1, weight.shape[1])), np.cumsum(whole[:-1], axis=0)])
+        return before[segment] + inside
 
     def segment_integrals(self, left_of: RowsOf, right_of: RowsOf, weight: Floats) -> Floats:
         """Integrals over each segment of sums of products of K outputs.

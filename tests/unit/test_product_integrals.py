@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+import beamsim
 from beamsim.analyses.run.energy import power_factors
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.channels import MotionPart, fourier_integrals
 from beamsim.flow.transient import simulate
 from beamsim.scenario import Scenario
+from beamsim.scenario.run import Run
 from beamsim.system.build import build_system
 from tests.helpers.observed import accelerations, all_outputs
 
@@ -69,6 +71,34 @@ def test_mean_squares_are_those_of_a_fine_rule(damping):
     part = MotionPart.of(motion, outputs, (0.0, 60.0), 0.0)
     fine = quadrature(motion, 0.0, np.array([60.0]), lambda at: motion.sample(at, outputs) ** 2)[0] / 60.0
     np.testing.assert_allclose(part.mean_squares, fine, rtol=1e-11, atol=1e-13 * fine.max())
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_a_loss_keeps_its_digits_after_one_that_is_larger_by_1e17(stop):
+    """A free mass on a dashpot: what it loses between two late times is the difference of its energies then."""
+    chain = {"masses": [1.0], "springs": [400.0, 0.0], "dashpots": [2.0, 0.0]}
+    if stop:  # which it leaves for the last time at the beginning of its decay
+        chain["snubbers"] = [{"name": "stop", "mass": 1, "side": "below", "stiffness": 300.0, "gap": 0.01}]
+    scenario = {"chain": chain, "run": {"duration": 30.0, "start": {"displacement": [1.0]}}}
+    motion = motion_of(Scenario.model_validate(scenario), 30.0)
+    assert (motion.event_time.size > 2) == stop
+    times = np.concatenate([[20.0], np.sort(np.random.default_rng(4).uniform(20.0, 29.0, 200)), [30.0]])
+    left, right, weight = power_factors(motion.flow)
+    lost = motion.product_integrals(times, left, right, weight, 20.0)[:, 0]
+    energy = 0.5 * (motion.states_at(times)[:, :2] ** 2) @ [400.0, 1.0]
+    assert energy[0] < 1e-16 * 200.0
+    np.testing.assert_allclose(lost, energy[0] - energy, rtol=0, atol=1e-12 * energy[0])
+
+
+def test_the_loss_in_histories_is_that_of_the_dampers():
+    """Histories follow from the work and the stored energy; here against integrals of the dissipated power."""
+    scenario = light_chain(0.3)
+    run = {"duration": 20.0, "sample_rate": 50.0, "convergence": "off"}
+    energy = beamsim.run(scenario.model_copy(update={"run": Run.model_validate(run)})).energy
+    motion = motion_of(scenario, 20.0)
+    lost, work = motion.product_integrals(np.arange(1001) / 50.0, *power_factors(motion.flow)).T
+    np.testing.assert_allclose(energy.dissipated, lost, rtol=0, atol=1e-12 * lost[-1])
+    np.testing.assert_allclose(energy.work_in, work, rtol=0, atol=1e-12 * lost[-1])
 
 
 STOP = {"name": "stop", "mass": 1, "side": "below", "stiffness": 300.0, "gap": 0.01}

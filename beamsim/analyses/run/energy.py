@@ -1,7 +1,8 @@
 """The energy balance of a run: work in = dissipated + change of the stored energy.
 
-The three are computed from each other's independent expressions, so their difference measures the error of
-the motion. Relative frame; what the motion of a ground-mounted snubber does to the structure counts as work in.
+From segment to segment the three are computed from each other's independent expressions, so that their difference
+measures the error of the motion. Histories are the work and the stored energy, and their difference is the loss.
+Relative frame; what the motion of a ground-mounted snubber does to the structure counts as work in.
 """
 
 from __future__ import annotations
@@ -96,41 +97,22 @@ class EnergyBalance:
 
 def sampled_energies(trajectory: Trajectory, times: Floats) -> tuple[Floats, EnergyHistory, float]:
     """Times, energies there, and what is exchanged, by a sum over the times, J."""
-    left, right, weight = factors = power_factors(trajectory.flow)
-    history = energies(trajectory, times, factors, float(trajectory.time[0]))
+    left, right, weight = power_factors(trajectory.flow)
+    integral = trajectory.product_integrals(times, left, right, weight, float(trajectory.time[0]))
     power = (trajectory.sample(times, left) * trajectory.sample(times, right)) @ weight[:, 1]
+    events = np.cumsum(trajectory.event_losses().sum(axis=1))
+    at = np.clip(np.searchsorted(trajectory.time, times, side="right") - 1, 0, None)
+    dissipated = integral[:, 0] + (events[at] - events[0])
+    history = EnergyHistory(integral[:, 1], dissipated, sampled_stored_energy(trajectory, times))
     return times, history, float(np.trapezoid(np.abs(power), times))
 
 
-def energies(
-    trajectory: Trajectory, times: Floats, factors: PowerFactors, begin: float = 0.0, before: Floats | float = 0.0
-) -> EnergyHistory:
-    """Energies of a motion at some times.
-
-    Parameters
-    ----------
-    trajectory : the motion, or a chunk of it.
-    times : (nt,) increasing, s, not before ``begin``.
-    factors : `power_factors` of its flow.
-    begin : s, from when on work and dissipation are added up.
-    before : (2,) J, what was dissipated and put in until then.
-
-    Returns
-    -------
-    EnergyHistory
-        At the times.
-    """
-    flow, (left, right, weight) = trajectory.flow, factors
-    integral = before + trajectory.product_integrals(times, left, right, weight, begin)
-    phases, states = trajectory.phases_at(times), np.vstack([flow.equations.state, flow.equations.penetration])
+def sampled_stored_energy(trajectory: Trajectory, times: Floats) -> Floats:
+    """(nt,) stored energy of a motion at increasing times (nt,), s; J."""
+    flow = trajectory.flow
+    states = np.vstack([flow.equations.state, flow.equations.penetration])
     y, penetration = np.split(trajectory.sample(times, lambda _: states), [flow.size], axis=1)
-    stored = stored_energy(flow.system, y, penetration, phases)
-    events = np.cumsum(trajectory.event_losses().sum(axis=1))
-    at, first = (
-        np.clip(np.searchsorted(trajectory.time, t, side="right") - 1, 0, None) for t in (times, np.array([begin]))
-    )
-    dissipated = integral[:, 0] + (events[at] - events[first])
-    return EnergyHistory(work_in=integral[:, 1], dissipated=dissipated, stored=stored)
+    return stored_energy(flow.system, y, penetration, trajectory.phases_at(times))
 
 
 def energies_of_segments(trajectory: Trajectory) -> tuple[Floats, EnergyHistory, float]:
@@ -163,25 +145,35 @@ def stored_at_ends(trajectory: Trajectory) -> Floats:
 
 def power_factors(flow: ExactFlow) -> PowerFactors:
     """Factors of the dissipated power (column 0 of the weights) and of the power in (column 1)."""
-    system, contacts, equations, loads = flow.system, flow.system.contacts, flow.equations, flow.forcing.load
+    system, contacts, equations = flow.system, flow.system.contacts, flow.equations
     rate_of_damping, direction = np.linalg.eigh(system.damping)
     used = np.flatnonzero(rate_of_damping)
     moving = equations.rows(used.size, velocities=direction[:, used].T)
-    signals = np.vstack([equations.constant(np.ones(1)), equations.signals(np.arange(loads.shape[0]))])
-    loaded = equations.rows(loads.shape[0] + 1, velocities=np.vstack([system.constant_load, loads]))
-    stands = flow.stands
-    rates = equations.signal_rates(stands)  # of what contacts stand on
-    push = -flow.influence[stands] * contacts.sign
+    signals, responses, each = work_factors(flow)
 
     def left(phases: Ints) -> Floats:
-        at = flow.at(phases)
-        return np.vstack([moving, at.dissipation[0], signals, push @ at.force])
+        return np.vstack([moving, flow.at(phases).dissipation[0], signals(phases)])
 
     def right(phases: Ints) -> Floats:
-        return np.vstack([moving, flow.at(phases).dissipation[1], loaded, rates])
+        return np.vstack([moving, flow.at(phases).dissipation[1], responses(phases)])
 
     inside = contacts.count + contacts.internal_states
-    weight = np.zeros((used.size + inside + loads.shape[0] + 1 + stands.size, 2))
+    weight = np.zeros((used.size + inside + each.size, 2))
     weight[: used.size + inside, 0] = np.concatenate([rate_of_damping[used], np.ones(inside)])
-    weight[used.size + inside :, 1] = 1.0
+    weight[used.size + inside :, 1:] = each
     return left, right, weight
+
+
+def work_factors(flow: ExactFlow) -> PowerFactors:
+    """Factors of the power in: signals, and the velocities and forces on which they act."""
+    system, equations, loads, stands = flow.system, flow.equations, flow.forcing.load, flow.stands
+    given = np.vstack([
+        equations.constant(np.ones(1)), equations.signals(np.arange(loads.shape[0])), equations.signal_rates(stands)
+    ])  # fmt: skip
+    loaded = equations.rows(loads.shape[0] + 1, velocities=np.vstack([system.constant_load, loads]))
+    push = -flow.influence[stands] * system.contacts.sign  # of contacts on what they stand on
+
+    def right(phases: Ints) -> Floats:
+        return np.vstack([loaded, push @ flow.at(phases).force])
+
+    return lambda phases: given, right, np.ones((given.shape[0], 1))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.energy import energies, power_factors
+from beamsim.analyses.run.energy import sampled_stored_energy, work_factors
 from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
@@ -141,8 +141,8 @@ class HistoryRecorder:
         self._overdue, self._ended, self._filled = overdue, False, 0
         self._values = np.empty((channels.order.size, times.size)).T  # each column in one piece
         self._touching = np.empty((flow.system.contacts.count, times.size), dtype=bool).T
-        self._energy, self._work = np.empty((3, times.size)), np.zeros(2)
-        self._factors = power_factors(flow)
+        self._energy, self._work = np.empty((3, times.size)), 0.0
+        self._factors = work_factors(flow)
         self._at_once = max(VALUES_AT_ONCE // (channels.order.size + flow.size), 1)
 
     def add(self, chunk: Trajectory) -> None:
@@ -167,9 +167,10 @@ class HistoryRecorder:
             self._values[part] = self._observed.values(chunk, at)
             self._touching[part] = self._contacts.touching(chunk.phases_at(at))
             end = at[-1:] if part.stop < last else [chunk.end]
-            found = energies(chunk, np.append(at, end), self._factors, begin, self._work)
-            self._energy[:, part] = found.work_in[:-1], found.dissipated[:-1], found.stored[:-1]
-            begin, self._work = float(end[0]), np.array([found.dissipated[-1], found.work_in[-1]])
+            work = self._work + chunk.product_integrals(np.append(at, end), *self._factors, begin)[:, 0]
+            self._energy[0, part], self._energy[2, part] = work[:-1], sampled_stored_energy(chunk, at)
+            self._energy[1, part] = work[:-1] - (self._energy[2, part] - self._energy[2, 0])
+            begin, self._work = float(end[0]), float(work[-1])
             self._filled = part.stop
 
     def result(self) -> Histories:
