@@ -195,15 +195,15 @@ class SegmentOutputs:
 
 
 def exponential_products(
-    exponent: Complexes, left: Complexes, right: Complexes, weight: Floats, amplitude: Complexes, of: Ints, tau: Floats
+    exponent: Complexes, factors: tuple[Complexes, Complexes, Floats], amplitude: Complexes, of: Ints, tau: Floats
 ) -> Floats:
     """Integrals from 0 to tau of sums of products of outputs, each a sum of T exponentials.
 
     Parameters
     ----------
     exponent : (T,) 1/s.
-    left, right : (T, K) coefficients of the outputs; the fewer exponentials are in left factors, the less is computed.
-    weight : (K, Q) of the products in the sums.
+    factors : coefficients (T, K) of the left and the right outputs, and weights (K, Q) of their products in the sums;
+        the fewer exponentials are in left factors, the less is computed.
     amplitude : (S, T) of the exponentials on S segments, which coefficients multiply.
     of : (n,) which of the segments.
     tau : (n,) s.
@@ -212,6 +212,7 @@ def exponential_products(
     -------
     (n, Q) integrals.
     """
+    left, right, weight = factors
     acting = np.flatnonzero(left.any(axis=1))
     powers = np.zeros(exponent.size, dtype=np.int64)
     one = SegmentOutputs(exponent[acting], powers[acting], left[None, acting])

@@ -554,9 +554,8 @@ class Trajectory:
         visits, at = np.unique(segment, return_inverse=True)
         amplitude = self.amplitudes(state, visits)
         some = amplitude.any(axis=0) & (left.any(axis=1) | right.any(axis=1))  # what rests may grow without bound
-        return exponential_products(
-            state.exponent[state.term_basis[some]], left[some], right[some], weight, amplitude[:, some], at, tau
-        )
+        factors = left[some], right[some], weight
+        return exponential_products(state.exponent[state.term_basis[some]], factors, amplitude[:, some], at, tau)
 
     def _alike_products(
         self, state: ContactState, segment: Ints, tau: Floats, left: Complexes, right: Complexes, weight: Floats

@@ -220,14 +220,12 @@ def simulate(
     duration: float | None = None,
     max_events: int = 1_000_000,
     max_evaluations: int = 2_000_000_000,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] = never,
 ) -> Trajectory:
     """The motion from a state at t = 0, (q, q') and any internal states of the contacts, without time-stepping error.
 
     Contacts are found by the certified march of :mod:`beamsim.flow.kernels`. The work is bounded: a motion
-    with more than ``max_events`` events or ``max_evaluations`` evaluations of the watched functions ends early,
-    with an outcome that says so, as does one that ``stop`` ends, which is asked several times a second.
+    with more than ``max_events`` events or ``max_evaluations`` evaluations of the event functions ends early,
+    with an outcome that says so.
 
     A contact that is made at t = 0, where its gap is just closed, is the first event. One that touched before has none
     there; see `beamsim.flow.exact.StartOfMotion`.
@@ -238,18 +236,13 @@ def simulate(
     initial_state : (2n,) at least; internal states that are left out are zero.
     duration : s; that of the flow by default.
     max_events, max_evaluations : where it ends early.
-    progress : called with the share that is done.
-    stop : asked whether to end.
 
     Returns
     -------
     Trajectory : segments and events; sample it for outputs.
     """
     end = float(flow.duration if duration is None else duration)
-    march = March(
-        max_events=max_events, max_evaluations=max_evaluations, stop=stop,
-        progress=None if progress is None else lambda t: progress(t / end),
-    )  # fmt: skip
+    march = March(max_events=max_events, max_evaluations=max_evaluations)
     motion, begun = start(flow, initial_state)
     return motion_of(flow, motion, Log.join([begun, march.on(flow, motion, end)]), march)
 

@@ -35,6 +35,7 @@ from beamsim.system.state_equations import Equations
 from beamsim.typing import Floats, Ints
 
 DIFFERENT = 1.3  # factor between damping ratios that are told apart
+UNCOUPLED = 1e-14  # damping between two modes, over the largest of a mode, that is round-off
 SLOW = 1e-6  # rad/s, at which Maxwell branches have relaxed
 
 _MODE = (Counter("mode", "mode number"),)
@@ -305,7 +306,8 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
     depth = -contacts.sign[:, None] * (contacts.shape @ shapes)
     damping = shapes.T @ dynamics.damping @ shapes + (depth.T * force[:, RATE]) @ depth
     ratio = np.divide(np.diag(damping), 2.0 * omega, out=np.full(n, np.nan), where=omega > 0.0)
-    if not by_states.any() and np.count_nonzero(damping) == np.count_nonzero(np.diag(damping)):
+    coupling = np.abs(damping - np.diag(np.diag(damping))).max(initial=0.0)
+    if not by_states.any() and coupling <= UNCOUPLED * np.abs(damping).max(initial=0.0):
         return omega, ratio
 
     scale = np.maximum(omega, 1e-3 * omega.max() or 1.0)  # of displacements; a rigid mode has none

@@ -168,18 +168,9 @@ def exact_motion_of(
     motion, limit = motion_in_chunks(system, settings, progress=progress, stop=stop)
     if not motion.one_chunk:
         _refuse_what_needs_all(system, settings)
-    values, overdue = ChunkValues(system, settings, motion.flow, times, needed), Overdue(stop)
     observed = _Observers.of(system, settings, motion, times, needed, stop)
     with locating({"duration": "run.duration"}):
-        for chunk in motion.chunks():
-            part = chunk
-            try:
-                with stopped_by(overdue):
-                    values = values.with_chunk(chunk)
-            except Interrupted:
-                values, part = values.with_beginning(chunk)
-                motion.end_with(part)
-            observed.add(part, values.extremes)
+        values = _evaluated(motion, ChunkValues(system, settings, motion.flow, times, needed), observed, Overdue(stop))
     return RunMotion(
         system=system,
         method="exact",
@@ -201,6 +192,20 @@ def exact_motion_of(
         compared_s=None if motion.one_chunk else COMPARED_SHARE * _kept_s(motion, settings),
         warnings=() if motion.one_chunk else (_forgotten(motion, settings),),
     )
+
+
+def _evaluated(motion: MotionInChunks, values: ChunkValues, observed: _Observers, overdue: Overdue) -> ChunkValues:
+    """March a motion, show every chunk to the observers, and return its values, those of its beginning if overdue."""
+    for chunk in motion.chunks():
+        part = chunk
+        try:
+            with stopped_by(overdue):
+                values = values.with_chunk(chunk)
+        except Interrupted:
+            values, part = values.with_beginning(chunk)
+            motion.end_with(part)
+        observed.add(part, values.extremes)
+    return values
 
 
 @dataclass(frozen=True)

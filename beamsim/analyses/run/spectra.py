@@ -404,26 +404,31 @@ def _lines(
     if not worth.all():  # what leaks from others into the curve is no line
         candidates = [k for k, listed in zip(candidates, worth, strict=True) if listed]
         mean, c = record.project(np.array([k.frequency_hz for k in candidates]), window)
-    near = 2.0 / record.duration
-
-    def line(order: float, frequency: float, amplitude: float, phase_deg: float, kind: str) -> SpectralLine:
-        level = float(amplitude_db(np.array(amplitude), peak))
-        return SpectralLine(order, frequency, amplitude, level, phase_deg, kind, np.nan)
-
-    def kind_of(candidate: _Candidate) -> str:
-        if candidate.order is not None:  # every order that is not whole is a subharmonic one
-            whole = "fundamental" if candidate.order == 1 else "superharmonic"
-            return "subharmonic" if candidate.order.denominator > 1 else whole
-        if candidate.frequency_hz in chosen_hz:
-            return "chosen"
-        return "residual" if any(abs(candidate.frequency_hz - f) <= near for f in residual_hz) else "other"
-
-    lines = [line(0.0 if forced else np.nan, 0.0, abs(mean), 180.0 if mean < 0 else 0.0, "mean")]
+    lines = [_line(0.0 if forced else np.nan, 0.0, mean + 0j, peak, "mean")]
     for k, value in zip(candidates, c, strict=True):
         order = k.frequency_hz / excitation_hz if forced else np.nan
-        amplitude, phase = float(np.abs(value)), float(np.degrees(np.angle(value)))
-        lines.append(line(order, k.frequency_hz, amplitude, phase, kind_of(k)))
+        kind = _kind_of(k, chosen_hz, residual_hz, 2.0 / record.duration)
+        lines.append(_line(order, k.frequency_hz, complex(value), peak, kind))
     return tuple(lines)
+
+
+def _line(order: float, frequency_hz: float, value: complex, peak: float, kind: str) -> SpectralLine:
+    """A line from its complex amplitude, and the peak to which its level refers."""
+    amplitude, phase = float(np.abs(value)), float(np.degrees(np.angle(value)))
+    level = float(amplitude_db(np.array(amplitude), peak))
+    return SpectralLine(order, frequency_hz, amplitude, level, phase, kind, np.nan)
+
+
+def _kind_of(
+    candidate: _Candidate, chosen_hz: tuple[float, ...], residual_hz: tuple[float, ...], near_hz: float
+) -> str:
+    """The kind of a line; one is "residual" that is near to a frequency of a static vector."""
+    if candidate.order is not None:  # every order that is not whole is a subharmonic one
+        whole = "fundamental" if candidate.order == 1 else "superharmonic"
+        return "subharmonic" if candidate.order.denominator > 1 else whole
+    if candidate.frequency_hz in chosen_hz:
+        return "chosen"
+    return "residual" if any(abs(candidate.frequency_hz - f) <= near_hz for f in residual_hz) else "other"
 
 
 def _with_chosen(
