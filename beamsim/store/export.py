@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,10 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.errors import ResultFileError
+from beamsim.fields import Dataset, members_of
 from beamsim.files import replacing
 from beamsim.hdf5 import OF_EACH
 from beamsim.results.result import Result
 from beamsim.store.datasets import NAMES, ROW, Item, Items, items_of, last, parent, part_of
+from beamsim.store.layout import StoragePlace, places_in, root_place
 from beamsim.store.results import (
     decode_summary,
     open_with_items,
@@ -92,6 +95,7 @@ class Column(NamedTuple):
     unit: str
     meaning: str
     values: Any  # (n,) of an axis, along all axes of an array: NumPy's, or one that is read part by part
+    absent: NDArray[np.bool_] | None = None  # of the shape of the values, which integers and truth values are not known
 
 
 class ExportTable(NamedTuple):
@@ -107,11 +111,15 @@ class ExportTable(NamedTuple):
         return int(np.prod([axis.values.size for axis in self.axes], dtype=int))
 
     def part(self, first: int, end: int) -> list[NDArray[Any]]:
-        """The values of axes and columns in the rows between two numbers."""
+        """The values of axes and columns in the rows between two numbers; masked where they are absent."""
         shape = [axis.values.size for axis in self.axes]
         index = np.unravel_index(np.arange(first, end), shape) if shape else ()
         along = [_values_at(axis.values, k) for axis, k in zip(self.axes, index, strict=True)]
-        return along + [_flat_part(column.values, first, end) for column in self.columns]
+        return along + [
+            values if column.absent is None else np.ma.array(values, mask=_flat_part(column.absent, first, end))
+            for column in self.columns
+            for values in [_flat_part(column.values, first, end)]
+        ]
 
 
 def _values_at(array: Any, index: NDArray[Any]) -> NDArray[Any]:
@@ -129,11 +137,12 @@ def _flat_part(array: Any, first: int, end: int) -> NDArray[Any]:
     return rows.reshape(-1)[first - begin * row : end - begin * row]
 
 
-def tables_of(items: Items) -> list[ExportTable]:
-    """All variables of all datasets, as tables in the order of the items.
+def tables_of(items: Items, cls: type[Result]) -> list[ExportTable]:
+    """All variables of all datasets of a class of results, as tables in the order of the items.
 
     Variables along the same axes are columns of one table, those of members with names a column for each name.
     """
+    members = MembersIn(cls)
     tables: dict[tuple[str, ...], ExportTable] = {}
     for path, item in items.items():
         if item.array is None or item.scale:
@@ -142,11 +151,14 @@ def tables_of(items: Items) -> list[ExportTable]:
         key = (parent(path), *rows)
         name = parent(path).strip("/") + ("_by_" + "_and_".join(map(last, rows)) if rows else "_values")
         table = tables.setdefault(key, ExportTable(name, [_axis(items[axis], axis) for axis in rows], []))
-        for labels, values, unit in columns_of(items, path, rows):
+        absent = members.absent(items, path)
+        for labels, index, unit in columns_of(items, path, rows):
+            values = _named(items, path, part_of(item.array, index) if len(rows) < len(item.axes) else item.array)
             title = header(" ".join((*labels, last(path))), unit)
             while title in {column.header for column in (*table.axes, *table.columns)}:
                 title += "_2"
-            table.columns.append(Column(title, unit, item.meaning, values))
+            missing = None if absent is None or not absent[index].any() else absent[index]
+            table.columns.append(Column(title, unit, item.meaning, values, missing))
     return list(tables.values())
 
 
@@ -155,7 +167,7 @@ def is_text(items: Items, axis: str) -> bool:
     return bool(axis) and items[axis].array.dtype == object
 
 
-def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[tuple[str, ...], Any, str]]:
+def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[tuple[str, ...], tuple[Any, ...], str]]:
     """Parts of a variable, one for each combination of values along the axes that are not rows.
 
     Parameters
@@ -167,7 +179,7 @@ def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[t
     Yields
     ------
     tuple
-        These values, the part (names in place of their numbers) and its unit, empty where that differs along it.
+        These values, the index of the part, and its unit, empty where that differs along it.
     """
     item = items[path]
     across = [axis for axis in item.axes if axis not in rows]
@@ -181,12 +193,59 @@ def columns_of(items: Items, path: str, rows: Sequence[str]) -> Iterator[tuple[t
         if across and flat in absent and len(of_each or absent) <= count:
             continue
         index = tuple(known.get(axis, slice(None)) for axis in item.axes)
-        values = part_of(item.array, index) if across else item.array
-        names = items.get(f"/{item.attributes.get(NAMES)}")
-        if names is not None and items[item.axes[0]].meaning != ROW:  # of rows numbers, so that tables are read back
-            values = names.values[np.asarray(values)]
         labels = tuple(str(items[axis].values[k]) for axis, k in known.items())
-        yield labels, values, units.pop() if len(units) == 1 else ""
+        yield labels, index, units.pop() if len(units) == 1 else ""
+
+
+def _named(items: Items, path: str, values: Any) -> Any:
+    """Names in place of their numbers; of rows the numbers, so that tables are read back."""
+    names = items.get(f"/{items[path].attributes.get(NAMES)}")
+    if names is None or items[items[path].axes[0]].meaning == ROW:
+        return values
+    return names.values[np.asarray(values)]
+
+
+class MembersIn:
+    """Which dimensions of the datasets of a class of results are those of members, and whose rows tables have.
+
+    Parameters
+    ----------
+    cls : of the results.
+    """
+
+    def __init__(self, cls: type[Result]) -> None:
+        self._dims: set[str] = set()  # paths of coordinates
+        self._rows: dict[str, StoragePlace] = {}  # by dataset of rows, what has them
+        for of, place in places_in(cls, root_place(cls)):
+            mappings = [m.declaration.per for m in members_of(of) if isinstance(m.declaration, Dataset)]
+            datasets = [place.dataset, *(axis.table for axis in place.axes.values() if axis.table)]
+            self._dims |= {f"/{name}/{dim}" for name in datasets for dim in (*place.dims, *mappings) if dim}
+            self._rows |= {axis.table: axis.place for axis in place.axes.values() if axis.table}
+
+    def absent(self, items: Items, path: str) -> NDArray[np.bool_] | None:
+        """Which of the integers or truth values of an array are absent, in its shape; None where none is.
+
+        Numbers and texts show by themselves that they are absent.
+        """
+        item = items[path]
+        if not item.absent or item.array.dtype.kind not in "iub":
+            return None
+        kept = [axis in self._dims for axis in item.axes]
+        shape = item.array.shape[: kept.index(False) if False in kept else len(kept)]
+        ragged = next((k for k, axis in enumerate(item.axes) if items[axis].meaning == ROW), None)
+        whose = None if ragged is None else self._rows.get(parent(path).strip("/"))
+        dims = [] if whose is None else [f"/{whose.dataset}/{dim}" for dim in whose.dims]
+        sizes = tuple(items[dim].array.size for dim in dims)
+        flags = np.zeros((math.prod(sizes), *shape), dtype=bool)
+        flags.flat[sorted(item.absent)] = True
+        if ragged is None:
+            absent = flags[0].reshape(shape + (1,) * (item.array.ndim - len(shape)))
+        else:
+            owners = [items[f"{parent(path)}/{last(dim)}"].values for dim in dims]
+            of_rows = np.moveaxis(flags[np.ravel_multi_index(owners, sizes)], 0, -1)  # (kept, rows)
+            before, after = ragged - len(shape), item.array.ndim - ragged - 1
+            absent = of_rows.reshape(shape + (1,) * before + of_rows.shape[-1:] + (1,) * after)
+        return np.broadcast_to(absent, item.array.shape)
 
 
 def header(name: str, unit: str) -> str:
@@ -224,7 +283,7 @@ def _export_csv(result: Any, items: Items, folder: Path) -> list[Path]:
             writer.writerows(rows)
 
     described = []
-    for table in tables_of(items):
+    for table in tables_of(items, type(result)):
         columns = [*table.axes, *table.columns]
         write(table.name, [column.header for column in columns], _rows(table))
         described += [(f"{table.name}.csv", column.header, column.unit, column.meaning) for column in columns]
@@ -241,7 +300,7 @@ def _export_csv(result: Any, items: Items, folder: Path) -> list[Path]:
 def _rows(table: ExportTable) -> Iterator[tuple[Any, ...]]:
     for first in range(0, table.size, ROWS_AT_ONCE):
         part = table.part(first, min(first + ROWS_AT_ONCE, table.size))
-        yield from zip(*((x.astype(int) if x.dtype == bool else x).tolist() for x in part), strict=True)
+        yield from zip(*((x.astype(int) if x.dtype == bool else x).tolist() for x in part), strict=True)  # None: empty
 
 
 def _attributes(items: Items) -> Iterator[tuple[str, str, Any]]:
@@ -276,10 +335,12 @@ def _flat(values: Any, item: str = "") -> Iterator[tuple[str, Any]]:
 def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
     """A struct for each dataset, with structs ``attributes``, ``units`` and ``dimensions`` of its variables.
 
-    Pairs of variables ``…_real`` and ``…_imag`` become one complex array. What numbers others begins at 1.
+    Pairs of variables ``…_real`` and ``…_imag`` become one complex array. What numbers others begins at 1. Absent
+    integers and truth values are NaN.
     """
     from scipy.io import savemat
 
+    members = MembersIn(type(result))
     root: dict[str, Any] = {}
     for path, item in items.items():
         if path in ("/", "/summary"):
@@ -291,6 +352,8 @@ def _export_mat(result: Any, items: Items, target: Path) -> list[Path]:
         stem = name.removesuffix("_real").removesuffix("_imag")
         pair = {part: items.get(f"{parent(path)}/{stem}_{part}") for part in ("real", "imag")}
         values: Any = item.values + 1 if NAMES in item.attributes else item.values
+        if (absent := members.absent(items, path)) is not None:
+            values = np.where(absent, np.nan, values)
         if pair["real"] is not None and pair["imag"] is not None and name != stem:
             name, values = stem, pair["real"].values + 1j * pair["imag"].values
         home[name] = str(values[()]) if values.dtype == object and not values.shape else values
@@ -368,9 +431,13 @@ def data_frames(result: Result) -> dict[str, pandas.DataFrame]:
     """
     pd = _imported("pandas")
     frames = {}
-    for table in tables_of(items_of(result)):
+    for table in tables_of(items_of(result), type(result)):
         headers = [column.header for column in (*table.axes, *table.columns)]
-        frames[table.name] = pd.DataFrame(dict(zip(headers, table.part(0, table.size), strict=True)))
+        columns = [
+            pd.array(x.tolist(), dtype="boolean" if x.dtype == bool else "Int64") if np.ma.isMaskedArray(x) else x
+            for x in table.part(0, table.size)
+        ]
+        frames[table.name] = pd.DataFrame(dict(zip(headers, columns, strict=True)))
     return frames
 
 

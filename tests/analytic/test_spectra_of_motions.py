@@ -88,13 +88,6 @@ def test_a_shock_is_seen_from_its_beginning():
     assert level[0] > level[1] + 6.0
 
 
-@pytest.mark.parametrize(("case", "moves"), [(BOUNCING, True), (RELEASED, False)], ids=["bouncing", "at rest"])
-def test_lines_are_shown_of_what_moves(case, moves):
-    changes = {"run__duration": 0.02} if moves else {"run__start": "rest"}
-    rows = [text for _, text in table_rows(run(case, **changes))]
-    assert any("fundamental" in text for text in rows) == moves
-
-
 def test_amplitudes_at_chosen_frequencies(tmp_path):
     """A mass that swings at 5.3 Hz with an amplitude of 20 mm; nothing is at 9 Hz; 5.3 Hz is listed as it is given."""
     case = {

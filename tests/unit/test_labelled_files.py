@@ -11,6 +11,7 @@ import pytest
 from beamsim.fields import Counter, Dataset, attribute, axis, dataset, declared, group, key, members, members_of, table
 from beamsim.kinds import KINDS, named
 from beamsim.store.datasets import Reader, items_of
+from beamsim.store.export import tables_of
 from beamsim.store.layout import by_name, places_in, root_place, spot
 from beamsim.store.results import open_result, read_items, write_items, write_result
 
@@ -134,6 +135,9 @@ class Branch:
     special: tuple[Special, ...] = table("special_points", Special, Counter("event", "number"))
     motion: Motion | None = group("motion", Motion, default=None)
     remark: str | None = attribute("", "remark", default=None)
+    steps: "Ints | None" = dataset("1", "steps to each point", default=None)  # noqa: F821
+    trials: int | None = attribute("1", "points that were tried", default=None)
+    accepted: "Bools | None" = dataset("1", "whether each point was accepted", default=None)  # noqa: F821
 
 
 @declared
@@ -158,6 +162,9 @@ def branch(number, size, rng):
         special=tuple(Special(f"fold {k}", float(k)) for k in range(number % 4)),
         motion=Motion(np.arange(5.0 + number), rng.random(5 + number), number) if number % 3 == 1 else None,
         remark=f"branch {number}" if number % 2 else None,
+        steps=rng.integers(1, 9, size) if number % 2 else None,
+        accepted=rng.random(size) > 0.5 if number % 3 else None,
+        trials=number if number % 2 else None,
     )  # fmt: skip
 
 
@@ -192,6 +199,28 @@ def test_branches_of_different_lengths_come_back_as_they_were(sizes, tmp_path):
     assert stored["/points/stable"].values.dtype == bool
     assert stored["/points/max_displacement"].axes == ("/points/probe", "/points/point")
     assert stored["/points/max_displacement"].unit == "m"
+
+
+@pytest.mark.parametrize("sizes", [(3, 4, 2, 5), (1, 0, 7), (2, 2, 2, 2, 2)])
+def test_absent_integers_are_no_numbers_in_tables(sizes):
+    """Of rows and of members, as the branches give them: an empty cell, where it was 0."""
+    result = Branches(tuple(branch(number, size, np.random.default_rng(3)) for number, size in enumerate(sizes)))
+    cells = {}
+    for each in tables_of(items_of(result), Branches):
+        for column, values in zip([*each.axes, *each.columns], each.part(0, each.size), strict=True):
+            cells[each.name, column.header] = values.tolist()
+    for name in ("steps", "accepted"):
+        expected = [
+            None if getattr(each, name) is None else getattr(each, name)[k].item()
+            for each in result.branches
+            for k in range(each.parameter.size)
+        ]
+        assert cells["points_by_point", name] == expected
+    trials = [each.trials for each in result.branches]
+    assert [values for (_, header), values in cells.items() if header == "trials"] == [trials]
+    assert None in trials
+    stable = [bool(x) for each in result.branches for x in each.stable]
+    assert cells["points_by_point", "stable"] == stable  # nothing is taken away of what is there
 
 
 def test_the_comparison_sees_a_difference():
