@@ -188,11 +188,8 @@ class _Terms:
         self.basis: dict[tuple[complex, int], int] = {}
         self.terms: dict[tuple[int, int], Complexes] = {}
 
-    def basis_index(self, exponent: complex, power: int) -> int:
-        return self.basis.setdefault((complex(exponent), int(power)), len(self.basis))
-
     def add(self, exponent: complex, power: int, source: int, vector: Complexes | None) -> int:
-        b = self.basis_index(exponent, power)
+        b = self.basis.setdefault((complex(exponent), int(power)), len(self.basis))
         old = self.terms.get((b, source))
         if vector is None:
             vector = np.zeros(self.size, dtype=complex)
@@ -261,35 +258,38 @@ def add_responses(terms: _Terms, equations: StateEquations, modes: BlockForm, ho
     sources : of the inputs.
     """
     rates, of = equations.rates, equations.equations
-    both, longest = BlockForm(modes.simple.whole(), modes.blocks), np.minimum(horizon, sources.longest_piece)
-    _add_forced(terms, both, _driving(rates[:, of.inputs].T, rates[:, of.slopes].T, sources), sources, longest)
+    both = BlockForm(modes.simple.whole(), modes.blocks)
+    given = _driving(rates[:, of.inputs].T, rates[:, of.slopes].T, sources)
+    _add_forced(terms, both, _Loads.of(given, sources, horizon))
     if equations.factors[:, : RATE + 1].any():
         # what a stiff contact's load leaves in slow motions is a small part of it
-        _add_forced(terms, both, _residual(terms, equations, sources), sources, longest)
+        _add_forced(terms, both, _Loads.of(_residual(terms, equations, sources), sources, horizon))
 
 
-def _add_forced(terms: _Terms, modes: BlockForm, polynomial: Complexes, sources: Sources, longest: Floats) -> None:
-    """Add the responses to ``sum_p polynomial[f, p] tau^p e^{nu_f tau}``.
+class _Loads(NamedTuple):
+    """A of the sources that drive a motion, each by a polynomial times ``e^{nu tau}``."""
 
-    Where ``|nu - lambda|`` times the time for which a response must hold is below a limit it is a power series that
-    starts from zero.
+    source: Ints  # (A,) number of the source
+    exponent: Complexes  # (A,) nu, 1/s
+    power: Ints  # (A,) degree of the polynomial
+    polynomial: Complexes  # (A, degree + 1, N) of the longest one; zeros beyond its own degree
+    window: Floats  # (A,) s, for which the response must hold
+    limit: Floats  # (A,) ``|nu - lambda|`` times that, below which it is a power series that starts from zero
 
-    Parameters
-    ----------
-    terms, sources : as for `add_responses`.
-    modes : both of each conjugate pair.
-    polynomial : (F, degree + 1, N).
-    longest : (F,) s, for which each response must hold.
-    """
-    acting = np.flatnonzero(polynomial.any(axis=(1, 2)))
-    if not acting.size:
-        return
-    window, limit = longest[acting], sources.limit[acting]
-    _force_simple(terms, modes.simple, polynomial, sources, (acting, window, limit))
-    for block in modes.blocks:
-        for f, until, least in zip(acting.tolist(), window.tolist(), limit.tolist(), strict=True):
-            degree = int(sources.power[f]) + 1
-            _force_block(terms, block, polynomial[f, :degree], complex(sources.exponent[f]), f, until, least)
+    @classmethod
+    def of(cls, polynomial: Complexes, sources: Sources, horizon: float) -> _Loads:
+        """Those of polynomials (F, degree + 1, N) that are not zero."""
+        f = np.flatnonzero(polynomial.any(axis=(1, 2)))
+        window = np.minimum(horizon, sources.longest_piece[f])
+        return cls(f, sources.exponent[f], sources.power[f], polynomial[f], window, sources.limit[f])
+
+
+def _add_forced(terms: _Terms, modes: BlockForm, loads: _Loads) -> None:
+    """Add the responses to loads; ``modes`` has both of each conjugate pair."""
+    if loads.source.size:
+        _force_simple(terms, modes.simple, loads)
+        for block in modes.blocks:
+            _force_block(terms, block, loads)
 
 
 def _driving(value: Floats, slope: Floats, sources: Sources) -> Complexes:
@@ -548,67 +548,43 @@ def _residual(terms: _Terms, equations: StateEquations, sources: Sources) -> Com
     return np.asarray(out)
 
 
-def _force_simple(
-    terms: _Terms, modes: SimpleModes, polynomial: Complexes, sources: Sources, series: tuple[Ints, Floats, Floats]
-) -> None:
-    """Responses of simple modes, both of each pair, to ``sum_p polynomial[f, p] tau^p e^{nu_f tau}``.
-
-    Parameters
-    ----------
-    terms : what they are added to.
-    modes : e of them.
-    polynomial : (F, degree + 1, N).
-    sources : all F.
-    series : (A,) those that act, for how long, s, their responses must hold, and up to where they are power series.
-    """
-    X, lam, (acting, window, limit) = modes.right, modes.eigenvalue, series
+def _force_simple(terms: _Terms, modes: SimpleModes, loads: _Loads) -> None:
+    """Add the responses of simple modes, both of each pair, to loads."""
+    X, lam = modes.right, modes.eigenvalue
     if lam.size == 0:
         return
-    beta = polynomial[acting] @ modes.left.T
-    distance = sources.exponent[acting, None] - lam
-    near = np.abs(distance) * window[:, None] < limit[:, None]
-    distance[near], w = np.inf, np.zeros((acting.size, lam.size), dtype=complex)
+    beta = loads.polynomial @ modes.left.T
+    distance = loads.exponent[:, None] - lam
+    near = np.abs(distance) * loads.window[:, None] < loads.limit[:, None]
+    distance[near], w = np.inf, np.zeros((loads.source.size, lam.size), dtype=complex)
     away = np.flatnonzero(~near.all(axis=1)).tolist()
     for p in range(beta.shape[1] - 1, -1, -1):
         w = (beta[:, p] - (p + 1) * w) / distance
         vectors = w @ X.T
         for a in away:
-            f = int(acting[a])
-            if p <= sources.power[f]:
-                terms.add(sources.exponent[f], p, f, vectors[a])
+            if p <= loads.power[a]:
+                terms.add(loads.exponent[a], p, int(loads.source[a]), vectors[a])
     for a in np.flatnonzero((near & beta.any(axis=1)).any(axis=1)).tolist():
-        f, some = int(acting[a]), near[a] & beta[a].any(axis=0)
-        nu, starting = sources.exponent[f], beta[a, : int(sources.power[f]) + 1, some]
-        for power, v in _power_series(np.diag(lam[some] - nu), starting, float(window[a])):
-            terms.add(nu, power, f, X[:, some] @ v)
+        some, nu = near[a] & beta[a].any(axis=0), loads.exponent[a]
+        starting = beta[a, : int(loads.power[a]) + 1, some]
+        for power, v in _power_series(np.diag(lam[some] - nu), starting, float(loads.window[a])):
+            terms.add(nu, power, int(loads.source[a]), X[:, some] @ v)
 
 
-def _force_block(
-    terms: _Terms, block: Block, polynomial: Complexes, nu: complex, source: int, window: float, limit: float
-) -> None:
-    """Response of one block to ``sum_p polynomial[p] tau^p e^{nu tau}``, from ``polynomial`` (degree + 1, N).
-
-    Parameters
-    ----------
-    terms : what it is added to.
-    block, polynomial : the block and the load.
-    nu, source : exponent, 1/s, and number of the source.
-    window, limit : for how long, s, the response must hold, and up to where it is a power series.
-    """
-    blocks = [block]
-    if block.weight == 2.0:
-        blocks.append(block.conjugate())
-    for b in blocks:
-        beta = b.left @ polynomial.T
-        m = b.matrix.shape[0]
-        if abs(nu - b.centre) * window < max(limit, 1.0) + b.radius * window:
-            for power, v in _power_series(b.matrix - nu * np.eye(m), beta, window):
-                terms.add(nu, power, source, b.right @ v)
-            continue
-        w = np.zeros(m, dtype=complex)
-        for p in range(beta.shape[1] - 1, -1, -1):
-            w = np.linalg.solve(nu * np.eye(m) - b.matrix, beta[:, p] - (p + 1) * w)
-            terms.add(nu, p, source, b.right @ w)
+def _force_block(terms: _Terms, block: Block, loads: _Loads) -> None:
+    """Add the responses of one block, and of its conjugate, to loads."""
+    both, one = [block, block.conjugate()] if block.weight == 2.0 else [block], np.eye(block.matrix.shape[0])
+    for source, nu, degree, polynomial, window, limit in zip(*loads, strict=True):
+        for b in both:
+            beta = b.left @ polynomial[: degree + 1].T
+            if abs(nu - b.centre) * window < max(limit, 1.0) + b.radius * window:
+                for power, v in _power_series(b.matrix - nu * one, beta, window):
+                    terms.add(nu, power, source, b.right @ v)
+                continue
+            w = np.zeros(one.shape[0], dtype=complex)
+            for p in range(degree, -1, -1):
+                w = np.linalg.solve(nu * one - b.matrix, beta[:, p] - (p + 1) * w)
+                terms.add(nu, p, source, b.right @ w)
 
 
 def _power_series(matrix: Complexes, beta: Complexes, window: float) -> Iterator[tuple[int, Complexes]]:

@@ -340,11 +340,31 @@ def _tolerance(guards, out, floors, j):
 
 
 @kernel
+def _reach(guards, tau, H):
+    """As far as bounds on the curvature are to hold, s: a high power is bounded by its value at the far end.
+
+    After a first look as far as H, that is no further than twice tau.
+
+    Parameters
+    ----------
+    guards, tau, H : as for `_evaluate`.
+
+    Returns
+    -------
+    float
+    """
+    if tau > 0.0:
+        for b in range(guards.basis):
+            if guards.power[b] > 2:
+                return min(H, max(2.0 * tau, H / 64.0))
+    return H
+
+
+@kernel
 def _evaluate(guards, tau, H, out):
     """Value, slope, bound on the curvature over [tau, reach] and round-off of the guards into ``out``; returns reach.
 
     The bound is the triangle inequality on every term's second derivative, with decaying exponentials taken at tau.
-    A high power is bounded by its value at the far end: after a first look as far as H, no further than twice tau.
 
     Parameters
     ----------
@@ -362,11 +382,7 @@ def _evaluate(guards, tau, H, out):
     for j in range(count):
         values[j], slopes[j], bounds[j], noises[j] = 0.0, 0.0, 0.0, 0.0
     first_value, first_slope, first_bound, first_noise = 0.0, 0.0, 0.0, 0.0
-    reach = H
-    for b in range(guards.basis):
-        if guards.power[b] > 2 and tau > 0.0:
-            reach = min(H, max(2.0 * tau, H / 64.0))
-            break
+    reach = _reach(guards, tau, H)
     for b in range(guards.basis):
         lam, p = guards.exponent[b], guards.power[b]
         e = _exp(lam.real, lam.imag, tau)
