@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -33,6 +34,7 @@ FARTHEST = 4.0  # of the largest value drawn: a line beyond that would leave no 
 MOST_DRAWN = 12_000  # points of a curve: ten for every pixel of its width
 MOST_AT_ONCE = 5_000  # points of a loop that are filled in one pass, for each of which the renderer takes some 10 kB
 WIDE = 8.0  # ratio of the ends of an axis from which it is logarithmic; below, it has no room for its numbers
+DOTS_PER_INCH = 150.0
 HERTZ = Scale(1.0, "Hz")
 
 # Colours of decreasing darkness, distinguishable by colour-blind readers, each with its own dashes for grey print.
@@ -461,7 +463,11 @@ def write(picture: Picture, target: Any, form: str = "png") -> None:
     packed: dict[str, Any] = {"pil_kwargs": {"compress_level": 1}} if form == "png" else {}
     # letters are as wide as in PDF and SVG
     with rc_context({"text.hinting": "none", "agg.path.chunksize": MOST_AT_ONCE}), plain_text():
-        picture.figure().savefig(target, format=form, dpi=150.0, **packed)
+        figure = picture.figure()
+        figure.set_dpi(DOTS_PER_INCH)
+        # the canvas lays a figure out as it draws it; `savefig` would draw it once more for the layout alone
+        canvas: Any = get_registered_canvas_class(form)(figure)
+        getattr(canvas, f"print_{form}")(target, **packed)
 
 
 @contextmanager
