@@ -32,6 +32,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function of arrays and numbers when it is first called, and keep what was compiled.
 
     It lets go of the interpreter, so that threads execute kernels side by side. A division by zero gives infinity.
+    A function with a leading underscore can be called by kernels alone and is kept as a part of those.
     """
     return _compiled(function)
 
@@ -62,7 +63,11 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     if folder is not None:
         config.CACHE_DIR = str(folder)  # read when the function is decorated
     try:
-        return numba.njit(cache=folder is not None, nogil=True, error_model="numpy", **options)(function)
+        if function.__name__.startswith("_"):  # a third of the time went into the wrappers and files of these
+            options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        else:
+            options["cache"] = folder is not None
+        return numba.njit(nogil=True, error_model="numpy", **options)(function)
     finally:
         config.CACHE_DIR = before
 

@@ -78,7 +78,7 @@ def search(sums, known, resolution):
     used, evaluations = np.zeros(2, dtype=np.int64), 0  # rows of these
     for i in range(sums.window.size):
         ends.u[0], ends.u[1], window = sums.place[0, i], sums.place[1, i], sums.window[i]
-        _fill_waves(sums, i, True, ends)
+        _fill_waves(sums, i, 0.0, ends)
         _fill_outputs(sums, i, ends, by_output, output, noise)
         _see(known, sums, i, every, output, noise, ends)
         evaluations += 2 * every.size
@@ -107,7 +107,7 @@ def search(sums, known, resolution):
                     if row[2] <= _limit(top, scale, row[3], resolution):
                         continue
                     _divide(row, inside.u)
-                    _fill_waves(sums, i, row[4] == 0.0, inside)
+                    _fill_waves(sums, i, row[4], inside)
                     _see(known, sums, i, every[j : j + 1], output, noise, inside)
                     evaluations += PARTS - 1
                     waiting, turns = _with_room(waiting, used[0] + PARTS), _with_room(turns, used[1] + PARTS)
@@ -128,7 +128,7 @@ def variation(sums):
     bound, value = np.zeros((n, K)), np.empty((2, n, K))
     for i in range(n):
         ends.u[0], ends.u[1] = sums.place[0, i], sums.place[1, i]
-        _fill_waves(sums, i, True, ends)
+        _fill_waves(sums, i, 0.0, ends)
         _fill_outputs(sums, i, ends, by_output, output, noise)
         look = _cut(sums, i, ends)
         _see_outputs(first, first[:K], output, noise, look)
@@ -186,14 +186,19 @@ def _with_room(rows, used):
     if used <= rows.shape[0]:
         return rows
     out = np.empty((2 * used, rows.shape[1]))
-    out[: rows.shape[0]] = rows
+    for i in range(rows.shape[0]):  # with a slice, the text of an error that cannot occur would be compiled for seconds
+        for j in range(rows.shape[1]):
+            out[i, j] = rows[i, j]
     return out
 
 
 @kernel
 def _cut(sums, i, ends):
     """A look at equal parts of an interval, at most 64, so short that all functions are in the cubics."""
-    parts, turn = 1, np.abs(sums.rate[i]).max() * (ends.u[1] - ends.u[0])
+    parts, square = 1, 0.0
+    for b in range(sums.power.size):
+        square = max(square, sums.rate[i, b].real ** 2 + sums.rate[i, b].imag ** 2)
+    turn = math.sqrt(square) * (ends.u[1] - ends.u[0])
     while parts < 64 and FARTHEST * parts < turn:
         parts *= 2
     if parts == 1:
@@ -201,7 +206,7 @@ def _cut(sums, i, ends):
     look = _make_look(parts, ends.near.size, ends.bound.shape[1])
     for p in range(parts + 1):
         look.u[p] = ends.u[1] if p == parts else ends.u[0] + (ends.u[1] - ends.u[0]) * p / parts
-    _fill_waves(sums, i, True, look)
+    _fill_waves(sums, i, 0.0, look)
     return look
 
 
@@ -234,9 +239,10 @@ def _fill_outputs(sums, i, ends, by_output, output, noise):
 
 
 @kernel
-def _fill_waves(sums, i, equal, look):
-    """The functions of time at the ends of the parts, which are equal or not, of an interval, and bounds between these.
+def _fill_waves(sums, i, top, look):
+    """The functions of time at the ends of the parts of an interval, and bounds between these.
 
+    The parts are about the place of its top, or equal where that is 0 (no flag, for which two versions are compiled).
     From a function f to u f derivatives change to ``u f^(k) + k f^(k - 1)``.
     """
     u, wave, most, last = look.u, look.wave, look.most, look.u.size - 1
@@ -255,7 +261,7 @@ def _fill_waves(sums, i, equal, look):
             while done <= last:  # as many again, by what the function grows on these
                 e = e * e if doubled % 3 > 0 else _exp(rate.real, rate.imag, u[done] - u[0])
                 for p in range(done, min(2 * done, last + 1)):
-                    if not equal:
+                    if top > 0.0:
                         e = _exp(rate.real, rate.imag, u[p] - u[p - done])
                     x, y = wave[p - done, 0, b], wave[p - done, 1, b]
                     wave[p, 0, b], wave[p, 1, b] = x * e.real - y * e.imag, x * e.imag + y * e.real

@@ -577,7 +577,9 @@ def _taylor_step(guards, j, tau, reach, value):
     -------
     step : s.
     """
-    derivative, noise = np.zeros(TAYLOR), np.zeros(TAYLOR)
+    derivative, noise = np.empty(TAYLOR), np.empty(TAYLOR)
+    for k in range(TAYLOR):
+        derivative[k], noise[k] = 0.0, 0.0
     bound = 0.0
     for b in range(guards.basis):
         a = guards.size[b, j]
