@@ -85,19 +85,18 @@ def sine_loads(parts: Parts, forcing: Forcing) -> SineLoads | None:
     excitation = parts.scenario.excitation
     if excitation.kind == "none" or any(sine_problems(excitation, "sweep")) or forcing.influence is not None:
         return None
-    coefficient: list[complex] = []
-    power: list[int] = []
-    for _, force in exciting_forces(parts.scenario):
-        coefficient.append(_phasor(force) if excitation.kind == "forces" else 1.0)
-        power.append(0)
+    several = excitation.kind == "forces"
+    terms: list[tuple[complex, int]] = [
+        (_phasor(force) if several else 1.0, 0) for _, force in exciting_forces(parts.scenario)
+    ]
     for moved in parts.moved:
-        first = power_of(moved.driven.quantity) if excitation.kind == "forces" else 0
-        coefficient += 3 * [_phasor(moved.driven) if excitation.kind == "forces" else 1.0]
-        power += [first, first - 1, first - 2]
-    if not power:  # of a base: its acceleration, and its displacement where springs to the ground feel it
-        power = [0, -2][: len(forcing.signal)]
-        coefficient = [1.0] * len(power)
-    return SineLoads(np.array(coefficient, dtype=complex), np.array(power, dtype=np.int64))
+        amplitude = _phasor(moved.driven) if several else complex(1.0)
+        power = power_of(moved.driven.quantity) if several else 0
+        terms += [(amplitude, power), (amplitude, power - 1), (amplitude, power - 2)]
+    if not terms:  # of a base: its acceleration, and its displacement where springs to the ground feel it
+        terms = [(complex(1.0), power) for power in (0, -2)[: len(forcing.signal)]]
+    amplitudes, powers = zip(*terms, strict=True)
+    return SineLoads(np.array(amplitudes, dtype=complex), np.array(powers, dtype=np.int64))
 
 
 def _phasor(sine: Any) -> complex:
@@ -279,36 +278,29 @@ def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) ->
 
 
 def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
-    scenario, basis, damping = parts.scenario, parts.basis, parts.damping
-    pushing = _pushing(parts)
+    scenario, pushing = parts.scenario, _pushing(parts)
     if parts.moved:
         _check_places_on_supports(parts)
     free = _check_couplings(parts, pushing) if parts.structure.couplings else []
-    loads, cubic, snubbers = constant_loads(parts), pushing.cubic, scenario.located_snubbers
-    resting = np.vstack([loads, pushing.contacts.resting_load])
-    contacts = pushing.contacts
-    if any(located.item.preload is not None for located in snubbers):
-        contacts = resolve_preloads(contacts, snubbers, parts.stiffness, basis.rigid, resting, cubic)
-    equilibrium = _equilibrium(parts, contacts, resting, cubic)
-    beginning = contacts.mounted
-    first = equilibrium if beginning is contacts else _equilibrium(parts, beginning, resting, cubic)
-    initial, warnings = initial_state(parts, beginning, resting, cubic, first)
+    loads = constant_loads(parts)
+    contacts, equilibrium, initial, warnings = _statics(parts, pushing, loads)
     motion, forcing, accounts = time_dependent_loads(parts, pushing)
     if parts.moved:
         initial += _start_on_supports(parts, forcing)
-    if beginning.internal_states:
-        initial = np.append(initial, _settled(beginning, forcing, initial[: basis.size]))
-
-    corrections = None if motion is None else motion.corrections
-    held = any(holds_levels(each) for _, each in scenario.excitation.items)
-    correction = None if corrections is None else CorrectionSize.of(corrections)
+    if contacts.internal_states:
+        initial = np.append(initial, _settled(contacts.mounted, forcing, initial[: parts.basis.size]))
+    correction = None
+    if motion is not None and motion.corrections is not None:
+        correction = CorrectionSize.of(motion.corrections)
+        held = any(holds_levels(each) for _, each in scenario.excitation.items)
+        warnings += correction.warnings(held=held)
     sites = [*parts.snubber_sites, *force_sites(scenario), *output_sites(parts)]
     recoveries = parts.recoveries(sites) if recovered else ()
     outputs = tuple[Channel, ...]()
     if recovered and scenario.requested_outputs:
         outputs = output_channels(parts, recoveries, pushing.sites, contacts, forcing)
-    dynamics = PiecewiseLinearSystem(parts.stiffness, damping, contacts, loads.sum(axis=0))
-    at_rest = None if cubic.count else equilibrium.q
+    dynamics = PiecewiseLinearSystem(parts.stiffness, parts.damping, contacts, loads.sum(axis=0))
+    at_rest = None if pushing.cubic.count else equilibrium.q
     return StructuralSystem(
         dynamics=dynamics,
         forcing=forcing,
@@ -323,7 +315,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
         static_equilibrium=equilibrium.q,
         static_reason=equilibrium.reason,
         excitation_frequency_hz=single_frequency_hz(scenario.excitation),
-        cubic=cubic,
+        cubic=pushing.cubic,
         springs=pushing.springs,
         outputs=outputs,
         files=tuple(each for member in parts.structure.members if (each := member.body.file_summary) is not None),
@@ -332,13 +324,28 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
             *free,
             *warnings,
             *(f"{at}.force_deflection: {table.remark}" for at, table in pushing.tables.items() if table.remark),
-            *(correction.warnings(held=held) if correction else ()),
             *(f"{path}: {text}" for path, account in accounts for text in account.warnings),
         ),
         inputs=tuple(replace(a.statement, path=path) for path, a in accounts if a.statement is not None),
         base_correction=correction,
         sine=sine_loads(parts, forcing),
     )
+
+
+def _statics(parts: Parts, pushing: _Pushing, loads: Floats) -> tuple[Contacts, Equilibrium, Floats, list[str]]:
+    """Contacts with the gaps that preloads need, their equilibrium under constant loads (L, n), the state at t = 0.
+
+    With warnings about the state, (2 n,) without what supports that move and internal states of contacts add.
+    """
+    snubbers, cubic = parts.scenario.located_snubbers, pushing.cubic
+    loads = np.vstack([loads, pushing.contacts.resting_load])
+    contacts = pushing.contacts
+    if any(located.item.preload is not None for located in snubbers):
+        contacts = resolve_preloads(contacts, snubbers, parts.stiffness, parts.basis.rigid, loads, cubic)
+    equilibrium = _equilibrium(parts, contacts, loads, cubic)
+    mounted = contacts.mounted
+    first = equilibrium if mounted is contacts else _equilibrium(parts, mounted, loads, cubic)
+    return contacts, equilibrium, *initial_state(parts, mounted, loads, cubic, first)
 
 
 @dataclass(frozen=True)

@@ -63,17 +63,13 @@ class SharedBuilds:
         Parameters
         ----------
         sort : what is built; of each sort the `MOST_KEPT` used last are kept.
-        key : all that it depends on; if it has no hash, nothing is kept.
+        key : all that it depends on.
         build : makes it.
 
         Returns
         -------
         What was built, now or before.
         """
-        try:
-            hash(key)
-        except TypeError:
-            return build()
         kept = self._kept[sort]
         if key not in kept:
             kept[key] = build()
