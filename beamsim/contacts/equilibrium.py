@@ -119,7 +119,7 @@ def find_equilibrium(
     energy = _Energy(stiffness, replace(springs, shape=shape), cubic, load)
     nothing = np.full(springs.stiffness.size, np.nan)
     bounded = not energy.softens and not cubic.count
-    if bounded and not _balanced(energy.normal[:, :rigid], load[:rigid]):
+    if bounded and rigid and not _balanced(energy.normal[:, :rigid], load[:rigid]):
         return Equilibrium(None, nothing, UNBALANCED)
     q = _minimum(energy)
     if not energy.is_least(q):
@@ -127,7 +127,9 @@ def find_equilibrium(
             raise NotTrustedError("static equilibrium: the contact conditions could not be met within round-off")
         return Equilibrium(None, nothing, UNBALANCED)
     q, force = _refined(energy, q)
-    return Equilibrium(q, force) if _unique(energy, q, force) else Equilibrium(None, nothing, FLOATS, q)
+    if (rigid or energy.softens) and not _unique(energy, q, force):  # else every motion meets a stiffness
+        return Equilibrium(None, nothing, FLOATS, q)
+    return Equilibrium(q, force)
 
 
 def _minimum(energy: _Energy) -> Floats:

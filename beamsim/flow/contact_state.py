@@ -260,13 +260,13 @@ def add_responses(terms: _Terms, equations: StateEquations, modes: BlockForm, ho
     rates, of = equations.rates, equations.equations
     both = BlockForm(modes.simple.whole(), modes.blocks)
     given = _driving(rates[:, of.inputs].T, rates[:, of.slopes].T, sources)
-    _add_forced(terms, both, _Loads.of(given, sources, horizon))
+    _add_forced(terms, both, _DrivingLoads.of(given, sources, horizon))
     if equations.factors[:, : RATE + 1].any():
         # what a stiff contact's load leaves in slow motions is a small part of it
-        _add_forced(terms, both, _Loads.of(_residual(terms, equations, sources), sources, horizon))
+        _add_forced(terms, both, _DrivingLoads.of(_residual(terms, equations, sources), sources, horizon))
 
 
-class _Loads(NamedTuple):
+class _DrivingLoads(NamedTuple):
     """A of the sources that drive a motion, each by a polynomial times ``e^{nu tau}``."""
 
     source: Ints  # (A,) number of the source
@@ -277,14 +277,14 @@ class _Loads(NamedTuple):
     limit: Floats  # (A,) ``|nu - lambda|`` times that, below which it is a power series that starts from zero
 
     @classmethod
-    def of(cls, polynomial: Complexes, sources: Sources, horizon: float) -> _Loads:
+    def of(cls, polynomial: Complexes, sources: Sources, horizon: float) -> _DrivingLoads:
         """Those of polynomials (F, degree + 1, N) that are not zero."""
         f = np.flatnonzero(polynomial.any(axis=(1, 2)))
         window = np.minimum(horizon, sources.longest_piece[f])
         return cls(f, sources.exponent[f], sources.power[f], polynomial[f], window, sources.limit[f])
 
 
-def _add_forced(terms: _Terms, modes: BlockForm, loads: _Loads) -> None:
+def _add_forced(terms: _Terms, modes: BlockForm, loads: _DrivingLoads) -> None:
     """Add the responses to loads; ``modes`` has both of each conjugate pair."""
     if loads.source.size:
         _force_simple(terms, modes.simple, loads)
@@ -548,7 +548,7 @@ def _residual(terms: _Terms, equations: StateEquations, sources: Sources) -> Com
     return np.asarray(out)
 
 
-def _force_simple(terms: _Terms, modes: SimpleModes, loads: _Loads) -> None:
+def _force_simple(terms: _Terms, modes: SimpleModes, loads: _DrivingLoads) -> None:
     """Add the responses of simple modes, both of each pair, to loads."""
     X, lam = modes.right, modes.eigenvalue
     if lam.size == 0:
@@ -571,7 +571,7 @@ def _force_simple(terms: _Terms, modes: SimpleModes, loads: _Loads) -> None:
             terms.add(nu, power, int(loads.source[a]), X[:, some] @ v)
 
 
-def _force_block(terms: _Terms, block: Block, loads: _Loads) -> None:
+def _force_block(terms: _Terms, block: Block, loads: _DrivingLoads) -> None:
     """Add the responses of one block, and of its conjugate, to loads."""
     both, one = [block, block.conjugate()] if block.weight == 2.0 else [block], np.eye(block.matrix.shape[0])
     for source, nu, degree, polynomial, window, limit in zip(*loads, strict=True):

@@ -86,6 +86,8 @@ class ExactFlow:
     base_channel: int = field(init=False)
     influence: Floats = field(init=False)  # (channels, m) displacement of each contact's place from its stand by a unit
     equations: Equations = field(init=False)  # shared with flows under other loads
+    states: list[ContactState] = field(init=False)  # those that are kept
+    visited: list[Ints] = field(init=False)  # phases of all states visited
 
     def __post_init__(self) -> None:
         self._load()
@@ -125,16 +127,7 @@ class ExactFlow:
         self.largest_exponent = 0.0  # 1/s, of all states visited
         self.highest_frequency = 0.0  # rad/s, of all states visited
         self._tables = StateTables(self.system.contacts, self.most_states, like)
-
-    @property
-    def states(self) -> list[ContactState]:
-        """Those that are kept."""
-        return self._tables.states
-
-    @property
-    def visited(self) -> list[Ints]:
-        """Phases of all states visited."""
-        return self._tables.visited
+        self.states, self.visited = self._tables.states, self._tables.visited
 
     @property
     def record(self) -> CubicRecord | None:

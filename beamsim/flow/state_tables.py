@@ -135,6 +135,8 @@ class StateTables:
         if len(self.states) == self.most:
             self.use(states)
         self._used.update(states.tolist())
+        if len(self.visited) == len(self.states):  # none was dropped: the numbers are the same
+            return states
         return np.array(self._visit, dtype=np.int64)[states]
 
     def append(self, state: ContactState, sources: Sources) -> int:
