@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
-import stat
 import sys
 import tempfile
 import threading
@@ -74,34 +73,27 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
 
 @cache
 def cache_folder() -> Path | None:
-    """The folder of compiled code, made where it is missing; None, with a warning, where none can be written.
+    """The folder of compiled code, made where it is missing; None, with a warning, where it cannot be written.
 
-    ``NUMBA_CACHE_DIR``, else the user's folder for caches, else a private one among the temporary files.
+    It is in ``NUMBA_CACHE_DIR``, else in the user's folder for caches.
     """
-    user = str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    temporary = Path(tempfile.gettempdir()) / f"beamsim-{user}"
-    places = (
-        [Path(chosen)] if (chosen := os.environ.get("NUMBA_CACHE_DIR")) else [_user_caches() / "beamsim", temporary]
-    )
-    for place in places:
-        folder = place / f"kernels-{_hash_of_kernels()}"
-        try:
-            place.mkdir(mode=0o700, parents=True, exist_ok=True)
-            folder.mkdir(mode=0o700, exist_ok=True)
-            if place == temporary and not _is_private(place):
-                raise PermissionError(f"{place} belongs to another user")
-            tempfile.TemporaryFile(dir=folder).close()
-        except OSError:
-            continue
-        if not any(folder.iterdir()):
-            _LOG.info(
-                "compiling the numerical kernels for this processor; that is done once and takes half a minute, on a "
-                "busy machine minutes"
-            )
-        return folder
-    text = f"{' and '.join(map(str, places))} cannot be written: every process compiles for half a minute"
-    warnings.warn(f"{text}; set NUMBA_CACHE_DIR to a folder that can be written", CacheWarning, stacklevel=2)
-    return None
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    place = Path(chosen) if chosen else _user_caches() / "beamsim"
+    folder = place / f"kernels-{_hash_of_kernels()}"
+    try:
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        text = f"{place} cannot be written: every process compiles for half a minute"
+        warnings.warn(f"{text}; set NUMBA_CACHE_DIR to a folder that can be written", CacheWarning, stacklevel=2)
+        return None
+    if not any(folder.iterdir()):
+        _LOG.info(
+            "compiling the numerical kernels for this processor; that is done once and takes half a minute, on a "
+            "busy machine minutes"
+        )
+    return folder
 
 
 def _user_caches() -> Path:
@@ -111,14 +103,6 @@ def _user_caches() -> Path:
     if sys.platform == "darwin":
         return Path.home() / "Library/Caches"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-
-
-def _is_private(folder: Path) -> bool:
-    """Whether nobody else can write to a folder, whose contents will be executed."""
-    if not hasattr(os, "getuid"):  # temporary folders are private on Windows
-        return True
-    state = folder.lstat()
-    return stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o022
 
 
 @cache

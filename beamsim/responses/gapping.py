@@ -47,14 +47,10 @@ class ContactLevels(ContactUnits):
     preload_needed: Floats = dataset(
         "1", "{force_unit} per unit of level: contact force at equilibrium that just keeps contact"
     )
-    # None in files of earlier versions
-    preload_alone: Floats | None = dataset(
-        "1", "the same with the other snubbers as they are at equilibrium", default=None
+    preload_alone: Floats = dataset("1", "the same with the other snubbers as they are at equilibrium")
+    before: Floats = dataset(
+        "1", "level at which the linear motion first changes another contact; beyond it the motion is another one"
     )
-    before: Floats | None = dataset(
-        "1", "level at which the linear motion first changes another contact; beyond it the motion is another one",
-        default=None,
-    )  # fmt: skip
 
     @property
     def closed_at_rest(self) -> bool:
@@ -69,8 +65,6 @@ class ContactLevels(ContactUnits):
     @property
     def predicted(self) -> Floats:
         """(F,) the same, nan where another contact changes before."""
-        if self.before is None:
-            return self.changing
         return np.where(self.changing <= (1.0 + AT_ONCE) * self.before, self.changing, np.nan)
 
 
@@ -199,7 +193,7 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
         known = share if np.isfinite(share).any() else of.changing
         k = int(np.nanargmin(known)) if np.isfinite(known).any() else 0
         together = of.preload_needed * amplitude
-        alone = np.full_like(together, np.nan) if of.preload_alone is None else of.preload_alone * amplitude
+        alone = of.preload_alone * amplitude
         tightest[name] = {
             "closed_at_rest": of.closed_at_rest,
             "level": float(of.changing[k]),
@@ -209,7 +203,7 @@ def gapping(levels: dict[str, ContactLevels], frequency_hz: Floats, amplitude: F
             "preload_alone_n": _largest(alone),
         }
     quiet = not np.isfinite(loud).any()
-    before = [(of.before if quiet else of.before / loud) for of in levels.values() if of.before is not None]
+    before = [(of.before if quiet else of.before / loud) for of in levels.values()]
     return in_order(tightest, "level" if quiet else "share_of_level", float(np.nanmin(before, initial=np.inf)))
 
 

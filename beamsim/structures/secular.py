@@ -26,6 +26,8 @@ from numpy.typing import ArrayLike
 from beamsim.typing import Floats
 
 _EPS = float(np.finfo(float).eps)
+ONE_POLE = 1e-13  # relative distance of natural frequencies that count as one pole
+NODE = 1e-26  # share of the largest weight of a mode that the spring does not reach
 
 
 @dataclass(frozen=True)
@@ -58,9 +60,9 @@ class SpringPoint:
         fixed: list[float] = []
         for omega, w in zip(self.omega, weight, strict=True):
             # a mode with a node there does not load the spring
-            if w <= 1e-26 * largest:
+            if w <= NODE * largest:
                 fixed.append(float(omega))
-            elif poles and omega - poles[-1] <= 1e-13 * omega:  # natural frequencies closer together count as one pole
+            elif poles and omega - poles[-1] <= ONE_POLE * omega:
                 weights[-1] += float(w)
                 fixed.append(poles[-1])
             else:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.compare.analysis import harmonics_of
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.analyses.identify.fit import Fit, UnpredictableError, inverse_information
 from beamsim.analyses.identify.vibrations import fit_nonlinear, steady_vibration
@@ -15,6 +14,7 @@ from beamsim.errors import ScenarioError
 from beamsim.flow.channels import Observed
 from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
+from beamsim.signals.harmonics import harmonics_of
 from benchmarks import identification_coverage as coverage
 
 CASE = Path(__file__).parents[2] / "configs" / "one_sided_65hz.yaml"

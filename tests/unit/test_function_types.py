@@ -4,7 +4,6 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.analyses.compare.analysis import harmonics_of
 from beamsim.errors import InputFileError, ScenarioError
 from beamsim.inputs.measured import read_record
 from beamsim.measurements.channels import history_named, read_tests
@@ -12,6 +11,7 @@ from beamsim.measurements.functions import BY_NUMBER, FunctionType, function_ove
 from beamsim.measurements.read import read_file
 from beamsim.scenario import load_scenario
 from beamsim.scenario.excitation import SampledInput
+from beamsim.signals.harmonics import harmonics_of
 from tests.helpers.universal_files import NO_LABEL, OVER_FREQUENCY, amplitudes, function, units
 
 pytestmark = pytest.mark.quick

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.compare.analysis import compare, harmonics_of, period_multiple, settled_from
+from beamsim.analyses.compare.analysis import compare
 from beamsim.errors import ScenarioError
 from beamsim.measurements.channels import channel_named, read_signals
 from beamsim.measurements.signal import MeasuredSignal, in_si
 from beamsim.scenario import Scenario
 from beamsim.scenario.units import ACCELERATION
+from beamsim.signals.harmonics import harmonics_of, period_multiple, settled_from
 
 TIME = np.arange(4000) / 8000.0
 TRUE = np.array([2.0 * np.exp(0.3j), 0.5 * np.exp(-1.2j), 0.1j])

@@ -164,3 +164,55 @@ def test_a_fit_with_too_few_evaluations(monkeypatch):
     assert result.outcome.code == "fit_limit"
     assert not result.complete
     assert np.isfinite([p.value for p in result.nonlinear.parameters]).all()
+
+
+def test_a_request_is_polled_and_ends_only_the_blocks_that_allow_it():
+    from beamsim.outcomes import (
+        Interrupted,
+        asked_by,
+        asked_to_stop,
+        check_stop,
+        request_around,
+        stopped_by,
+        until_asked,
+    )
+
+    assert not asked_to_stop()
+    with asked_by(lambda: True):
+        assert asked_to_stop()
+        check_stop()
+        assert list(until_asked("abc")) == ["a"]
+        around = request_around()
+        with stopped_by(), pytest.raises(Interrupted):
+            check_stop()
+    assert around()
+    assert not asked_to_stop()
+
+
+def rosenbrock(at):
+    """Residuals of a narrow valley whose least misfit, zero, is at (1, 1)."""
+    return np.array([10.0 * (at[1] - at[0] ** 2), 1.0 - at[0]])
+
+
+@pytest.mark.parametrize("most", [3, 8, 20])
+def test_a_fit_that_is_asked_to_stop_within_its_residuals_gives_the_best_so_far(most):
+    from beamsim.analyses.identify.fit import Fit, Sought
+    from beamsim.outcomes import asked_by, check_stop
+
+    evaluated = []
+
+    def measured(x, beside):
+        check_stop()
+        evaluated.append(rosenbrock(x))
+        return evaluated[-1]
+
+    numbers = [Sought(name, ((name,),), (0.0,), (0.0, np.inf), np.nan, shift=1.0) for name in ("a", "b")]
+    with asked_by(lambda: len(evaluated) >= most):
+        part = Fit(numbers, measured).best(np.array([0.2, 0.9]))
+    assert len(evaluated) == most
+    assert not part.converged
+    assert part.misfit == min(float(each @ each) for each in evaluated)
+    np.testing.assert_array_equal(rosenbrock(part.x) @ rosenbrock(part.x), part.misfit)
+    whole = Fit(numbers, lambda x, beside: rosenbrock(x)).best(np.array([0.2, 0.9]))
+    assert whole.converged
+    np.testing.assert_allclose(whole.x, 1.0, rtol=0, atol=1e-6)

@@ -46,6 +46,8 @@ from beamsim.typing import Floats, of_kind
 
 SAME = 1e-6  # distance, relative to the size, of two motions found to round-off that are one
 MEASURED_CYCLES = 256  # of a motion that is not periodic
+SHARE_OF_STARTS = 0.6  # of the progress; the rest is for what follows
+MOST_POINTS, MOST_SECONDS = 4000, 300.0  # of the branches that are followed from the motions
 LONGEST_SIDE = 4  # periods of the excitation in a motion whose branch is followed
 
 
@@ -122,7 +124,7 @@ def coexisting(
     """
     begin, processor = clock.perf_counter(), processor_time()
     marches = Marches(scenario)
-    hz, rows, budget = marches.settings.frequencies, marches.drawn(), Budget(4000, 300.0)
+    hz, rows, budget = marches.settings.frequencies, marches.drawn(), Budget(MOST_POINTS, MOST_SECONDS)
     starts = [(f, 0, *row) for f in hz for row in rows.tolist()]
     computation = Computation(partial(Marches, scenario), failed_case)
 
@@ -130,7 +132,7 @@ def coexisting(
         if each is not None:
             each(outcome)
         if progress is not None and outcome.index < len(starts):
-            progress(0.6 * len(evaluate.outcomes) / len(starts))  # the rest is for what follows
+            progress(SHARE_OF_STARTS * len(evaluate.outcomes) / len(starts))
 
     solving = working(computation, sys.maxsize, workers=workers, scheduler=scheduler)
     with Evaluator(solving, most=sys.maxsize, known=known, each=solved) as evaluate:
@@ -147,10 +149,8 @@ def coexisting(
         order = _in_order(motions)
         result = _gathered(marches, order, rows, ends)
         result = replace(result, disturbances=_disturbances(marches, order, evaluate))
-    failed = [outcome for outcome in evaluate.outcomes.values() if outcome.failed]
-    result = replace(
-        result, outcome=_outcome(marches, result, budget, failed), wall_time_s=clock.perf_counter() - begin
-    )
+    ended = _outcome(marches, result, budget, [case for case in evaluate.outcomes.values() if case.failed])
+    result = replace(result, outcome=ended, wall_time_s=clock.perf_counter() - begin)
     return result.with_summary(**_summary(marches, result), processor_time_s=processor_time() - processor)
 
 

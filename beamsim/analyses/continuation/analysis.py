@@ -76,6 +76,7 @@ from beamsim.system.equations import ChannelSet
 from beamsim.typing import Floats, Ints, not_none, of_kind
 
 NO_STABLE_MOTION = "no_stable_motion"
+SHARE_OF_BRANCHES = 0.8  # of the progress, where a sweep is overlaid
 
 WITHOUT_CERTIFICATE = (
     "cubic springs have no closed-form motion: contacts are found by sign changes on sums of harmonics, without "
@@ -105,9 +106,8 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
     """
     begin, processor = clock.perf_counter(), processor_time()
     model = response_model(scenario)
-    settings = model.settings
-    grown = progress_that_grows(progress)
-    curves_share = 1.0 if settings.overlay is None else 0.8  # of the progress
+    settings, grown = model.settings, progress_that_grows(progress)
+    curves_share = 1.0 if settings.overlay is None else SHARE_OF_BRANCHES
     branches, folds, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share))
     outcome = _outcome(model, branches, remarks)
     overlay: dict[str, OverlayCurve] | None = {}
@@ -119,8 +119,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
         if overlay is None:
             missing.append("sweep.overlay")
     if interrupted or missing:
-        parts = outcome.parts if outcome.code == COMPLETE.code else (outcome,)
-        outcome = interruption(f"before {', '.join(missing)}" if missing else "", *parts)
+        outcome = _cut_short(outcome, missing)
     f, second = model.followed, model.second
     result = ContinuationResult(
         scenario=scenario,
@@ -145,6 +144,12 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
         followed=[_followed(result, branch) for branch in branches],
         overlay=_described(result.overlay),
     )
+
+
+def _cut_short(outcome: Outcome, missing: Sequence[str]) -> Outcome:
+    """The outcome of what was interrupted, with what is missing."""
+    parts = outcome.parts if outcome.code == COMPLETE.code else (outcome,)
+    return interruption(f"before {', '.join(missing)}" if missing else "", *parts)
 
 
 def _follow_levels(

@@ -28,6 +28,11 @@ MOST_EVALUATIONS = 100  # of the residuals beside derivatives, in one fit
 _WIDEST_FACTOR = 100.0  # without bounds, the search range is this factor on either side of the scenario's value
 _STEP = 1e-5  # of x, for differences
 _PROFILE_WIDTH = 2.5  # standard deviations
+ON_BOUND = 1e-6  # of x, from a bound
+WITHOUT_INFLUENCE = 1e-9  # share of the largest derivative of a parameter
+ALIKE = 1e-6  # ratio of singular values below which parameters are one combination
+TAKES_PART = 0.2  # component of a parameter in such a combination
+CORRELATED = 0.995  # correlation of parameters that can hardly be distinguished
 
 
 class UnpredictableError(ArithmeticError):
@@ -277,7 +282,7 @@ class Fit:
                     interval=(number.at(x - z * deviation)[0], number.at(x + z * deviation)[0]),
                     bounds=number.bounds,
                     prior=number.prior,
-                    at_bound=bool(min(abs(x - low), abs(high - x)) < 1e-6),
+                    at_bound=bool(min(abs(x - low), abs(high - x)) < ON_BOUND),
                 )
             )
         on_bound = [f"{p.parameter} ended on its bound, {p.value:g}" for p in estimates if p.at_bound]
@@ -326,11 +331,14 @@ class Fit:
         return tuple(profiles)
 
 
+UNLIKELY = 1e-3  # probability of chi squared that noise as given hardly explains
+
+
 def widening(misfit: float, freedom: int) -> float:
     """Factor on a covariance: chi^2 per degree of freedom where noise as given hardly explains it, else 1."""
     from scipy.special import gammaincc
 
-    unexplained = freedom > 0 and float(gammaincc(freedom / 2, misfit / 2)) < 1e-3  # probability of chi^2
+    unexplained = freedom > 0 and float(gammaincc(freedom / 2, misfit / 2)) < UNLIKELY
     return misfit / freedom if unexplained else 1.0
 
 
@@ -380,16 +388,16 @@ def _confounded(sought: Sequence[Sought], jacobian: Floats, covariance: Floats) 
     warnings = [
         f"{name} has no influence on the measured quantities and cannot be identified from them"
         for name, s in zip(names, size, strict=True)
-        if s <= 1e-9 * size.max()
+        if s <= WITHOUT_INFLUENCE * size.max()
     ]
-    usable = size > 1e-9 * size.max()
+    usable = size > WITHOUT_INFLUENCE * size.max()
     if usable.sum() > 1:
         kept = [name for name, ok in zip(names, usable, strict=True) if ok]
         _, values, directions = np.linalg.svd(jacobian[:, usable] / size[usable], full_matrices=True)
         values = np.concatenate([values, np.zeros(len(kept) - values.size)])
         for value, direction in zip(values, directions, strict=True):
-            if value < 1e-6 * values[0]:
-                together = [n for n, d in zip(kept, direction, strict=True) if abs(d) > 0.2]
+            if value < ALIKE * values[0]:
+                together = [n for n, d in zip(kept, direction, strict=True) if abs(d) > TAKES_PART]
                 warnings.append(
                     f"{' and '.join(together)} cannot be distinguished: the measurements depend only on a "
                     f"combination of them; {apart(*together)}"
@@ -401,7 +409,7 @@ def _confounded(sought: Sequence[Sought], jacobian: Floats, covariance: Floats) 
                     f"{names[j]} and {names[i]} can hardly be distinguished: their correlation is "
                     f"{correlation[i, j]:.4f}; measure more, {apart(names[j], names[i])}"
                     for j in range(i)
-                    if abs(correlation[i, j]) > 0.995
+                    if abs(correlation[i, j]) > CORRELATED
                 ]
     return warnings
 

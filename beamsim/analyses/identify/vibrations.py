@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.analysis import Harmonics, best_phase, harmonics_of, period_multiple
 from beamsim.analyses.identify.fit import (
     MOST_EVALUATIONS,
     Best,
@@ -71,6 +70,7 @@ from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.identification import IdentifyStiffness, NonlinearFit, SteadyTest, SweepTest, TransientTest
 from beamsim.scenario.parameters import replaced
 from beamsim.scenario.run import Reduction
+from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, period_multiple
 from beamsim.system.build import build_system
 from beamsim.system.force_tables import curves_of
 from beamsim.system.parts import SharedBuilds
@@ -645,6 +645,7 @@ def _yielding(scenario: Scenario, numbers: Sequence[Sought]) -> list[str]:
     ]
 
 
+ROUND_OFF = 1e-9  # relative, of penetrations
 FIRST_PARTS = (0.1, 0.3)  # of transients, to which parameters are fitted first
 
 
@@ -752,7 +753,7 @@ def _unreached(scenario: Scenario, numbers: Sequence[Sought], penetration: Float
                 "leave it out, or give the table a small slope there",
             )
         begin, largest = float(curve.deflection[segment]), max(float(penetration[:, contacts].max()), 0.0)
-        if largest <= begin * (1.0 + 1e-9):  # a motion that ends at the beginning is in no later segment
+        if largest <= begin * (1.0 + ROUND_OFF):  # a motion that ends at the beginning is in no later segment
             remarks[index] = (
                 f"{number.parameter}: no test reaches segment {segment + 1}, which begins at {1e3 * begin:.4g} mm "
                 f"(largest penetration {1e3 * largest:.4g} mm): it keeps its value; add a test at a higher level, or "

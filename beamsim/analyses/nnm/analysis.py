@@ -121,12 +121,10 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
     special, failed, given_up = special_points(job, followed)
     if given_up and not followed.backbone.outcome.interrupted:
         work.left_out.append("the search for special points")
-    branches = _branches(job, work, special)
-    branches, shown, point = _with_motion(system, branches, work.full_period or followed)
+    branches, shown, point = _with_motion(system, _branches(job, work, special), work.full_period or followed)
     motion = not_none(branches[shown].motion)
-    resonance = None
-    if scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance"):
-        resonance = hold_mode(system, followed.problem, followed.backbone.points, progress)
+    held = scenario.nnm.phase_resonance is not None and work.goes_on("nnm.phase_resonance")
+    resonance = hold_mode(system, followed.problem, followed.backbone.points, progress) if held else None
     outcome = job.ended(with_failed_searches(_outcome(work, resonance), failed))
     result = NormalModeResult(
         scenario=scenario,
@@ -147,8 +145,8 @@ def nnm(scenario: Scenario, progress: Progress = None, compare: Collection[str] 
         warnings=(*scenario.warnings, *system.warnings, *forces_beyond_tables(scenario, [motion.force])),
         wall_time_s=clock.perf_counter() - begin,
     )
-    linear_hz = float(followed.problem.omega[job.mode] / (2 * np.pi))
-    return result.with_summary(**nnm_summary(result, linear_hz, work.processor_time_s, _requested(result, work)))
+    hz = float(followed.problem.omega[job.mode] / (2 * np.pi))  # of the linear mode
+    return result.with_summary(**nnm_summary(result, hz, work.processor_time_s, _requested(result, work)))
 
 
 @dataclass

@@ -25,6 +25,7 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
 POINTS = 100  # of a backbone
+SMALL_J = 1e-6  # energy of a motion that is nearly linear
 MOST_ENERGY = 1e8  # times that of the first point, in frequency
 _NAMES = {"stiffness_factor": "stiffness factor"}
 _BESIDE = {  # ways to a motion beyond a tongue that do not lead through it
@@ -357,7 +358,7 @@ def mode_path(system: StructuralSystem) -> ModePath:
             f"= {parameter.kind} changes nothing: with every gap zero the frequency does not depend on the energy",
             "use stiffness_factor, or give a gap",
         )
-    energy = held_energy(system, settings.energy) if parameter.kind == "stiffness_factor" else 1e-6  # J, small
+    energy = held_energy(system, settings.energy) if parameter.kind == "stiffness_factor" else SMALL_J
     family = spring_family(system)
     basis = None
     if family.equilibrium is not None and parameter.kind != "stiffness_factor":
