@@ -125,13 +125,12 @@ def _tabulated_lobe(window: Window) -> Complexes:
 
 def _remaining(curve: Complexes, one: Complexes, two: Complexes) -> Floats:
     """(n, m) squared norms of what least squares with every pair of shapes (n, b) and (m, b) leaves of a curve (b,)."""
-    first = one / np.linalg.norm(one, axis=1, keepdims=True)
-    second = two / np.linalg.norm(two, axis=1, keepdims=True)
+    first, second = (x / np.sqrt(np.einsum("nb,nb->n", x, x.conj()).real)[:, None] for x in (one, two))
     shared = first.conj() @ second.T
     on_first = first.conj() @ curve
     beyond = second.conj() @ curve - shared.conj() * on_first[:, None]  # of the second across the first
     size = np.maximum(1.0 - np.abs(shared) ** 2, np.finfo(float).tiny)
-    return np.asarray(np.linalg.norm(curve) ** 2 - np.abs(on_first)[:, None] ** 2 - np.abs(beyond) ** 2 / size)
+    return np.asarray(np.vdot(curve, curve).real - np.abs(on_first)[:, None] ** 2 - np.abs(beyond) ** 2 / size)
 
 
 def _lobe(window: Window, bins: Floats) -> Complexes:

@@ -47,12 +47,12 @@ from beamsim.results.validity import (
 )
 from beamsim.results.values import DISPLACEMENT, NO_EXTREMES, PENETRATION, STRESS, largest
 from beamsim.scenario import Scenario
-from beamsim.scenario.excitation import Harmonic
+from beamsim.scenario.excitation import Harmonic, MatchedInput
 from beamsim.scenario.parameters import replaced
 from beamsim.scenario.run import OrbitStart, Reduction, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.build import build_system
-from beamsim.system.parts import SharedBuilds
+from beamsim.system.parts import SharedBuilds, moving_base
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
@@ -197,7 +197,7 @@ def _warnings(motion: RunMotion) -> list[str]:
         *system.warnings,
         *motion.warnings,
         *pull_warnings(motion),
-        *line_warnings(system.inputs, system.modes),
+        *(line_warnings(system.inputs, system.modes) if system.inputs else []),
         *compressed_beyond_tables(scenario, compression),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
     ]
@@ -251,12 +251,13 @@ def _asked_for(
             "sensitivities", lambda: sensitivities_of(scenario, motion), unknown
         )
         notes += said
-    fields["matched"] = matched_spectrum(system)
-    if (matched := fields["matched"]) is not None and (worst := float(np.abs(matched.misfit_db).max())) > MISFIT_DB:
-        notes.append(
-            f"excitation.srs: the record is up to {worst:.1f} dB from the curve: give another seed, another duration, "
-            "or a curve without steep sides and with levels that its Q allows"
-        )
+    if (matched := moving_base(scenario)) is not None and isinstance(matched[1], MatchedInput):
+        fields["matched"] = matched_spectrum(system, matched[0], matched[1])
+        if (worst := float(np.abs(fields["matched"].misfit_db).max())) > MISFIT_DB:
+            notes.append(
+                f"excitation.srs: the record is up to {worst:.1f} dB from the curve: give another seed, another "
+                "duration, or a curve without steep sides and with levels that its Q allows"
+            )
     return fields, notes
 
 

@@ -36,6 +36,7 @@ from beamsim.results.values import (
     outer,
 )
 from beamsim.scenario.run import Run
+from beamsim.structures.stations import COMPONENTS
 from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
@@ -228,6 +229,7 @@ class _Observers:
         flow, channels = motion.flow, system.channels.without(STRESS)
         impacts = needed.derived and needed.everything and settings.impacts is not None
         stresses = needed.derived and settings.fatigue is not None and system.stress is not None
+        plates = needed.derived and needed.everything and any(b.moments == len(COMPONENTS) for b in system.bodies)
         return cls(
             HistoryRecorder(flow, channels, times if needed.histories else times[:1], Overdue(stop)),
             StatesAtExtremes(system, flow.size),
@@ -235,7 +237,7 @@ class _Observers:
             LatestPart(_latest_s(motion, settings)),
             ImpactObserver(system, stop) if impacts else None,
             StressObserver(system, stop) if stresses else None,
-            PlateStress(system, times, stop) if needed.derived and needed.everything else None,
+            PlateStress(system, times, stop) if plates else None,
         )
 
     def add(self, chunk: Trajectory, extremes: Extremes) -> None:

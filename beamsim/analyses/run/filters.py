@@ -40,14 +40,15 @@ from beamsim.inputs.measured import limit_curve, on_curve, target_curve
 from beamsim.inputs.signal import Signal as Pieces
 from beamsim.outcomes import check_stop
 from beamsim.results.values import ACCELERATION, outer
+from beamsim.scenario.base import Path
 from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
 from beamsim.structures.places import UPWARDS, Link
 from beamsim.structures.support_forces import supports_of
-from beamsim.system.parts import base_direction, exciting_forces, moving_base
+from beamsim.system.parts import base_direction, exciting_forces
 from beamsim.system.state_equations import RowsOf
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Complexes, Floats, Ints, not_none, of_kind
+from beamsim.typing import Complexes, Floats, Ints, not_none
 
 NODES = 8
 LONGEST_TURN = 4.0  # of the fastest motion on a panel, rad: the rule's error is then below 1e-10
@@ -683,15 +684,11 @@ def _driven(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tu
     yield from (((name, MAIN_QUANTITY), signals) for name, signals in moving.items())
 
 
-def matched_spectrum(system: StructuralSystem) -> MatchedSpectrum | None:
-    """The spectrum of a base motion that was made for one; None of others.
+def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedInput) -> MatchedSpectrum:
+    """The spectrum of a base motion that was made for one, whose input stands at a path of the scenario.
 
     It is that of the motion in closed form, twelve points an octave and at the points of the curve.
     """
-    moving = moving_base(system.scenario)
-    if moving is None or not isinstance(moving[1], MatchedInput):
-        return None
-    path, excitation = moving[0], of_kind(MatchedInput, moving[1])
     at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs", "file"))
     frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
     base = not_none(system.base_acceleration)

@@ -109,7 +109,7 @@ def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str,
         "matched": None if result.matched is None else result.matched.summary(),
         "spectral_lines": spectral_lines(result.spectra),
         "unresolved_lines": _unresolved_lines(result.spectra) or None,
-        **_over_limits(result, summary),
+        **(_over_limits(result, summary) if result.scenario.limits else {}),
     }
 
 
