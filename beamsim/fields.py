@@ -2,16 +2,15 @@
 
 A result is a frozen dataclass made with `declared`; each of its fields is given by one of the functions here::
 
-    @declared
-    class ProbeHistory:
-        name: str = key("name of the probe")
-        position: float = attribute("m", "position along the beam")
-        displacement: Floats = dataset("m", "displacement relative to the base", along=("time",))
+    @declared(along=("frequency_hz",))
+    class Spectrum:
+        window: str = attribute("", "window")
+        frequency_hz: Floats = axis("Hz", "frequency")
+        amplitude: Floats = dataset("m", "single-sided peak amplitude")
 
     @declared
     class RunResult(Result):
-        time: Floats = axis("s", "time")
-        probes: dict[str, ProbeHistory] = members("", ProbeHistory, "probe")
+        spectra: dict[str, Spectrum] = members("signals", Spectrum, "signal", rows="spectra")
 
 There are four kinds of declarations: an array along axes (`Dataset`), a number or text of a dataclass (`Attribute`), a
 table whose rows are dataclasses (`Table`), and dataclasses (`Group` one, `Members` several along a dimension). The

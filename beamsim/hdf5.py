@@ -271,11 +271,6 @@ def _read_all(owner: h5py.Group | h5py.Dataset) -> None:
 
 LIST = "DIMENSION_LIST"
 """Attribute in which HDF5 keeps references to the scales of a data set."""
-ABSENT = "absent"
-"""Attribute of an array of a result that some members do not have: JSON list of their numbers, in C order over the
-dimensions of members."""
-OF_EACH = "units_of_each"
-"""Attribute of an array whose unit differs from member to member: JSON list of their units, in the same order."""
 
 
 def scale_along(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:

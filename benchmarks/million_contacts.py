@@ -57,7 +57,8 @@ def main() -> None:
     begin = time.process_time()
     result = beamsim.run(case(asked.contacts, asked.rate), progress)
     evaluated = time.process_time()
-    print(f"{sum(result.summary['contacts'].values())} contacts, {result.time.size} samples: {result.status}")
+    samples = result["histories"]["time"].values.size
+    print(f"{sum(result.summary['contacts'].values())} contacts, {samples} samples: {result.status}")
     print(f"march {marched[0] - begin:.1f} s, evaluation {evaluated - marched[0]:.1f} s, {largest_memory():.0f} MB")
     with tempfile.TemporaryDirectory() as folder:
         file = beamsim.write_result(result, Path(folder) / "case.h5")

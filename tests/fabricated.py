@@ -10,14 +10,12 @@ import numpy as np
 
 from beamsim.analyses.designs.responses import means
 from beamsim.analyses.designs.result import CaseOutcome, limited_response
+from beamsim.analyses.run.histories import contact_units, events_of
+from beamsim.analyses.run.layouts import HISTORIES
 from beamsim.analyses.run.result import (
     BodyResult,
-    EnergyHistory,
-    EventLog,
     ModeTable,
-    ProbeHistory,
     RunResult,
-    SnubberHistory,
     Work,
 )
 from beamsim.analyses.run.spectra import spectrum
@@ -74,26 +72,36 @@ def fabricate(
     v = np.where(np.sin(omega * time) > 0, 4e-4, 1e-4) * omega * np.cos(omega * time)
     base = 2 * 9.80665 * np.sin(omega * time)
     where = {name: float(k + 1) if chain else 0.27 / (k + 1) for k, name in enumerate(probes)}
-    histories = {
-        name: ProbeHistory(
-            name, where[name], w / (k + 1), w / (k + 1) - base / omega**2, v, -(omega**2) * w / (k + 1) + base
-        )
-        for k, name in enumerate(probes)
-    }
-    stops = {}
-    for k, name in enumerate(snubbers):
-        closed = w < 0
-        stops[name] = SnubberHistory(
-            name, float(k + 1) if chain else 0.27 / (k + 1), "above" if k % 2 else "below", 151_100.0, 12.3, 1e-4 * k,
-            float("nan"), 0.0, 51.8, np.where(closed, -151_100.0 * w / (k + 1), 0.0), -w, closed, w, v,
-        )  # fmt: skip
+    share = 1.0 / np.arange(1, max(len(probes), len(snubbers)) + 1)[:, None]
+    of_probes, of_stops, closed = share[: len(probes)], share[: len(snubbers)], w < 0
+    values = {
+        "time": time, "base_acceleration": base, "base_displacement": -base / omega**2,
+        "energy_work_in": 1e-3 * time, "energy_dissipated": 5e-4 * time, "energy_stored": 5e-4 * time,
+        "probe": probes, "position": list(where.values()), "displacement": w * of_probes,
+        "absolute_displacement": w * of_probes - base / omega**2, "velocity": np.tile(v, (len(probes), 1)),
+        "absolute_acceleration": -(omega**2) * w * of_probes + base,
+        "snubber": snubbers, "snubber_side": ["above" if k % 2 else "below" for k in range(len(snubbers))],
+        "snubber_position": [float(k + 1) if chain else 0.27 / (k + 1) for k in range(len(snubbers))],
+        "snubber_gap": [1e-4 * k for k in range(len(snubbers))],
+        **{f"snubber_{name}": [value] * len(snubbers) for name, value in (
+            ("stiffness", 151_100.0), ("dashpot", 12.3), ("preload", np.nan), ("blocked_force", 0.0),
+            ("stiffness_ratio", 51.8),
+        )},
+        "snubber_force": np.where(closed, -151_100.0 * w, 0.0) * of_stops,
+        **{f"snubber_{name}": np.tile(x, (len(snubbers), 1)) for name, x in (
+            ("penetration", -w), ("closed", closed), ("displacement", w), ("velocity", v)
+        )},
+    }  # fmt: skip
+    histories = HISTORIES.dataset(values, {"snubber": [contact_units("m")] * len(snubbers)}, base_unit="m")
     instants = np.arange(1, int(2 * duration * 65)) / 130.0
     n = instants.size if snubbers else 0
-    events = EventLog(instants[:n], np.zeros(n, dtype=np.int64), np.arange(n) % 2 == 0)
+    events = events_of(instants[:n], np.zeros(n, dtype=np.int64), np.arange(n) % 2 == 0)
     settings = SimpleNamespace(last=duration / 2, periods=None, window="hann", frequencies=())
     spectra = {
-        (name, quantity): spectrum(time, getattr(p, quantity), settings, frequency, name, quantity, unit)
-        for name, p in histories.items()
+        (name, quantity): spectrum(
+            time, histories[quantity].sel(probe=name).values, settings, frequency, name, quantity, unit
+        )
+        for name in probes
         for quantity, unit in (("absolute_acceleration", "m/s^2"), ("displacement", "m"))
     }
     x = np.arange(1.0, 3.0) if chain else np.linspace(0, 0.27, 11)
@@ -147,15 +155,9 @@ def fabricate(
         scenario=FabricatedScenario(),  # type: ignore[arg-type]
         method="exact",
         outcome=outcome,
-        time=time,
-        probes=histories,
-        snubbers=stops,
-        base_acceleration=base,
-        base_displacement=-base / omega**2,
-        events=events,
+        datasets={"histories": histories, "events": events},
         spectra=spectra,
         only_body=None if chain else beam,
-        energy=EnergyHistory(1e-3 * time, 5e-4 * time, 5e-4 * time),
         modes=modes,
         work=Work(int(n), 20 * int(n), int(n) + 1, 2, 0.0012),
         summary=summary,

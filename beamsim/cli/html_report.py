@@ -22,7 +22,7 @@ from beamsim.plots import animation
 from beamsim.plots.animation import Scene
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.model import model_figure
-from beamsim.plots.sketch import Sketch
+from beamsim.plots.sketch import Sketch, stops_of
 from beamsim.plots.style import shown_in
 from beamsim.report.contents import Printed, page_of
 from beamsim.report.page import animation_page, plotly
@@ -129,7 +129,7 @@ def _sketch_of(scenario: Scenario, system: StructuralSystem) -> Sketch:
 def sketched(result: Any, model: StructuralSystem | None) -> Sketch | None:
     """The sketch of a result, with a run's own numbers; without one None where the model is not known."""
     if isinstance(result, RunResult):
-        return Sketch(result.scenario.model_copy(update={"sweep": None}), result.modes.stations, result.snubbers)
+        return Sketch(result.scenario.model_copy(update={"sweep": None}), result.modes.stations, stops_of(result))
     return None if model is None else _sketch_of(result.scenario.model_copy(update={"run": None}), model)
 
 

@@ -34,9 +34,12 @@ if TYPE_CHECKING:
 
 def run_screen(result: RunResult) -> Screen:
     """Forces, contact, displacements, accelerations and limits by place."""
-    s, numbers = result.summary, Numbers(result.summary)
+    s, numbers, histories = result.summary, Numbers(result.summary), result["histories"]
     limits = limits_by_place(result)
-    rows = [_place(s, numbers, name, limits) for name in dict.fromkeys((*result.snubbers, *result.probes))]
+    rows = [
+        _place(s, numbers, name, limits)
+        for name in dict.fromkeys((*histories.labels("snubber"), *histories.labels("probe")))
+    ]
     facts, stress = list(modes(result)), s.get("largest_bending_stress_pa")
     if stress is not None and is_known(stress):
         facts.insert(0, f"bending stress {stress_text(s, numbers.text(stress, 'Pa', 'largest_bending_stress_pa'))}")
@@ -67,7 +70,8 @@ def run_screen(result: RunResult) -> Screen:
     lines += limit_lines(result, [row[""] for row in rows])
     if compared := s.get("against"):
         apart, until = percent(compared["largest_state_difference"], 2), compared["agrees_until_s"]
-        diverge = "" if until >= result.time[-1] else f" until {until:.4g} s, where the contact sequences diverge"
+        until_then = f" until {until:.4g} s, where the contact sequences diverge"
+        diverge = "" if until >= histories["time"].values[-1] else until_then
         lines.append(f"{compared['method']}: displacements differ by at most {apart}{diverge}")
     return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
 

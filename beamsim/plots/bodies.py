@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from beamsim.analyses.run.result import BodyResult, RunResult
 from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, Picture, marked
-from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar
+from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar, stops_of
 from beamsim.plots.style import amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place
@@ -24,7 +24,7 @@ LEVELS = MaxNLocator(12, symmetric=True)  # of a deflection, round numbers
 def deflected_shapes(result: RunResult, name: str) -> Chart:
     """Static shape of a beam, its shapes at the extremes of the first probe, the snubbers."""
     beam = result.bodies[name]
-    snubbers = [s for s in result.snubbers.values() if s.gap_unit == "m"]
+    snubbers = [s for s in stops_of(result).values() if s.gap_unit == "m"]
     if len(result.modes.stations.parts) > 1:  # those that stand on the base or the ground, at this body
         sites = {located.item.name: snubber_site(located) for located in result.scenario.located_snubbers}
         snubbers = [s for s in snubbers if isinstance(site := sites[s.name], Place) and site.body == name]
@@ -103,10 +103,11 @@ def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape:
     assert plate.across is not None
     metres, scale = scale_for("m", plate.position, plate.across), scale_for("m", shape)
     plot_contours(ax, plate.position, plate.across, shape * scale.factor, title, scale.unit)
-    for snubber in result.snubbers.values():
-        if snubber.across is not None and np.isfinite(snubber.across):
+    across = result["histories"].by_label("snubber_across")
+    for name, snubber in stops_of(result).items():
+        if name in across and np.isfinite(across[name].item()):
             ax.plot(
-                snubber.position * metres.factor, snubber.across * metres.factor, linestyle="none", color="black",
+                snubber.position * metres.factor, across[name].item() * metres.factor, linestyle="none", color="black",
                 marker=6 if snubber.side == "below" else 7, markersize=9, clip_on=False,
                 label=f"snubber {snubber.side}",
             )  # fmt: skip
@@ -114,7 +115,7 @@ def plot_plate_deflection(result: RunResult, ax: Axes, plate: BodyResult, shape:
 
 def _shapes(result: RunResult, body: BodyResult) -> list[tuple[Floats, str]]:
     """When the first probe is highest and lowest, and at static equilibrium; with titles."""
-    first = next(iter(result.probes), "")
+    first = next(iter(result["histories"].labels("probe")), "")
     shapes = [
         (body.extreme_shapes[1], f"{first} highest, t = {body.extreme_times[1]:.4g} s"),
         (body.extreme_shapes[0], f"{first} lowest, t = {body.extreme_times[0]:.4g} s"),
@@ -124,7 +125,7 @@ def _shapes(result: RunResult, body: BodyResult) -> list[tuple[Floats, str]]:
 
 
 def _sketch(result: RunResult) -> Sketch:
-    return Sketch(result.scenario, result.modes.stations, result.snubbers)
+    return Sketch(result.scenario, result.modes.stations, stops_of(result))
 
 
 def plot_assembly_mode(result: RunResult, ax: Axes, number: int) -> None:
@@ -147,8 +148,9 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
     if contact is None:
         raise ValueError("no snubber was in contact")
     shape = contact.deflection(result.modes)
-    known = {} if contact.opening is None else dict(zip(result.snubbers, contact.opening.tolist(), strict=True))
-    openings = {name: known.get(name, s.gap) for name, s in result.snubbers.items() if s.gap_unit == "m"}
+    stops = stops_of(result)
+    known = {} if contact.opening is None else dict(zip(stops, contact.opening.tolist(), strict=True))
+    openings = {name: known.get(name, s.gap) for name, s in stops.items() if s.gap_unit == "m"}
     largest = max(float(np.abs(shape).max()), *(x for x in openings.values() if math.isfinite(x)), 0.0) or 1.0
     factor, bar = HEIGHT / largest, round_length(largest)
     _sketch(result).draw(ax, shape * factor, factor, openings=known)

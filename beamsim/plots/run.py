@@ -15,16 +15,15 @@ from beamsim.analyses.run.result import (
     ALLOWED_CHANGE,
     Fatigue,
     Impacts,
-    ProbeHistory,
     Rainflow,
     RandomResponse,
     RunResult,
     ShockResponse,
     SignalStatistics,
-    SnubberHistory,
     Spectrum,
 )
 from beamsim.fields import place_in_words
+from beamsim.labelled import LabelledArray
 from beamsim.plots.bodies import body_figures
 from beamsim.plots.drawing import (
     DARK,
@@ -47,10 +46,12 @@ from beamsim.plots.drawing import (
     marked,
     with_unit,
 )
+from beamsim.plots.sketch import stops_of
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.results.values import OUTPUT
 from beamsim.signals.records import Window
 from beamsim.structures.assembly import site_in, snubber_site
+from beamsim.system.structural import FORCE_UNITS
 from beamsim.typing import Bools, Floats, Ints
 
 MOST_STATES = 2**16  # samples in a phase portrait or force-deflection loop
@@ -96,7 +97,7 @@ def histories(
     """
     if not values:
         return []
-    time, start = result.time, _last_part(result)
+    time, start = result["histories"]["time"].values, _last_part(result)
     begin, end = float(time[0]), float(time[-1])
     curves = [Curve(name, time, x) for name, x in values.items()]
     ends = begin, end if end > begin else begin + 1.0
@@ -110,10 +111,10 @@ def histories(
 
 def _faces(result: RunResult) -> Iterator[Guide]:
     """Where each stop on the base that is at the place of a drawn probe touches the body."""
-    scenario = result.scenario
+    scenario, stops = result.scenario, stops_of(result)
     places = [site_in(scenario, probe) for probe in scenario.effective_probes[:MOST_CURVES]]
     for located in scenario.located_snubbers:
-        stop = result.snubbers.get(located.item.name)
+        stop = stops.get(located.item.name)
         if stop is None or snubber_site(located) not in places or located.item.mounted_on != "base":
             continue
         if any(each.moves_stop(stop.name) for _, each in scenario.excitation.items):
@@ -127,15 +128,16 @@ def _faces(result: RunResult) -> Iterator[Guide]:
 
 def _touched(result: RunResult) -> list[str]:
     """Units of the forces of contacts that are made: N, N m of stops of hinges."""
-    return list(dict.fromkeys(s.force_unit for s in result.snubbers.values() if np.any(s.force)))
+    forces = result["histories"].by_label("snubber_force").values()
+    return list(dict.fromkeys(force.unit for force in forces if np.any(force.values)))
 
 
 def _contact_forces(result: RunResult, unit: str) -> dict[str, Floats]:
     """Contact forces by snubber, or moments by stop of a hinge; of many those with the largest peaks come first."""
-    measured = {name: snubber for name, snubber in result.snubbers.items() if snubber.force_unit == unit}
-    peaks = {name: float(np.max(np.abs(snubber.force), initial=0.0)) for name, snubber in measured.items()}
+    forces = result["histories"].by_label("snubber_force")
+    peaks = {name: float(np.max(np.abs(x.values), initial=0.0)) for name, x in forces.items() if x.unit == unit}
     strongest = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CURVES]
-    return {name: result.snubbers[name].force for name in sorted(peaks, key=lambda name: name not in strongest)}
+    return {name: forces[name].values for name in sorted(peaks, key=lambda name: name not in strongest)}
 
 
 def _doubts(result: RunResult, figure: str, called: str = "peaks", quantity: str = "") -> str:
@@ -207,14 +209,29 @@ def _end_of_spectra(shown: Sequence[Spectrum]) -> float:
     return min(1.05 * max([last, *chosen]), float(shown[0].frequency_hz[-1]) / unit) or 1.0
 
 
-def phase_portrait(result: RunResult, place: SnubberHistory | ProbeHistory) -> Chart:
+def _phases(result: RunResult, kind: str, name: str) -> tuple[LabelledArray, LabelledArray, Bools]:
+    """Displacement and velocity (nt,) of a place, a snubber or a probe, and whether there is contact."""
+    histories, place = result["histories"], {kind: name}
+    start = "snubber_" if kind == "snubber" else ""
+    w, v = (histories[f"{start}{of}"].sel(**place) for of in ("displacement", "velocity"))
+    closed = histories["snubber_closed"].sel(**place).values if start else np.zeros(w.values.size, dtype=bool)
+    return w, v, closed
+
+
+def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
     """Velocity over displacement at a snubber or probe, contact emphasised.
 
     Of a long run the last part is drawn. The part before the window of the spectrum is drawn in light grey.
+
+    Parameters
+    ----------
+    result : of the run.
+    kind : snubber or probe.
+    name : of it.
     """
-    shown = _end_of_run(result)
-    time, w, v = result.time[shown], place.displacement[shown], place.velocity[shown]
-    closed = place.closed[shown] if isinstance(place, SnubberHistory) else np.zeros(time.size, dtype=bool)
+    shown, time = _end_of_run(result), result["histories"]["time"].values
+    displacement, velocity, closed = _phases(result, kind, name)
+    time, w, v, closed = time[shown], displacement.values[shown], velocity.values[shown], closed[shown]
     early = time < min((s.start_s for s in result.spectra.values()), default=0.0)
     parts = (
         (early, "", {"color": "0.85", "linewidth": 0.5, "zorder": 1}),
@@ -226,30 +243,31 @@ def phase_portrait(result: RunResult, place: SnubberHistory | ProbeHistory) -> C
         for kept, label, style in parts
         if kept.any()
     ]
-    way, what = "m", ("Displacement", "Velocity")
-    if isinstance(place, SnubberHistory) and place.gap_unit == "rad":
-        way, what = "rad", ("Angle", "Angular velocity")
-    across = f"At {place.name}\n{what[0]}"
+    way, what = displacement.unit, ("Displacement", "Velocity")
+    if way == "rad":
+        what = ("Angle", "Angular velocity")
+    across = f"At {name}\n{what[0]}"
     return Chart((across, scale_for(way, w)), (what[1], scale_for(f"{way}/s", v)), curves)
 
 
-def phase_density(result: RunResult, place: SnubberHistory | ProbeHistory, start_s: float) -> HeatMap:
+def phase_density(result: RunResult, kind: str, name: str, start_s: float) -> HeatMap:
     """How long a random motion is in each cell of velocity over displacement, in red where it is mostly in contact.
 
     Parameters
     ----------
     result : of a run with a stationary input.
-    place : snubber or probe.
+    kind : snubber or probe.
+    name : of it.
     start_s : what comes before is left out, s.
     """
-    kept = result.time >= start_s
-    w, v = place.displacement[kept], place.velocity[kept]
-    closed = place.closed[kept] if isinstance(place, SnubberHistory) else np.zeros(w.size, dtype=bool)
+    kept = result["histories"]["time"].values >= start_s
+    displacement, velocity, closed = _phases(result, kind, name)
+    w, v, closed = displacement.values[kept], velocity.values[kept], closed[kept]
     count, *edges = np.histogram2d(w, v, int(np.clip(0.6 * np.sqrt(w.size), *CELLS)))
     contact = np.histogram2d(w[closed], v[closed], edges)[0] > 0.5 * count
     share = np.where(count > 0.0, 100.0 * count / w.size, np.nan).T
     scales = scale_for("m", w), scale_for("m/s", v)
-    across, up = (f"At {place.name}\nDisplacement", scales[0]), ("Velocity", scales[1])
+    across, up = (f"At {name}\nDisplacement", scales[0]), ("Velocity", scales[1])
 
     def plot(ax: Axes) -> None:
         norm = LogNorm(20.0 / w.size, float(np.nanmax(share)))  # a single sample is grey
@@ -267,7 +285,7 @@ def phase_density(result: RunResult, place: SnubberHistory | ProbeHistory, start
 
 def _end_of_run(result: RunResult) -> slice:
     """The part of a long run that is drawn."""
-    return slice(max(result.time.size - MOST_STATES, 0), None)
+    return slice(max(result["histories"]["time"].values.size - MOST_STATES, 0), None)
 
 
 def force_deflection(result: RunResult, unit: str = "N") -> Chart:
@@ -276,12 +294,13 @@ def force_deflection(result: RunResult, unit: str = "N") -> Chart:
     Only samples in contact are joined, so that stops without losses follow one line. With the unit N m it is the moment
     of the stops of hinges.
     """
-    shown = _end_of_run(result)
-    loops = [
-        Curve(name, s.penetration[shown], np.where(s.closed[shown], s.force[shown], np.nan), {"linewidth": 0.8})
-        for name, s in result.snubbers.items()
-        if s.force_unit == unit
-    ]
+    shown, histories, loops = _end_of_run(result), result["histories"], list[Curve]()
+    for name, force in histories.by_label("snubber_force").items():
+        if force.unit == unit:
+            of_snubber = (histories[f"snubber_{of}"].sel(snubber=name) for of in ("penetration", "closed"))
+            penetration, closed = (each.values[shown] for each in of_snubber)
+            in_contact = np.where(closed, force.values[shown], np.nan)
+            loops.append(Curve(name, penetration, in_contact, {"linewidth": 0.8}))
     across, up = (("Penetration", "m"), "Contact force") if unit == "N" else (("Angle beyond the stop", "rad"), _MOMENT)
     return Chart(across, (up, unit), loops, of="snubbers")
 
@@ -308,15 +327,15 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     words = f"Acceleration below {result.low_pass_hz:g} Hz" if filtered else "Absolute acceleration"
     kind = "low_passed_acceleration" if filtered else "absolute_acceleration"
     levels = [*limit_levels(limits, "peak_displacement", both_signs=True), *_faces(result)]
-    values = {name: probe.displacement for name, probe in result.probes.items()}
+    values = {name: history.values for name, history in result["histories"].by_label("displacement").items()}
     note = _doubts(result, "peak_displacement_m")
     panels = {"displacement": histories(result, ("Relative displacement", "m"), values, levels, note)}
     levels = limit_levels(limits, "peak_acceleration", both_signs=True)
-    values = {name: getattr(probe, kind) for name, probe in result.probes.items()}
+    values = {name: history.values for name, history in result["histories"].by_label(kind).items()}
     panels["acceleration"] = histories(result, (words, "m/s^2"), values, levels, _doubts(result, "peak_acceleration_g"))
-    if result.scenario.excitation.shock and result.base_unit == "m" and np.any(result.base_acceleration):
-        up = ("Acceleration of the base", "m/s^2")
-        panels["acceleration"] += histories(result, up, {"": result.base_acceleration})
+    base = result["histories"]["base_acceleration"]
+    if result.scenario.excitation.shock and base.unit == "m/s^2" and np.any(base.values):
+        panels["acceleration"] += histories(result, ("Acceleration of the base", "m/s^2"), {"": base.values})
     holds_what_it_met = any(each.item.latch for each in result.scenario.located_snubbers)
     for picture, label, unit, limit, entry in _CONTACT:
         if unit in _touched(result):
@@ -324,16 +343,16 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
             panels[picture] = histories(
                 result, (label, unit), _contact_forces(result, unit), levels, note, of="snubbers"
             )
-    for name, output in list(result.outputs.items())[:MOST_CURVES]:
+    for name, output in list(result["histories"].by_label("output_value").items())[:MOST_CURVES]:
         levels = limit_levels(limits, OUTPUT.limit, name, both_signs=True)
-        whole, *_ = histories(result, (name, output.unit), {"": output.value}, levels)
+        whole, *_ = histories(result, (name, output.unit), {"": output.values}, levels)
         panels.setdefault("outputs", []).append(whole)
     return panels
 
 
 def _last_part(result: RunResult) -> float:
     """Start of a close-up: a few excitation periods before the end."""
-    begin, end = float(result.time[0]), float(result.time[-1])
+    begin, end = map(float, result["histories"]["time"].values[[0, -1]])
     excitation = next((s.excitation_hz for s in result.spectra.values()), float("nan"))
     # six periods, or an eighth of a run without excitation frequency
     length = 6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)
@@ -523,7 +542,7 @@ def impact_figures(result: RunResult) -> dict[str, Picture]:
         for unit in ("m", "rad"):
             if names := _strongest(impacts, unit):
                 counted = {name: impacts.snubbers[name].rainflow for name in names}
-                maps.append(impact_map(impacts, float(result.time[-1]), unit))
+                maps.append(impact_map(impacts, float(result["histories"]["time"].values[-1]), unit))
                 ranges = cycles(counted, "Force range" if unit == "m" else "Moment range", "snubbers")
                 histograms += [partial(plot_peak_forces, impacts, unit=unit), ranges]
         figures["impact_map"] = Picture(result.title, maps)
@@ -564,18 +583,22 @@ def plot_tornado(result: RunResult, ax: Axes, response: str) -> None:
 
 def run_figures(result: RunResult) -> dict[str, Picture]:
     """All pictures of this result; the key is the last part of the file name."""
-    random, srs, shown = result.random, result.srs, _end_of_run(result)
+    random, srs, shown, of_run = result.random, result.srs, _end_of_run(result), result["histories"]
     panels = _histories_of_all(result)
     if units := _touched(result):
         panels["force_deflection"] = [force_deflection(result, unit) for unit in units]
     for unit, motion, label in _FRICTION:
-        rubbing = [of for of in result.friction.values() if of.gap_unit == unit]
-        loops = [Curve(of.name, of.displacement[shown], of.force[shown], {"linewidth": 0.8}) for of in rubbing]
+        moved = {name: x for name, x in of_run.by_label("friction_displacement").items() if x.unit == unit}
+        forces = {name: of_run["friction_force"].sel(friction=name) for name in moved}
+        loops = [
+            Curve(name, x.values[shown], forces[name].values[shown], {"linewidth": 0.8}) for name, x in moved.items()
+        ]
         if loops:  # which enclose the work that is lost
-            chart = Chart((motion, unit), (label, rubbing[0].force_unit), loops, of="friction contacts")
+            chart = Chart((motion, unit), (label, FORCE_UNITS[unit]), loops, of="friction contacts")
             panels.setdefault("friction", []).append(chart)
-    if result.springs:  # those that relax draw loops
-        curves = [Curve(name, spring.stretch[shown], spring.force[shown]) for name, spring in result.springs.items()]
+    if springs := of_run.by_label("spring_force"):  # those that relax draw loops
+        stretch = of_run.by_label("spring_stretch")
+        curves = [Curve(name, stretch[name].values[shown], force.values[shown]) for name, force in springs.items()]
         panels["spring_force"] = [Chart(("Stretch", "m"), ("Spring force", "N"), curves, of="springs")]
     if result.spectra:
         panels["spectrum"] = [spectrum(result, of) for of in dict.fromkeys(s.quantity for s in result.spectra.values())]
@@ -595,9 +618,10 @@ def run_figures(result: RunResult) -> dict[str, Picture]:
     if told := [name for q in SHOWN for name in result.gradients() if name.rpartition("/")[2] == q][:4]:
         tornados = [partial(plot_tornado, result, response=name) for name in told]
         figures["sensitivities"] = Picture(result.title, tornados)
-    places = list(result.snubbers.values())[:MOST_CURVES] or list(result.probes.values())[:1]
+    places = [("snubber", name) for name in of_run.labels("snubber")[:MOST_CURVES]]
+    places = places or [("probe", name) for name in of_run.labels("probe")[:1]]
     portraits = [
-        phase_portrait(result, at) if random is None else phase_density(result, at, random.start_s) for at in places
+        phase_portrait(result, *at) if random is None else phase_density(result, *at, random.start_s) for at in places
     ]
     if portraits:
         figures["phase_portrait"] = Picture(result.title, portraits, columns=min(len(places), 3))

@@ -27,6 +27,7 @@ from beamsim.fields import (
     summary_of,
 )
 from beamsim.kinds import kind_of_class, named
+from beamsim.labelled import Dataset, Layout
 from beamsim.outcomes import Outcome, interruption
 from beamsim.results.values import OUTPUT, judged, limit_unit
 from beamsim.scenario import Scenario
@@ -112,11 +113,13 @@ class Result:
     """Base of the results of all commands: scenario, outcome, summary, warnings and provenance."""
 
     DATASET: ClassVar[str] = "result"  # of the file, with the arrays of the result itself
+    DATASETS: ClassVar[tuple[Layout, ...]] = ()  # the labelled ones
     SUMMARY: ClassVar[tuple[Entry, ...]] = ()  # possible entries of the summary, in the order of the printed table
 
     scenario: Scenario  # as it was written
     outcome: Outcome = ending("how the computation ended: complete, or why it stopped early and what to try")
     summary: dict[str, Any] = field(default_factory=dict)  # plain Python values
+    datasets: dict[str, Dataset] = field(default_factory=dict)  # by name, those of `DATASETS`
     warnings: tuple[str, ...] = attribute("", "warnings, JSON list", codec=JSON, default=())
     wall_time_s: float = attribute("s", "wall time", default=0.0)
     beamsim_version: str = attribute("", "version of beamsim that computed the result", default=__version__)
@@ -129,6 +132,18 @@ class Result:
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         cls.__repr__ = Result.__repr__  # type: ignore[method-assign]  # that of a dataclass holds all arrays
+
+    def __getitem__(self, name: str) -> Dataset:
+        """One of the labelled datasets, ``result["histories"]``.
+
+        Raises
+        ------
+        KeyError
+            If the result does not have it.
+        """
+        if name not in self.datasets:
+            raise KeyError(f"no dataset {name!r}; there are {', '.join(self.datasets) or 'none'}")
+        return self.datasets[name]
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.title!r}: {self.status}>"

@@ -31,7 +31,19 @@ from beamsim.fields import (
     made_of,
     members_of,
 )
-from beamsim.hdf5 import ABSENT, OF_EACH
+from beamsim.labelled import (
+    ABSENT,
+    MIXED,
+    NAMES,
+    OF_EACH,
+    Item,
+    Items,
+    LargeArray,
+    flagged,
+    last,
+    parent,
+    part_of,
+)
 from beamsim.store.layout import (
     Axis,
     Spot,
@@ -45,79 +57,9 @@ from beamsim.store.layout import (
     table_place,
 )
 
-MIXED = "see units_of_each"
 ROW = "number of the row"
 """Meaning of the coordinate of rows that belong to several members, one after the other."""
-NAMES = "names"
-"""Attribute of numbers from 0: the path of the coordinate whose values they number."""
 ASSEMBLED = 2**20  # bytes of an array up to which it is put together before it is written
-
-
-@dataclass
-class Item:
-    """A group, or an array with its axes."""
-
-    attributes: dict[str, Any] = field(default_factory=dict)
-    # None of a group; a large array is one that is in parts, or one of a file that is not read yet
-    array: Any = None
-    axes: tuple[str, ...] = ()  # paths of the scales of an array, one a dimension; empty where one is unknown
-    scale: bool = False
-
-    @property
-    def values(self) -> Any:
-        """The values of the array, which are read from its file if they were not; None of a group."""
-        return None if self.array is None else np.asarray(self.array)
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return str(self.attributes.get("units", ""))
-
-    @property
-    def meaning(self) -> str:
-        """What the values are."""
-        return str(self.attributes.get("long_name", ""))
-
-    @property
-    def absent(self) -> frozenset[int]:
-        """Numbers of the members that have no values, in C order over the dimensions of members."""
-        return frozenset(json.loads(str(self.attributes.get(ABSENT, "[]"))))
-
-
-Items = dict[str, Item]  # by path, "/" of the root, "/histories" of a dataset, "/histories/time" of a variable
-
-
-def parent(path: str) -> str:
-    """The group around an item."""
-    return path.rpartition("/")[0] or "/"
-
-
-def last(path: str) -> str:
-    """The name of an item in its group."""
-    return path.rpartition("/")[2]
-
-
-@dataclass(frozen=True)
-class LargeArray:
-    """What is known of a large array without its values."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-
-    @property
-    def ndim(self) -> int:
-        """Number of axes."""
-        return len(self.shape)
-
-    @property
-    def size(self) -> int:
-        """Number of values."""
-        return math.prod(self.shape)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes that the values take in memory."""
-        return self.size * self.dtype.itemsize
 
 
 @dataclass(frozen=True)
@@ -179,6 +121,8 @@ def items_of(result: Any) -> Items:
     cls = type(result)
     writer.add(cls, root_place(cls), [_Instance((), (result,))])
     writer.finish()
+    for each in getattr(result, "datasets", {}).values():
+        writer.items |= each.read()
     return writer.items
 
 
@@ -237,7 +181,7 @@ class _Writer:
                 else:
                     one = json.dumps(one) if isinstance(one, (tuple, list)) else one
                     at = spot(member, place)._replace(name=place.prefix + key + place.suffix)
-                    more = _flagged(("false", "true")) if isinstance(one, (bool, np.bool_)) else None
+                    more = flagged(("false", "true")) if isinstance(one, (bool, np.bool_)) else None
                     texts = (filled(declared.unit, owners), declared.meaning)
                     self._part(at, labels, np.asarray(_array(one)), texts, more)
 
@@ -423,7 +367,7 @@ class _Writer:
         for labels, values in own.items():
             known[self._numbers(axis.place.dataset, dims, labels)] = np.isin(whole, values)
         text = {"units": "1", "long_name": f"whether it has this value of {axis.name}"}
-        self._put(axis.known, Item(text | _flagged(("no", "yes")), known, (*paths, scale)))
+        self._put(axis.known, Item(text | flagged(("no", "yes")), known, (*paths, scale)))
 
     def _in_all_values(self, at: Spot, labels: Labels, array: Any, fill: Any) -> Any:
         """An array along all values of axes of which a member has some."""
@@ -542,14 +486,9 @@ def _key(axis: Axis) -> _OfAxis:
     return axis.place.dataset, axis.place.prefix, axis.name
 
 
-def _flagged(flags: tuple[str, str]) -> dict[str, Any]:
-    """Attributes that say what false and true mean."""
-    return {"flag_values": np.array([0, 1], dtype=np.uint8), "flag_meanings": " ".join(flags)}
-
-
 def _more_of(declared: Dataset) -> dict[str, Any]:
     """Attributes of a variable besides unit and meaning."""
-    return ({} if declared.flags is None else _flagged(declared.flags)) | (
+    return ({} if declared.flags is None else flagged(declared.flags)) | (
         {NAMES: declared.names} if declared.names else {}
     )
 
@@ -934,14 +873,6 @@ class _Columns(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self.attributes)
-
-
-def part_of(array: Any, index: tuple[Any, ...]) -> Any:
-    """A part of an array, which is read when it is used if the array is."""
-    if isinstance(array, np.ndarray):
-        part = array[index]
-        return part if isinstance(part, np.ndarray) else np.asarray(part, dtype=array.dtype)
-    return array.part(index)
 
 
 def _unfolded(shape: tuple[int, ...] | None, *arrays: Any) -> Any:

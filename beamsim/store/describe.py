@@ -26,6 +26,7 @@ from beamsim.fields import (
     members_of,
 )
 from beamsim.kinds import KINDS, named
+from beamsim.labelled import Variable
 from beamsim.results.result import Result
 from beamsim.store.layout import (
     Spot,
@@ -98,6 +99,9 @@ def sections_of(cls: Any) -> list[Section]:
     """
     inherited = {member.name for member in members_of(Result)} if cls is not Result else set()
     sections: dict[str, Section] = {}
+    for layout in cls.DATASETS:
+        rows = [_row_of(name, variable) for name, variable in layout.variables.items()]
+        sections[f"/{layout.name}"] = Section(f"/{layout.name}", _safe(layout.text), rows)
     for of, place in places_in(cls, root_place(cls)):
         about = inspect.cleandoc(of.__doc__ or "").partition("\n\n")[0].replace("\n", " ")
         for member in members_of(of):
@@ -110,6 +114,14 @@ def sections_of(cls: Any) -> list[Section]:
                 if row not in section.rows:
                     section.rows.append(row)
     return sorted(sections.values(), key=lambda section: section.path != "/")
+
+
+def _row_of(name: str, declared: Variable) -> Row:
+    """The row of a variable of a labelled dataset."""
+    axes = "is an axis" if declared.dims == (name,) else " × ".join(declared.dims)
+    flags = f" ({declared.flags[0]}, {declared.flags[1]})" if declared.flags else ""
+    numbers = f", in {declared.names.partition('/')[0]}" if declared.names else ""
+    return Row(name, _spoken(declared.unit), axes, _spoken(declared.meaning) + flags + numbers)
 
 
 def _rows(member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:

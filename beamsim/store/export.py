@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from beamsim.errors import ResultFileError
 from beamsim.fields import Dataset, members_of
 from beamsim.files import replacing
-from beamsim.hdf5 import OF_EACH
+from beamsim.labelled import NAMES, OF_EACH, Item, Items, last, parent, part_of
 from beamsim.results.result import Result
-from beamsim.store.datasets import NAMES, ROW, Item, Items, items_of, last, parent, part_of
+from beamsim.store.datasets import ROW, items_of
 from beamsim.store.layout import StoragePlace, places_in, root_place
 from beamsim.store.results import (
     decode_summary,

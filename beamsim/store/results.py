@@ -35,10 +35,11 @@ from beamsim.files import Content, destination, partial_file, put_in_place, remo
 from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, seal, values_size
 from beamsim.input_files import FileState, demand_memory, state_of
 from beamsim.kinds import KINDS, kind_of_class, named
+from beamsim.labelled import Item, Items, LargeArray, last
 from beamsim.scenario import Scenario
 from beamsim.scenario.loading import stored_scenario
 from beamsim.scenario.scenario import SolvedFiles
-from beamsim.store.datasets import InParts, Item, Items, LargeArray, Reader, items_of, last
+from beamsim.store.datasets import InParts, Reader, items_of
 
 if TYPE_CHECKING:
     from beamsim.results.result import Result
@@ -267,6 +268,8 @@ def open_with_items(
                 item.array = item.values
         summary = decode_summary(items["/summary"].attributes)
         about = {"scenario": _scenario(items["/"], path, open_files), "summary": summary}
+        layouts = [each for each in cls.DATASETS if not each.optional or f"/{each.name}" in items]
+        about["datasets"] = {layout.name: layout.read(items) for layout in layouts}
         result = made_of(cls, {**about, **Reader(items).fields(cls)})
         if items["/"].attributes.get(CHECKSUM) != checksum(items):
             raise ValueError("its checksum does not fit: it was changed after it was written")
@@ -418,11 +421,22 @@ def _create(file: h5py.File, place: str, item: Item) -> None:
         if array.dtype.kind in "OU":
             array = array.astype(TEXT)
         array = array.view(np.uint8) if array.dtype == np.bool_ else array
-        owner = file.create_dataset(place, data=array, **_checksum(array))
+        owner = file.create_dataset(place, array.shape, array.dtype, **_checksum(array))
+        for rows in _blocks(array):
+            owner[rows] = array[rows]
     for name, value in item.attributes.items():
         owner.attrs[name] = value
     if item.scale:
         owner.make_scale(last(place))
+
+
+def _blocks(array: Any) -> Iterator[Any]:
+    """Parts of an array that are written together: HDF5 copies what is not in one piece in memory."""
+    if array.flags.c_contiguous or not array.size:
+        yield ...
+        return
+    count = max(CHUNK_BYTES * array.shape[0] // array.nbytes, 1)
+    yield from (slice(first, first + count) for first in range(0, array.shape[0], count))
 
 
 def _checksum(array: Any) -> dict[str, Any]:

@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.files import replacing
+from beamsim.labelled import NAMES, Item, Items, last, parent, part_of
 from beamsim.matrix_files import DIRECTIONS
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
-from beamsim.store.datasets import NAMES, Item, Items, last, parent, part_of
 from beamsim.structures.places import DEFLECTION
 from beamsim.structures.stations import NODES, Stations
 from beamsim.system.modes import ModeTable

@@ -10,7 +10,7 @@ import numpy as np
 
 from beamsim.contacts.equilibrium import CubicSprings
 from beamsim.contacts.snubbers import SpringInfo
-from beamsim.fields import attribute, declared, key
+from beamsim.fields import attribute, declared
 from beamsim.inputs.drift import CorrectionSize
 from beamsim.inputs.signal import Signal
 from beamsim.inputs.statements import InputStatement
@@ -55,23 +55,19 @@ class ContactUnits:
         return FORCE_UNITS[self.gap_unit]
 
 
-@declared
+@dataclass(frozen=True)
 class SnubberNumbers(ContactUnits):
-    """The numbers that describe a snubber, all resolved."""
+    """The numbers that describe a snubber, all resolved; in a hinge those of moments and angles."""
 
-    name: str = key("name of the snubber")
-    position: float = attribute(
-        "m", "position along the beam; the number of the mass in a chain, halfway for a snubber between two masses"
-    )
-    side: str = attribute("", "below or above; between two masses approach or separation")
-    stiffness: float = attribute("{force_unit}/{gap_unit}", "stiffness; of a force-deflection table its first slope")
-    dashpot: float = attribute("{force_unit} s/{gap_unit}", "damping constant")
-    gap: float = attribute("{gap_unit}", "clearance, positive when open; resolved where a preload was given")
-    preload: float = attribute("{force_unit}", "contact force at static equilibrium; NaN where there is none")
-    blocked_force: float = attribute(
-        "{force_unit}", "force at a penetration of max(-gap, 0), the structure held at zero displacement"
-    )
-    stiffness_ratio: float = attribute("1", "k L^3 / (E I); in a chain, over its largest spring stiffness")
+    name: str
+    position: float  # m along the body; the number of the mass in a chain, halfway between two masses
+    side: str  # below or above; between two masses approach or separation
+    stiffness: float  # N/m; of a force-deflection table its first slope
+    dashpot: float  # N s/m
+    gap: float  # m, positive when open; resolved where a preload was given
+    preload: float  # N, contact force at static equilibrium; NaN where there is none
+    blocked_force: float  # N at a penetration of max(-gap, 0), the structure held at zero displacement
+    stiffness_ratio: float  # k L^3 / (E I); in a chain, over its largest spring stiffness
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.motion import RunMotion, output_times
-from beamsim.analyses.run.result import ALLOWED_CHANGE, Against, AgainstFigure, EventLog, RunResult
+from beamsim.analyses.run.result import ALLOWED_CHANGE, Against, AgainstFigure, RunResult
 from beamsim.analyses.run.stepped_motion import stepped_motion_of, steps_in_time
 from beamsim.analyses.run.summary import figures_of_motion
 from beamsim.errors import Problem, ScenarioError
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, never
 from beamsim.results.values import DISPLACEMENT, VALUES
 from beamsim.system.build import build_system
@@ -96,7 +97,7 @@ def _judged(result: RunResult, compared: Against) -> RunResult:
         apart = f"displacements differ by {100 * compared.largest_state_difference:.2g} % from the {compared.method}"
         remedy = "compare again with a smaller tolerance, reference:1e-10: what then remains is an error of the run"
         outcome = outcome.but(Outcome.of(OutcomeKind.UNTRUSTED, "differs_from_reference", apart, remedy=remedy))
-    if until < result.time[-1]:
+    if until < result["histories"]["time"].values[-1]:
         warnings += (
             f"--against: from {until:.4g} s on run and reference have other contacts; compare again with a smaller "
             "tolerance, reference:1e-10: the time of a sensitive motion grows, that of an error stays",
@@ -112,14 +113,14 @@ def _without(result: RunResult, reason: str) -> RunResult:
 def _compared(result: RunResult, motion: RunMotion) -> Against:
     exact, stepped = result.summary, figures_of_motion(motion)
     histories, end = not_none(motion.histories), motion.marched.end
-    ours, theirs = _events(result.events, end), _events(motion.events, end)
+    ours, theirs = _events(result["events"], end), _events(motion.events, end)
     diverged = min(divergence(ours, theirs), end)
-    count = int(np.searchsorted(result.time, diverged, side="right"))
+    count = int(np.searchsorted(result["histories"]["time"].values, diverged, side="right"))
     difference = 0.0
-    for i, probe in enumerate(result.probes.values()):
-        known = probe.displacement[:count]
+    for i, displacement in enumerate(result["histories"].by_label("displacement").values()):
+        known = displacement.values[:count]
         apart = np.abs(histories.of(DISPLACEMENT)[: known.size, i] - known).max(initial=0.0)
-        difference = max(difference, float(apart) / max(float(np.abs(probe.displacement).max()), 1e-300))
+        difference = max(difference, float(apart) / max(float(np.abs(displacement.values).max()), 1e-300))
     return Against(
         method=motion.method,
         evaluations=motion.work.evaluations,
@@ -137,9 +138,10 @@ def _compared(result: RunResult, motion: RunMotion) -> Against:
     )
 
 
-def _events(log: EventLog, end: float) -> ContactEvents:
+def _events(events: Dataset, end: float) -> ContactEvents:
     """The events of a run; a phase is whether a snubber is closed."""
-    return ContactEvents(end, log.time, log.snubber, log.closing.astype(np.int64))
+    time, snubber, closing = (events[name].values for name in ("time", "snubber", "closing"))
+    return ContactEvents(end, time, snubber, closing.astype(np.int64))
 
 
 def _largest_time_difference(ours: ContactEvents, theirs: ContactEvents) -> float:

@@ -402,7 +402,7 @@ class DerivedValues:
     @cached_property
     def spectra(self) -> dict[SpectrumKey, Spectrum]:
         """Those of probes, by probe and quantity."""
-        return {key: s for key, s in self.result.spectra.items() if key[0] in self.result.probes}
+        return {key: s for key, s in self.result.spectra.items() if key[0] in self.result["histories"].labels("probe")}
 
     @property
     def random(self) -> RandomResponse | None:
@@ -498,7 +498,8 @@ class DerivedValues:
         if isinstance(motion, Histories):
             times, values = motion.time, np.hstack([motion.of(key) for key in (ACCELERATION, DISPLACEMENT, FORCE)])
         else:
-            times = self.result.time[self.result.time <= motion.end]
+            times = self.result["histories"]["time"].values
+            times = times[times <= motion.end]
             values = Observed(motion.flow, channels).values(motion, times)
         after = times >= random.start_s
         rate = (times.size - 1) / float(times[-1] - times[0])

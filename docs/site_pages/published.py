@@ -41,8 +41,8 @@ def stop(side: str, gap: float, stiffness: float, **more: Any) -> dict[str, Any]
 
 def displacements(result: Any, times: Sequence[float], probe: str = "mass") -> list[float]:
     """Displacements of a probe at times that are multiples of the sampling interval, m."""
-    step = result.time[1] - result.time[0]
-    return [float(result.probes[probe].displacement[round(time / step)]) for time in times]
+    step = result["histories"]["time"].values[1] - result["histories"]["time"].values[0]
+    return [float(result["histories"]["displacement"].sel(probe=probe).values[round(time / step)]) for time in times]
 
 
 HALF_GAP = 0.39269908169872
@@ -54,12 +54,15 @@ def backlash() -> dict[str, float]:
     sides = [stop("above", HALF_GAP, 2e4, **dashpot), stop("below", HALF_GAP, 2e4, **dashpot)]
     run = {"duration": 0.05, "sample_rate": 1e5, "start": {"displacement": [1.570796326794897]}}
     result = ran(one_mass(5, snubbers=sides, run=run))
-    opened, met = (float(result.events.time[result.events.closing == closes][0]) for closes in (False, True))
-    flight = (result.time > opened) & (result.time < met)
+    opened, met = (
+        float(result["events"]["time"].values[result["events"]["closing"].values == closes][0])
+        for closes in (False, True)
+    )
+    flight = (result["histories"]["time"].values > opened) & (result["histories"]["time"].values < met)
     return {
         "torque is zero at, s": opened,
         "the other side is met at, s": met,
-        "speed between, rad/s": float(np.median(result.probes["mass"].velocity[flight])),
+        "speed between, rad/s": float(np.median(result["histories"]["velocity"].sel(probe="mass").values[flight])),
     }
 
 
@@ -73,12 +76,12 @@ def vm80() -> dict[str, float]:
             0.0259, friction=[slider], excitation=step, run={"duration": 0.15, "sample_rate": 1e5, "start": "rest"}
         )
     )
-    x = result.probes["mass"].displacement
+    x = result["histories"]["displacement"].sel(probe="mass").values
     top = int(x.argmax())
     low = top + int(x[top:].argmin())
     return {
-        "largest displacement, in": float(x[top]), "at, s": float(result.time[top]),
-        "smallest after it, in": float(x[low]), "then at, s": float(result.time[low]),
+        "largest displacement, in": float(x[top]), "at, s": float(result["histories"]["time"].values[top]),
+        "smallest after it, in": float(x[low]), "then at, s": float(result["histories"]["time"].values[low]),
     }  # fmt: skip
 
 
@@ -145,7 +148,7 @@ def todd_virgin() -> dict[str, float]:
     for gap in (0.5, -0.5):
         run = {"duration": 10.0, "sample_rate": 100.0, "start": {"displacement": [-1.0]}}
         result = ran(one_mass(1.0, 1.0, snubbers=[stop("above", gap, 1e8)], run=run))
-        met = result.events.time[result.events.closing]
+        met = result["events"]["time"].values[result["events"]["closing"].values]
         found[f"f/f0 at d/A = {gap:g}"] = 2.0 * np.pi / float(met[1] - met[0])
     return found
 
@@ -181,16 +184,18 @@ def contact_coordinate() -> dict[str, float]:
         {"stiffness": 2e6, "damping": {"kind": "viscous", "coefficient": 200}, "law": "kelvin_voigt"},
         0.25,
     )
-    height = 0.05 + float(result.probes["mass"].displacement[-1])
-    events = {f"event {k}, s": float(t) for k, t in enumerate(result.events.time, 1)}
+    height = 0.05 + float(result["histories"]["displacement"].sel(probe="mass").values[-1])
+    events = {f"event {k}, s": float(t) for k, t in enumerate(result["events"]["time"].values, 1)}
     return {"height at 0.25 s + 50 mm, mm": 50.0 + 1e3 * height, **events}
 
 
 def post_newton() -> dict[str, float]:
     """Height of a mass above an elastic ground, and the time of its first flight."""
     result = falls(0.25, 0.01, -1.0, {"stiffness": 2e4}, 0.5)
-    height = 0.01 + float(result.probes["mass"].displacement[-1])
-    opened, closed = (result.events.time[result.events.closing == closes] for closes in (False, True))
+    height = 0.01 + float(result["histories"]["displacement"].sel(probe="mass").values[-1])
+    opened, closed = (
+        result["events"]["time"].values[result["events"]["closing"].values == closes] for closes in (False, True)
+    )
     return {"height at 0.5 s + 50 mm, mm": 50.0 + 1e3 * height, "flight, s": float(closed[1] - opened[0])}
 
 

@@ -140,12 +140,14 @@ PRINTED = {45: (1.5e-4, 10.0), 65: (4.0e-4, 20.0), 78: (1.4e-3, 60.0), 160: (3.0
 def _largest(frequency: float, changes: Mapping[str, Any] | None = None, frame: str = "base") -> tuple[float, float]:
     """Return the largest displacement, m, and acceleration, g, of the tip from 0.7 to 0.8 s."""
     result = beamsim.run(case(f"one_sided_{frequency}hz", {**QUICK, **(changes or {})}))
-    last = result.time >= 0.7
-    displacement = result.probes["tip"].displacement[last]
+    last = result["histories"]["time"].values >= 0.7
+    displacement = result["histories"]["displacement"].sel(probe="tip").values[last]
     if frame == "inertial":
         omega = 2 * np.pi * frequency
-        displacement = displacement - 2 * 9.80665 / omega**2 * np.sin(omega * result.time[last])
-    return float(displacement.max()), float(np.abs(result.probes["tip"].absolute_acceleration[last]).max()) / 9.80665
+        displacement = displacement - 2 * 9.80665 / omega**2 * np.sin(omega * result["histories"]["time"].values[last])
+    return float(displacement.max()), float(
+        np.abs(result["histories"]["absolute_acceleration"].sel(probe="tip").values[last]).max()
+    ) / 9.80665
 
 
 def amplitudes() -> str:

@@ -71,7 +71,8 @@ def test_a_snubber_and_a_joint_on_the_base_share_the_moment():
                     {"name": "origin", "kind": "reaction_moment", "support": "base"},
                     {"name": "foot_moment", "kind": "reaction_moment", "support": "base", "about": 0.2}],
     })  # fmt: skip
-    found = {name: output.value[0] for name, output in beamsim.run(scenario).outputs.items()}
+    outputs = beamsim.run(scenario)["histories"].by_label("output_value")
+    found = {name: output.values[0] for name, output in outputs.items()}
     weight = RHO * W * H * L * 9.81
     assert found["base"] == pytest.approx(weight, rel=1e-9)
     assert found["origin"] == pytest.approx(-weight * L / 2, rel=1e-9)
@@ -89,7 +90,8 @@ def test_the_base_of_a_plate_holds_its_weight_about_any_axis():
         "outputs": [{"name": "rx", "kind": "reaction_moment", "support": "base", "direction": "rx"},
                     {"name": "ry", "kind": "reaction_moment", "support": "base", "about": [0.1, 0.2]}],
     })  # fmt: skip
-    found = {name: output.value[0] for name, output in beamsim.run(scenario).outputs.items()}
+    outputs = beamsim.run(scenario)["histories"].by_label("output_value")
+    found = {name: output.values[0] for name, output in outputs.items()}
     weight = 2700 * 0.003 * 0.5 * 0.3 * 9.81
     assert found["rx"] == pytest.approx(weight * 0.15 + 0.5 * 9.81 * 0.2, rel=1e-9)
     assert found["ry"] == pytest.approx(weight * (0.1 - 0.25), rel=1e-9)

@@ -43,16 +43,22 @@ def test_free_masses_with_a_bumper_between_keep_the_bilinear_frequency(resists):
     case = chain([M1, M2], [0, SPRING], {"snubbers": [link]}, run=run_section(60.0, [3.0, -1.0]))
     result = beamsim.run(case)
     period = np.pi / OPEN + np.pi / CLOSED
-    closings = result.events.time[result.events.closing]
+    closings = result["events"]["time"].values[result["events"]["closing"].values]
     np.testing.assert_allclose(np.diff(closings), period, rtol=1e-12)
-    centre = M1 * result.probes["m1"].displacement + M2 * result.probes["m2"].displacement
+    centre = (
+        M1 * result["histories"]["displacement"].sel(probe="m1").values
+        + M2 * result["histories"]["displacement"].sel(probe="m2").values
+    )
     assert np.abs(centre).max() < 1e-12
     assert result.summary["energy_error"] < 1e-12
-    stretch = result.snubbers["link"].displacement
-    pushed = result.snubbers["link"].force > 0
+    stretch = result["histories"]["snubber_displacement"].sel(snubber="link").values
+    pushed = result["histories"]["snubber_force"].sel(snubber="link").values > 0
     assert np.all(stretch[pushed] < 0) if resists == "approach" else np.all(stretch[pushed] > 0)
     assert result.summary["contact_share"]["link"] == pytest.approx(np.pi / CLOSED / period, abs=0.02)
-    assert (result.snubbers["link"].side, result.snubbers["link"].position) == (resists, 1.5)
+    assert (
+        result["histories"]["snubber_side"].sel(snubber="link").item(),
+        result["histories"]["snubber_position"].sel(snubber="link").item(),
+    ) == (resists, 1.5)
 
 
 def test_gap_preload_and_statics_between_masses():
@@ -87,11 +93,15 @@ def test_a_link_between_masses_feels_no_common_motion():
     for several in (more["springs_between"], more["springs_between"][:2]):  # by stepping, exactly
         case = chain([1, 2], [0, 0], {**more, "springs_between": several}, excitation=excitation, run=run)
         result = beamsim.run(case)
-        for probe in result.probes.values():
-            np.testing.assert_allclose(probe.absolute_displacement, 0.0, atol=1e-10)
+        for name in result["histories"].labels("probe"):
+            np.testing.assert_allclose(
+                result["histories"]["absolute_displacement"].sel(probe=name).values, 0.0, atol=1e-10
+            )
         grounded = {"springs_to_ground": [{"mass": 1, "kind": "linear", "stiffness": 3.0, "name": "foot"}]}
         held = beamsim.run(chain([1, 2], [0, 0], {**more, **grounded}, excitation=excitation, run=run))
-        np.testing.assert_allclose(held.probes["m2"].absolute_displacement, 0.0, atol=1e-10)  # the ground stands still
+        np.testing.assert_allclose(
+            held["histories"]["absolute_displacement"].sel(probe="m2").values, 0.0, atol=1e-10
+        )  # the ground stands still
 
 
 # -- piecewise-linear springs ----------------------------------------------------------------------------------------
@@ -171,10 +181,11 @@ def test_period_of_a_piecewise_linear_oscillator(law):
         np.testing.assert_allclose(np.diff(again), period, rtol=1e-9)
         result = beamsim.run(case)
         assert result.summary["energy_error"] < 1e-11
-        history = next(iter(result.springs.values()))
-        np.testing.assert_allclose(history.force, force(breakpoints, slopes, history.stretch), atol=1e-12)
-        assert history.stretch[0] == pytest.approx(1.5)
-        assert result.summary["peak_stretch_m"][history.name] >= 1.5 * (1 - 1e-12)
+        ((name, stretch),) = result["histories"].by_label("spring_stretch").items()
+        found = result["histories"]["spring_force"].sel(spring=name).values
+        np.testing.assert_allclose(found, force(breakpoints, slopes, stretch.values), atol=1e-12)
+        assert stretch.values[0] == pytest.approx(1.5)
+        assert result.summary["peak_stretch_m"][name] >= 1.5 * (1 - 1e-12)
         assert (result.summary["events"], result.summary["linear"]) == (0, False)
 
 
@@ -209,9 +220,11 @@ def test_duffing_motion_of_two_free_masses():
     parts = [-a * REDUCED / M1, a * REDUCED / M2]
     result = beamsim.run(chain([M1, M2], [0, SPRING], more, run=run_section(30.0, parts)))
     w, m = np.sqrt((SPRING + g * a**2) / REDUCED), g * a**2 / (2 * (SPRING + g * a**2))
-    exact = a * ellipj(w * result.time, m)[1]
-    np.testing.assert_allclose(result.springs["duffing"].stretch, exact, atol=1e-7)
-    np.testing.assert_allclose(result.springs["duffing"].force, g * exact**3, atol=1e-6)
+    exact = a * ellipj(w * result["histories"]["time"].values, m)[1]
+    np.testing.assert_allclose(result["histories"]["spring_stretch"].sel(spring="duffing").values, exact, atol=1e-7)
+    np.testing.assert_allclose(
+        result["histories"]["spring_force"].sel(spring="duffing").values, g * exact**3, atol=1e-6
+    )
     assert any("without certificate" in warning for warning in result.warnings)
     assert result.summary["energy_error"] < 1e-8
     energy = 0.5 * SPRING * a**2 + 0.25 * g * a**4

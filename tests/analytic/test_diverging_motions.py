@@ -27,7 +27,7 @@ def chaotic():
 
 
 def closings(result):
-    return result.events.time[result.events.closing]
+    return result["events"]["time"].values[result["events"]["closing"].values]
 
 
 def test_round_off_gives_other_contacts_from_the_time_stated_on(chaotic):

@@ -6,7 +6,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.animation import frames_of_run
 from beamsim.plots.animation import scene_of
-from beamsim.plots.sketch import Sketch
+from beamsim.plots.sketch import Sketch, stops_of
 from beamsim.scenario import load_scenario
 
 MASS, THROWN, STIFF, LOADED = 2.0, 0.6, 2e5, 5e4
@@ -17,7 +17,7 @@ def drawn(scenario):
     """A run, its frames and their drawing, and heights in the drawing over deflections in m."""
     result = beamsim.run(load_scenario(scenario))
     frames = frames_of_run(result)
-    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, result.snubbers), "case")
+    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, stops_of(result)), "case")
     return result, frames, scene, float(np.abs(scene.heights).max() / np.abs(frames.deflection).max())
 
 
@@ -73,7 +73,7 @@ def test_a_stop_on_the_ground_is_drawn_where_the_ground_is():
         "run": {"duration": 1.0, "sample_rate": 2e4, "convergence": "off"},
     }  # fmt: skip
     result, frames, scene, scale = drawn(case)
-    base = np.interp(frames.time, result.time, result.base_displacement)
+    base = np.interp(frames.time, result["histories"]["time"].values, result["histories"]["base_displacement"].values)
     assert np.ptp(base) > 5e-3
     free = frames.force["s"] == 0.0
     np.testing.assert_allclose((scene.stops[0].face / scale + base)[free], -5e-3, atol=1e-7)

@@ -135,16 +135,22 @@ def test_the_shipped_earthquake_is_that_of_an_independent_integration(dashpot):
     assert result.summary["energy_error"] < 1e-10
     pipe, force, reaction, velocity, energy = by_hand(4.0, 200e3, dashpot, 1.5e-3)
     near = {"rtol": 0, "atol": 1e-6}
-    found = result.probes["pipe"].displacement, result.snubbers["bumper"].force
+    found = (
+        result["histories"]["displacement"].sel(probe="pipe").values,
+        result["histories"]["snubber_force"].sel(snubber="bumper").values,
+    )
     np.testing.assert_allclose(found[0], pipe, rtol=0, atol=1e-6 * np.abs(pipe).max())
     np.testing.assert_allclose(found[1] / force.max(), force / force.max(), rtol=0, atol=2e-5)
-    left, right = (np.asarray(result.outputs[f"{name} anchor"].value) for name in ("left", "right"))
+    left, right = (
+        np.asarray(result["histories"]["output_value"].sel(output=f"{name} anchor").values)
+        for name in ("left", "right")
+    )
     np.testing.assert_allclose(
         np.transpose([left, right]) / np.abs(reaction).max(), reaction / np.abs(reaction).max(), **near
     )
     power = (left + found[1]) * velocity[0] + right * velocity[1]  # the bracket carries the bumper
     within = 3e-4 if dashpot else 1e-5  # a force that jumps between two samples
-    assert simpson(power, x=result.time) == pytest.approx(energy, rel=within)
+    assert simpson(power, x=result["histories"]["time"].values) == pytest.approx(energy, rel=within)
 
 
 def test_a_stop_moves_with_its_support_as_it_does_by_the_same_signal():
@@ -155,13 +161,27 @@ def test_a_stop_moves_with_its_support_as_it_does_by_the_same_signal():
     moved = {**entries[1], "applied_to": {"snubber": "bumper"}}
     changes = {"snubbers[0].mounted_on": "base", "excitation.forces": [*entries, moved]}
     alone = beamsim.run(shipped(**changes))
-    np.testing.assert_allclose(alone.snubbers["bumper"].force, mounted.snubbers["bumper"].force, rtol=0, atol=1e-6)
     np.testing.assert_allclose(
-        alone.outputs["left anchor"].value, mounted.outputs["left anchor"].value, rtol=0, atol=1e-6
+        alone["histories"]["snubber_force"].sel(snubber="bumper").values,
+        mounted["histories"]["snubber_force"].sel(snubber="bumper").values,
+        rtol=0,
+        atol=1e-6,
+    )
+    np.testing.assert_allclose(
+        alone["histories"]["output_value"].sel(output="left anchor").values,
+        mounted["histories"]["output_value"].sel(output="left anchor").values,
+        rtol=0,
+        atol=1e-6,
     )
     assert alone.summary["energy_error"] < 1e-10
     resting = beamsim.run(shipped(**{"snubbers[0].mounted_on": "base"}))
-    assert np.abs(resting.snubbers["bumper"].force - mounted.snubbers["bumper"].force).max() > 10.0
+    assert (
+        np.abs(
+            resting["histories"]["snubber_force"].sel(snubber="bumper").values
+            - mounted["histories"]["snubber_force"].sel(snubber="bumper").values
+        ).max()
+        > 10.0
+    )
 
 
 def oscillators(frequency, quality, acceleration, duration):

@@ -68,12 +68,12 @@ def read_back(folder, case, acting, modes=None, damping=DAMPING, units="SI"):
 def same_motion(known, again):
     assert known.summary["contacts"] == again.summary["contacts"]
     assert max(known.summary["contacts"].values()) > 3
-    for name, snubber in known.snubbers.items():
-        one, other = np.asarray(snubber.force), np.asarray(again.snubbers[name].force)
+    for name, force in known["histories"].by_label("snubber_force").items():
+        one, other = force.values, again["histories"]["snubber_force"].sel(snubber=name).values
         assert np.abs(one).max() > 1.0
         assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max()
-    for name, probe in known.probes.items():
-        one, other = np.asarray(probe.displacement), np.asarray(again.probes[name].displacement)
+    for name, displacement in known["histories"].by_label("displacement").items():
+        one, other = displacement.values, again["histories"]["displacement"].sel(probe=name).values
         assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max()
 
 

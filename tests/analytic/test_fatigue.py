@@ -57,7 +57,9 @@ def test_damage_is_counted_at_every_station_of_a_beam():
     x = np.linspace(0.0, 1.0, 17)
     outputs = [{"kind": "stress", "position": float(at), "name": f"s{k}"} for k, at in enumerate(x)]
     result = with_outputs(BEAM, outputs)
-    counted = np.array([of_samples(result.outputs[f"s{k}"].value) for k in range(x.size)])
+    counted = np.array(
+        [of_samples(result["histories"]["output_value"].sel(output=f"s{k}").values) for k in range(x.size)]
+    )
     worst, body = int(counted.argmax()), result.fatigue["beam"]
     assert body.position == x[worst] != result.summary["largest_bending_stress_position_m"] == 0.5
     assert body.damage == pytest.approx(counted[worst], rel=1e-4)
@@ -89,7 +91,10 @@ def test_damage_of_a_long_motion_is_that_of_an_independent_count():
     at = {"first": "0.25 m", "middle": "0.5 m", "third": "0.75 m"}
     result = with_outputs(case, [{"kind": "stress", "position": x, "name": name} for name, x in at.items()])
     of = {
-        name: sum(count / 2e6 * (size / 80e6) ** 5 for size, count in cycles_of(result.outputs[name].value))
+        name: sum(
+            count / 2e6 * (size / 80e6) ** 5
+            for size, count in cycles_of(result["histories"]["output_value"].sel(output=name).values)
+        )
         for name in at
     }
     assert of["first"] == pytest.approx(6.889e-6, rel=1e-4)
@@ -108,7 +113,7 @@ def test_the_worst_station_follows_from_the_line(exponent, limit):
     case = BEAM | {"run": BEAM["run"] | {"fatigue": {**LIFE, "exponent": exponent, "endurance_limit": limit}}}
     x = np.linspace(0.0, 1.0, 17)
     result = with_outputs(case, [{"kind": "stress", "position": float(at), "name": f"s{k}"} for k, at in enumerate(x)])
-    each = [distinct_cycles(result.outputs[f"s{k}"].value) for k in range(x.size)]
+    each = [distinct_cycles(result["histories"]["output_value"].sel(output=f"s{k}").values) for k in range(x.size)]
     counted = np.array([damage(cycles, 80e6, 2e6, exponent, 20e6 if limit else 0.0) for cycles in each])
     assert result.fatigue["beam"].damage == pytest.approx(counted.max(), rel=1e-3)
     assert result.fatigue["beam"].position == x[counted.argmax()]
@@ -131,7 +136,9 @@ def test_damage_is_counted_at_every_point_of_a_plate():
         for k, (x, y, of) in enumerate(at)
     ]
     result = with_outputs(PLATE, outputs)
-    counted = np.array([of_samples(result.outputs[f"s{k}"].value) for k in range(len(at))])
+    counted = np.array(
+        [of_samples(result["histories"]["output_value"].sel(output=f"s{k}").values) for k in range(len(at))]
+    )
     worst, body = int(counted.argmax()), result.fatigue["panel"]
     assert body.damage == pytest.approx(counted[worst], rel=1e-3)
     assert (body.position, body.across, body.component) == (

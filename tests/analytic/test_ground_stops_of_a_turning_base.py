@@ -56,9 +56,14 @@ def test_against_ends_that_move_one_by_one():
     assert turned.summary["contacts"] == moved.summary["contacts"]
     assert min(turned.summary["contacts"].values()) >= 2
     for name in ("near", "far"):
-        one, other = (np.asarray(result.snubbers[name].force) for result in (turned, moved))
+        one, other = (
+            np.asarray(result["histories"]["snubber_force"].sel(snubber=name).values) for result in (turned, moved)
+        )
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * other.max())
-    one, other = np.asarray(turned.probes["p"].absolute_displacement), np.asarray(moved.probes["p"].displacement)
+    one, other = (
+        np.asarray(turned["histories"]["absolute_displacement"].sel(probe="p").values),
+        np.asarray(moved["histories"]["displacement"].sel(probe="p").values),
+    )
     np.testing.assert_allclose(one, other, rtol=0, atol=1e-8 * np.abs(other).max())
     assert turned.summary["energy_error"] < 1e-10
 
@@ -69,7 +74,10 @@ def test_periodic_motions_are_those_of_a_run(method):
     beam = {**BEAM, "damping": {"kind": "modal", "ratio": 0.1}}
     more = {"beam": beam, "reduction": {"modes": 3}}
     settled = beamsim.run(turning(**more, run={"duration": 3.0, "convergence": "off"}))
-    time, values = settled.time, np.asarray(settled.probes["p"].displacement)
+    time, values = (
+        settled["histories"]["time"].values,
+        np.asarray(settled["histories"]["displacement"].sel(probe="p").values),
+    )
     last = np.abs(values[time > 2.9]).max()
     solver = {"kind": method} | ({"harmonics": 40} if method == "harmonic_balance" else {})
     sweep = {"kind": "continuation", "from": 16.9, "to": 17.0, "seek_at": 0, "method": solver}

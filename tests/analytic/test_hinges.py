@@ -44,7 +44,7 @@ def test_a_latch_holds_from_the_first_contact_on():
     speed = SPEED * np.sqrt(0.1**2 - met**2)
     assert impacts["number"] == 1
     assert impacts["highest_approach_speed_rad_s"] == pytest.approx(speed, rel=RIGID)
-    assert result.events.time == pytest.approx([np.arccos(met / -0.1) / SPEED], rel=RIGID)
+    assert result["events"]["time"].values == pytest.approx([np.arccos(met / -0.1) / SPEED], rel=RIGID)
     latched = np.sqrt((SPRING + stiffness) / INERTIA)
     rest = stiffness * met / (SPRING + stiffness)
     amplitude = np.hypot(met - rest, speed / latched)
@@ -53,15 +53,17 @@ def test_a_latch_holds_from_the_first_contact_on():
         stiffness * (met - rest + amplitude), rel=RIGID
     )
     assert summary["closed_frequencies_hz"][0] == pytest.approx(latched / (2 * np.pi), rel=RIGID)
-    since = result.time - result.events.time[0]
+    since = result["histories"]["time"].values - result["events"]["time"].values[0]
     after = since >= 0.0
     angle = rest + (met - rest) * np.cos(latched * since) + speed / latched * np.sin(latched * since)
-    assert result.outputs["angle"].value[after] == pytest.approx(angle[after], abs=RIGID * 0.1)
+    assert result["histories"]["output_value"].sel(output="angle").values[after] == pytest.approx(
+        angle[after], abs=RIGID * 0.1
+    )
     assert summary["peak_force_n"] == {}
     # without the latch the arm comes back
     free = arm({"stops": [stop]})
     assert free.summary["impacts"]["root.stop_1"]["number"] > 1
-    assert free.outputs["angle"].value.min() == pytest.approx(-0.1, rel=10 * RIGID)
+    assert free["histories"]["output_value"].sel(output="angle").values.min() == pytest.approx(-0.1, rel=10 * RIGID)
 
 
 def test_the_shipped_boom_has_its_energy_by_hand():
@@ -124,11 +126,14 @@ def test_free_play_lengthens_the_period():
     })  # fmt: skip
     beyond = amplitude - play / 2
     period = 2 * np.pi / SPEED + 2 * play / (SPEED * beyond)
-    closing = result.events.time[result.events.closing & (result.events.snubber == 0)]
+    closing = result["events"]["time"].values[
+        result["events"]["closing"].values & (result["events"]["snubber"].values == 0)
+    ]
     assert np.diff(closing) == pytest.approx(period, rel=1e-6)
-    assert list(result.snubbers) == ["root.play.above", "root.play.below"]
-    assert result.summary["gap_rad"] == pytest.approx(dict.fromkeys(result.snubbers, play / 2))
-    peaks = dict.fromkeys(result.snubbers, SPRING * beyond)
+    stops = result["histories"].labels("snubber")
+    assert stops == ["root.play.above", "root.play.below"]
+    assert result.summary["gap_rad"] == pytest.approx(dict.fromkeys(stops, play / 2))
+    peaks = dict.fromkeys(stops, SPRING * beyond)
     assert result.summary["peak_moment_n_m"] == pytest.approx(peaks, rel=1e-6)
 
 
@@ -138,7 +143,7 @@ def test_friction_takes_the_same_from_every_swing(stiffness):
     moment = 0.01
     given = {"moment": moment} | ({} if stiffness is None else {"stiffness": stiffness})
     result = arm({"friction": given}, duration=3.0)
-    angle = result.outputs["angle"].value
+    angle = result["histories"]["output_value"].sel(output="angle").values
     turns = angle[1:-1][(np.diff(angle)[:-1] * np.diff(angle)[1:]) < 0.0]
     swings = 0.1 - 2 * moment / SPRING * np.arange(1, turns.size + 1)
     assert turns.size >= 2
@@ -221,15 +226,17 @@ def shaken_arm(**changes):
 def test_a_flexible_arm_between_a_stop_and_a_latch():
     """Against DOP853 on the textbook's elements: many contacts with the lower stop, then the upper one latches."""
     result = shaken_arm()
-    motion, phase = independent_motion(result.time)
+    motion, phase = independent_motion(result["histories"]["time"].values)
     size = np.abs(motion[:, -2]).max()
     assert phase[1]
     assert result.summary["contacts"]["joint_1.low"] >= 2
     assert result.summary["contacts"]["joint_1.high"] == 1
-    assert result.outputs["angle"].value == pytest.approx(motion[:, 0], abs=1e-6 * np.abs(motion[:, 0]).max())
-    assert result.probes["tip"].displacement == pytest.approx(motion[:, -2], abs=1e-6 * size)
+    assert result["histories"]["output_value"].sel(output="angle").values == pytest.approx(
+        motion[:, 0], abs=1e-6 * np.abs(motion[:, 0]).max()
+    )
+    assert result["histories"]["displacement"].sel(probe="tip").values == pytest.approx(motion[:, -2], abs=1e-6 * size)
     other = shaken_arm(stiffness=90.1)
-    assert np.abs(other.probes["tip"].displacement - motion[:, -2]).max() > 1e-5 * size
+    assert np.abs(other["histories"]["displacement"].sel(probe="tip").values - motion[:, -2]).max() > 1e-5 * size
 
 
 def test_time_stepping_meets_the_same_latch():
@@ -242,11 +249,17 @@ def test_time_stepping_meets_the_same_latch():
     case["run"] |= {"method": "reference", "integrator": "DOP853"}
     stepped = run(beamsim.load_scenario(case))
     assert stepped.method.startswith("reference")
-    assert exact.events.time.size == 1
-    assert stepped.events.time == pytest.approx(exact.events.time, rel=1e-7)
+    assert exact["events"]["time"].values.size == 1
+    assert stepped["events"]["time"].values == pytest.approx(exact["events"]["time"].values, rel=1e-7)
     for values, other in (
-        (exact.snubbers["root.end"].force, stepped.snubbers["root.end"].force),
-        (exact.outputs["angle"].value, stepped.outputs["angle"].value),
+        (
+            exact["histories"]["snubber_force"].sel(snubber="root.end").values,
+            stepped["histories"]["snubber_force"].sel(snubber="root.end").values,
+        ),
+        (
+            exact["histories"]["output_value"].sel(output="angle").values,
+            stepped["histories"]["output_value"].sel(output="angle").values,
+        ),
     ):
         assert np.abs(other - values).max() <= 1e-6 * np.abs(values).max()
     assert stepped.summary["peak_moment_n_m"] == pytest.approx(exact.summary["peak_moment_n_m"], rel=1e-6)

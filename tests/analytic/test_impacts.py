@@ -105,13 +105,16 @@ def test_what_impacts_lose_is_what_the_structure_loses(law):
     result = beamsim.run(Scenario.model_validate(case))
     impacts = result.impacts
     assert impacts.begin.size > 40
-    assert impacts.energy_lost.sum() == pytest.approx(result.energy.dissipated[-1], rel=1e-10)
+    assert impacts.energy_lost.sum() == pytest.approx(result["histories"]["energy_dissipated"].values[-1], rel=1e-10)
     assert np.all(np.diff(impacts.begin) >= 0.0)
     for j, (name, snubber) in enumerate(impacts.snubbers.items()):
         each = impacts.snubber == j
         assert snubber.impulse_n_s == pytest.approx(impacts.impulse[each].sum(), rel=1e-12)
         assert snubber.peak_force_n == pytest.approx(result.summary["peak_force_n"][name], rel=1e-9)
-        samples, time = result.snubbers[name].force, result.time
+        samples, time = (
+            result["histories"]["snubber_force"].sel(snubber=name).values,
+            result["histories"]["time"].values,
+        )
         for begin, end, peak in zip(impacts.begin[each], impacts.end[each], impacts.peak_force[each], strict=True):
             assert samples[(time > begin) & (time < end)].max(initial=0.0) <= peak * (1 + 1e-12)
 
@@ -124,7 +127,7 @@ def test_impulses_are_the_change_of_momentum():
     case["chain"]["snubbers"] = stops
     result = beamsim.run(Scenario.model_validate(case))
     low, high = result.impacts.snubbers.values()
-    velocity = result.probes["m"].velocity
+    velocity = result["histories"]["velocity"].sel(probe="m").values
     assert min(low.number, high.number) >= 4
     gained = low.impulse_n_s - high.impulse_n_s
     assert gained == pytest.approx(MASS * (velocity[-1] + SPEED), rel=1e-10)
@@ -185,7 +188,7 @@ def test_stress_and_force_are_counted_as_dense_samples_are():
     )  # fmt: skip
     result = beamsim.run(case)
     (snubber,) = result.impacts.snubbers.values()
-    sampled = rainflow(next(iter(result.snubbers.values())).force)
+    sampled = rainflow(result["histories"]["snubber_force"].values[0])
     counted = np.stack([snubber.rainflow.range, snubber.rainflow.mean, snubber.rainflow.count], axis=1)
     large = 1e-3 * snubber.peak_force_n
     exact, of_samples = (np.sort(x[x[:, 0] > large, 0]) for x in (counted, sampled))

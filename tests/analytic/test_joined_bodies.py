@@ -73,8 +73,12 @@ def test_beam_cut_in_two_and_joined_rigidly_is_the_same(modes):
     assert first.summary["contacts"]["s.below"] >= 2
     for name in ("open_frequencies_hz", "damping_ratios"):
         np.testing.assert_allclose(getattr(second.modes, name), getattr(first.modes, name), rtol=1e-10)
-    scale = np.abs(first.probes["p"].displacement).max()
-    np.testing.assert_allclose(second.probes["p"].displacement, first.probes["p"].displacement, atol=1e-10 * scale)
+    scale = np.abs(first["histories"]["displacement"].sel(probe="p").values).max()
+    np.testing.assert_allclose(
+        second["histories"]["displacement"].sel(probe="p").values,
+        first["histories"]["displacement"].sel(probe="p").values,
+        atol=1e-10 * scale,
+    )
     stress = [body.peak_bending_stress for body in (first.bodies["beam"], *second.bodies.values())]
     np.testing.assert_allclose(
         np.concatenate([stress[1], stress[2][1:]]), stress[0], rtol=0, atol=1e-8 * stress[0].max()
@@ -295,9 +299,11 @@ def test_start_of_a_beam_that_is_joined_to_the_base():
         )
         for body, joints in ((plain, [held]), (clamped, []))
     )
-    tip = support.probes["tip"].displacement
+    tip = support["histories"]["displacement"].sel(probe="tip").values
     assert tip[0] == pytest.approx(0.01 * 0.25, rel=1e-6)
-    np.testing.assert_allclose(joint.probes["tip"].displacement, tip, atol=1e-9 * np.abs(tip).max())
+    np.testing.assert_allclose(
+        joint["histories"]["displacement"].sel(probe="tip").values, tip, atol=1e-9 * np.abs(tip).max()
+    )
 
 
 def test_start_of_bodies_that_are_joined():
@@ -306,9 +312,11 @@ def test_start_of_bodies_that_are_joined():
     bodies = {"yoke": {"displacement": [0.0, 0.0, rise]}, "panel": {"displacement": [0.01, 0.02]}}
     case["run"] = {"duration": 0.01, "sample_rate": 2000.0, "start": {"bodies": bodies}}
     result = beamsim.run(load_scenario(case))
-    assert result.probes["yoke"].displacement[0] == pytest.approx(rise * 0.25**2, rel=1e-9)
-    assert result.probes["panel"].displacement[0] == pytest.approx(0.01 + 0.02 * 0.25, rel=1e-9)
-    assert abs(result.probes["alone"].displacement[0]) < 1e-15
+    assert result["histories"]["displacement"].sel(probe="yoke").values[0] == pytest.approx(rise * 0.25**2, rel=1e-9)
+    assert result["histories"]["displacement"].sel(probe="panel").values[0] == pytest.approx(
+        0.01 + 0.02 * 0.25, rel=1e-9
+    )
+    assert abs(result["histories"]["displacement"].sel(probe="alone").values[0]) < 1e-15
     assert not any("relative error" in warning for warning in result.warnings)
 
 
@@ -319,8 +327,10 @@ def test_piecewise_linear_spring_at_a_point_is_a_pair_of_stops_on_the_ground():
     with_spring = beamsim.run(load_scenario(case | {"springs_to_ground": [{**spring, "at": at("panel", "80 %")}]}))
     with_stops = beamsim.run(load_scenario(case | {"snubbers": [{**stop, "at": at("panel", "80 %")}]}))
     assert sum(with_stops.summary["contacts"].values()) >= 2
-    expected = with_stops.probes["panel"].displacement
-    np.testing.assert_allclose(with_spring.probes["panel"].displacement, expected, atol=1e-9 * np.abs(expected).max())
+    expected = with_stops["histories"]["displacement"].sel(probe="panel").values
+    np.testing.assert_allclose(
+        with_spring["histories"]["displacement"].sel(probe="panel").values, expected, atol=1e-9 * np.abs(expected).max()
+    )
 
 
 def test_position_as_a_share_of_the_length():

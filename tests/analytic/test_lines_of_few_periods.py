@@ -166,7 +166,9 @@ def test_the_line_of_stick_and_slip_is_its_rate(pytestconfig):
     """
     config = pytestconfig.rootpath / "configs" / "stick_slip.yaml"
     result = beamsim.run(beamsim.load_scenario(config, {"run.sample_rate": "20 kHz", "run.convergence": "off"}))
-    sticks = result.time[1:][np.diff(np.asarray(result.friction["belt"].stuck, dtype=int)) > 0]
+    sticks = result["histories"]["time"].values[1:][
+        np.diff(np.asarray(result["histories"]["friction_stuck"].sel(friction="belt").values, dtype=int)) > 0
+    ]
     rate = (sticks.size - 2) / (sticks[-1] - sticks[1])
     for quantity in ("absolute_acceleration", "displacement"):
         spectrum = result.spectra["block", quantity]

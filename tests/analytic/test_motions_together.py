@@ -50,12 +50,10 @@ def run_of(excitation, **more):
 
 
 def histories(result):
-    probe = result.probes["p"]
-    return {
-        "displacement": probe.displacement, "acceleration": probe.absolute_acceleration,
-        "absolute": probe.absolute_displacement, "base": result.base_displacement,
-        **{name: output.value for name, output in result.outputs.items()},
-    }  # fmt: skip
+    of = result["histories"].sel(probe="p")
+    names = ("displacement", "absolute_acceleration", "absolute_displacement", "base_displacement")
+    outputs = {name: output.values for name, output in of.by_label("output_value").items()}
+    return {name: of[name].values for name in names} | outputs
 
 
 def test_a_linear_motion_is_the_sum_of_those_of_the_entries(tmp_path):
@@ -113,14 +111,20 @@ def test_supports_that_follow_one_swept_sine_are_a_base_that_follows_it(level):
     based = run_of({**SWEEP, "applied_to": "base", "level": level}, springs_to_ground=[])
     each = [{**SWEEP, "applied_to": {"support": side}, "level": level} for side in ("left", "right")]
     moved = run_of({"kind": "forces", "forces": each}, springs_to_ground=[])
-    of_base, of_supports = based.probes["p"], moved.probes["p"]
-    size = np.abs(of_base.absolute_acceleration).max()
+    size = np.abs(based["histories"]["absolute_acceleration"].sel(probe="p").values).max()
     np.testing.assert_allclose(
-        of_supports.absolute_acceleration / size, of_base.absolute_acceleration / size, atol=1e-6
+        moved["histories"]["absolute_acceleration"].sel(probe="p").values / size,
+        based["histories"]["absolute_acceleration"].sel(probe="p").values / size,
+        atol=1e-6,
     )
-    absolute = of_base.displacement + based.base_displacement
-    np.testing.assert_allclose(of_supports.displacement, absolute, rtol=0, atol=1e-6 * np.abs(absolute).max())
-    reactions = moved.outputs["right"].value, based.outputs["right"].value
+    absolute = based["histories"]["displacement"].sel(probe="p").values + based["histories"]["base_displacement"].values
+    np.testing.assert_allclose(
+        moved["histories"]["displacement"].sel(probe="p").values, absolute, rtol=0, atol=1e-6 * np.abs(absolute).max()
+    )
+    reactions = (
+        moved["histories"]["output_value"].sel(output="right").values,
+        based["histories"]["output_value"].sel(output="right").values,
+    )
     np.testing.assert_allclose(*reactions, rtol=0, atol=1e-6 * np.abs(reactions[1]).max())
     assert moved.summary["energy_error"] < 1e-9
 
@@ -134,10 +138,12 @@ def test_a_stop_follows_a_swept_sine():
                                                            "gap": "1 mm"}],
         "run": {"duration": 0.1, "sample_rate": 1e5, "convergence": "off"},
     }))  # fmt: skip
-    t = result.time[result.snubbers["s"].closed][0]
+    t = result["histories"]["time"].values[result["histories"]["snubber_closed"].sel(snubber="s").values][0]
     assert 0.0 < t < 0.02
     phase = 2 * np.pi * (20 * t + t**2)
-    assert result.snubbers["s"].penetration[result.time == t] == pytest.approx(2e-3 * np.sin(phase) - 1e-3, abs=2e-5)
+    assert result["histories"]["snubber_penetration"].sel(snubber="s").values[
+        result["histories"]["time"].values == t
+    ] == pytest.approx(2e-3 * np.sin(phase) - 1e-3, abs=2e-5)
 
 
 def test_a_base_with_two_directions_is_a_base_and_supports_that_move():
@@ -147,6 +153,9 @@ def test_a_base_with_two_directions_is_a_base_and_supports_that_move():
     end = {**pulse, "applied_to": {"support": "right"}, "level": -10.0 * BEAM["length"], "time": 0.02}
     both = run_of({"kind": "forces", "forces": [up, end]}, springs_to_ground=[])
     alone = [run_of(each, springs_to_ground=[]) for each in (up, turn)]
-    for of in (lambda r: r.probes["p"].absolute_acceleration, lambda r: r.outputs["right"].value):
+    for of in (
+        lambda r: r["histories"]["absolute_acceleration"].sel(probe="p").values,
+        lambda r: r["histories"]["output_value"].sel(output="right").values,
+    ):
         total = of(alone[0]) + of(alone[1])
         np.testing.assert_allclose(of(both), total, rtol=0, atol=1e-8 * np.abs(total).max())

@@ -72,10 +72,13 @@ def test_outputs_of_the_modes_alone(tmp_path, settings):
     given = {"duration": 0.3, "sample_rate": 4000, "start": "rest", **settings}
     result = beamsim.run(craig_bampton(tmp_path, run=given))
     tolerance = 1e-5 if settings.get("method") else 1e-11
-    for name, known in closed_form(result.time).items():
-        assert np.abs(result.outputs[name].value - known).max() <= tolerance * np.abs(known).max(), name
+    for name, known in closed_form(result["histories"]["time"].values).items():
+        assert (
+            np.abs(result["histories"]["output_value"].sel(output=name).values - known).max()
+            <= tolerance * np.abs(known).max()
+        ), name
         assert result.summary["peak_output"][name] >= np.abs(known).max() * (1 - tolerance)
-    assert not result.probes
+    assert not result["histories"].labels("probe")
     assert result.complete
     assert sorted(run_figures(result)) == ["outputs", "spectrum"]
 
@@ -111,10 +114,16 @@ def test_a_probe_changes_no_output(tmp_path, excitation):
         folder.mkdir()
         results.append(beamsim.run(craig_bampton(folder, False, excitation=excitation, run=run, **sections)))
     with_probe, without = results
-    assert list(with_probe.probes) == ["free"]
-    assert not without.probes
-    for name, output in with_probe.outputs.items():
-        assert np.abs(without.outputs[name].value - output.value).max() <= 1e-12 * np.abs(output.value).max()
+    assert with_probe["histories"].labels("probe") == ["free"]
+    assert not without["histories"].labels("probe")
+    for name in with_probe["histories"].labels("output"):
+        assert (
+            np.abs(
+                without["histories"]["output_value"].sel(output=name).values
+                - with_probe["histories"]["output_value"].sel(output=name).values
+            ).max()
+            <= 1e-12 * np.abs(with_probe["histories"]["output_value"].sel(output=name).values).max()
+        )
     assert without.summary["peak_output"] == pytest.approx(with_probe.summary["peak_output"], rel=1e-12)
     assert without.srs.summary().keys() < with_probe.srs.summary().keys()
 
@@ -147,4 +156,6 @@ def test_a_cubic_spring_without_probes(tmp_path):
     peak = result.branches[0].outputs["foot"].peak
     begin = {"duration": 5.0, "sample_rate": 1000, "convergence": "off"}
     run = beamsim.run(craig_bampton(tmp_path, False, **(sections | {"run": begin})))
-    assert np.abs(run.outputs["foot"].value[-1000:]).max() == pytest.approx(peak[0], rel=1e-3)
+    assert np.abs(run["histories"]["output_value"].sel(output="foot").values[-1000:]).max() == pytest.approx(
+        peak[0], rel=1e-3
+    )

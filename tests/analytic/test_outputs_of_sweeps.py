@@ -67,7 +67,7 @@ def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
     settled = beamsim.run(
         case(excitation, outputs=outputs, run={"duration": 3.0, "sample_rate": 25.0 * 2000, "convergence": "off"})
     )
-    expected = {name: output.value[-4001:] for name, output in settled.outputs.items()}
+    expected = {name: output.values[-4001:] for name, output in settled["histories"].by_label("output_value").items()}
     stepped = sweep_alone(case(excitation, outputs=outputs, sweep=STEPPED))
     assert any("strain_energy is an energy" in warning for warning in stepped.warnings)
     curve = stepped.curves["up_0"]

@@ -36,7 +36,7 @@ def test_the_first_swing_of_one_mass():
 
 def test_a_stop_is_pressed_hardest_where_its_samples_are_largest():
     result = beamsim.run(pushed(dashpot=4.0, gap="4 mm"))
-    force = result.snubbers["stop"].force
+    force = result["histories"]["snubber_force"].sel(snubber="stop").values
     time = result.summary["peak_times_s"]["peak_force_n"]["stop"]
-    assert time == pytest.approx(result.time[np.argmax(force)], abs=1e-5)
+    assert time == pytest.approx(result["histories"]["time"].values[np.argmax(force)], abs=1e-5)
     assert any(text.endswith(f"{1e3 * time:.4g} ms") and " N " in text for _, text in table_rows(result))

@@ -34,7 +34,9 @@ ENERGIES = [{"name": kind, "kind": f"{kind}_energy"} for kind in ("kinetic", "st
 
 def values(scenario):
     result = beamsim.run(scenario)
-    return result.time, {name: np.asarray(output.value) for name, output in result.outputs.items()}
+    return result["histories"]["time"].values, {
+        name: np.asarray(output.values) for name, output in result["histories"].by_label("output_value").items()
+    }
 
 
 def agree(one, other, rtol):

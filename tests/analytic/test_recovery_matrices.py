@@ -60,15 +60,13 @@ def test_motion_elsewhere_and_the_reaction_of_the_base(tmp_path, matrices, dofs)
     ]
     result = beamsim.run(scenario(tmp_path, rows, outputs))
     assert result.summary["contacts"]["corner"] > 2
-    values = {name: np.asarray(output.value) for name, output in result.outputs.items()}
-    probe = result.probes["corner"]
-    for name, known in (
-        ("moved", probe.displacement), ("speed", probe.velocity), ("shaken", probe.absolute_acceleration),
-        ("reaction", values["elastic"] + values["inertia"]),
-    ):  # fmt: skip
-        known = np.asarray(known)
+    values = {name: np.asarray(output.values) for name, output in result["histories"].by_label("output_value").items()}
+    corner = result["histories"].sel(probe="corner")
+    of_corner = {"moved": "displacement", "speed": "velocity", "shaken": "absolute_acceleration"}
+    expected = {name: corner[quantity].values for name, quantity in of_corner.items()}
+    for name, known in (expected | {"reaction": values["elastic"] + values["inertia"]}).items():
         assert np.abs(values[name] - known).max() <= 1e-8 * np.abs(known).max(), name
-    assert result.outputs["elastic"].unit == "N"
+    assert result["histories"]["output_unit"].sel(output="elastic").item() == "N"
 
 
 @pytest.mark.parametrize(

@@ -46,10 +46,14 @@ def test_oscillator(name, duration, method):
         "excitation": excitation, "probes": [{"name": "mass", "mass": 1}],
         "run": {"duration": 0.5, "sample_rate": 2000.0, "start": "static_equilibrium", "method": method},
     }))  # fmt: skip
-    t = result.time - BEGIN
+    t = result["histories"]["time"].values - BEGIN
     expected = reached(t, square, gain)
     if duration is not None:
         expected -= reached(t - (duration - RISE), square, gain)
-    probe = result.probes["mass"]
-    moved = probe.absolute_displacement if name == "base" else probe.displacement - probe.displacement[0]
+    moved = (
+        result["histories"]["absolute_displacement"].sel(probe="mass").values
+        if name == "base"
+        else result["histories"]["displacement"].sel(probe="mass").values
+        - result["histories"]["displacement"].sel(probe="mass").values[0]
+    )
     np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-11 if method == "exact" else 3e-9)

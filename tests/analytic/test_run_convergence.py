@@ -62,7 +62,7 @@ def test_acceleration_at_a_dashpot_without_mass_grows_with_the_modes_and_says_so
     assert all(later > 1.3 * earlier for earlier, later in pairwise(at_tip))
 
     s = damped.summary
-    assert set(s["doubtful"]) == {f"peak_acceleration_g.{name}" for name in damped.probes}
+    assert set(s["doubtful"]) == {f"peak_acceleration_g.{name}" for name in damped["histories"].labels("probe")}
     assert "peak acceleration of below_1.2 by " in damped.status  # as the table says it
     assert min(s["convergence"]["peak_acceleration_g"].values()) > 0.2
     assert s["reduction_bound"] < 1e-2  # of displacements, which says nothing of accelerations
@@ -269,11 +269,14 @@ def test_low_passed_peaks_reach_summary_histories_and_limits():
                  for r in ({"convergence": "off"}, {"convergence": "off", "low_pass": "200 Hz"}))  # fmt: skip
     a, b = raw.summary["peak_acceleration_g"]["tip"], read.summary["peak_acceleration_g"]["tip"]
     assert b < 0.7 * a
-    history = read.probes["tip"].low_passed_acceleration
+    history = read["histories"]["low_passed_acceleration"].sel(probe="tip").values
     assert np.abs(history).max() / 9.80665 == pytest.approx(b, rel=0.02)
-    np.testing.assert_array_equal(read.probes["tip"].absolute_acceleration, raw.probes["tip"].absolute_acceleration)
+    np.testing.assert_array_equal(
+        read["histories"]["absolute_acceleration"].sel(probe="tip").values,
+        raw["histories"]["absolute_acceleration"].sel(probe="tip").values,
+    )
     assert read.summary["margins"]["peak_acceleration"]["value"] == pytest.approx(b * 9.80665)
-    assert raw.probes["tip"].low_passed_acceleration is None
+    assert raw["histories"]["low_passed_acceleration"].sel(probe="tip").values is None
 
 
 @pytest.mark.slow

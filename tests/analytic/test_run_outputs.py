@@ -32,7 +32,7 @@ def run(case, outputs, **settings):
 
 
 def values(result):
-    return {name: output.value[:] for name, output in result.outputs.items()}
+    return {name: output.values[:] for name, output in result["histories"].by_label("output_value").items()}
 
 
 def test_static_reactions_of_a_cantilever():
@@ -44,8 +44,10 @@ def test_static_reactions_of_a_cantilever():
     assert result.summary["min_output"]["force_base"] == pytest.approx(expected, rel=1e-10)
     # the clamp turns the beam up against its weight
     moment = mass * 9.81 * BEAM["length"] / 2 - force * x
-    np.testing.assert_allclose(result.outputs["moment_left"].value[:], moment, rtol=1e-10)
-    assert result.outputs["moment_left"].unit == "N m"
+    np.testing.assert_allclose(
+        result["histories"]["output_value"].sel(output="moment_left").values[:], moment, rtol=1e-10
+    )
+    assert result["histories"]["output_unit"].sel(output="moment_left").item() == "N m"
 
 
 @pytest.mark.parametrize("modes", ["all", 4])
@@ -109,13 +111,17 @@ def test_sum_of_reactions_is_inertia_and_loads_with_contact():
     found = values(result)
     assert result.summary["events"] > 20
     pushed = {"stop.below": 1.0, "stop.above": -1.0, "earth": 1.0}
-    push = {name: sign * result.snubbers[name].force[:] for name, sign in pushed.items()}
+    push = {
+        name: sign * result["histories"]["snubber_force"].sel(snubber=name).values[:] for name, sign in pushed.items()
+    }
     parts, system = reduced_parts(scenario), build_system(scenario)
     flow = exact_flow(system, 0.2)
     trajectory = simulate(flow, system.initial_state)
-    inertia = trajectory.sample(result.time[:], rows(flow, 1, acceleration=parts.base_load(UPWARDS)[0]))[:, 0]
+    inertia = trajectory.sample(
+        result["histories"]["time"].values[:], rows(flow, 1, acceleration=parts.base_load(UPWARDS)[0])
+    )[:, 0]
     mass = LINE * 1.3
-    total = inertia + mass * (system.base_acceleration(result.time[:]) + 9.81) - 4.0
+    total = inertia + mass * (system.base_acceleration(result["histories"]["time"].values[:]) + 9.81) - 4.0
     holding = sum(found[name] for name in ("force_left", "force_right", "strut", "soft")) + sum(push.values())
     scale = np.abs(total).max()
     np.testing.assert_allclose(holding, total, atol=1e-10 * scale)
@@ -179,7 +185,7 @@ def test_joint_of_a_cut_beam_carries_shear_and_moment_of_the_uncut_one(modes):
     assert two.summary["events"] == whole.summary["events"] > 4
     weight = np.tile(weights, 12) * (length - cut) / 24
     outboard = LINE * sum(w * one[f"a{k}"] for k, w in enumerate(weight)) + LINE * (length - cut) * 9.81
-    shear = outboard - whole.snubbers["s"].force[:]
+    shear = outboard - whole["histories"]["snubber_force"].sel(snubber="s").values[:]
     np.testing.assert_allclose(found["force"], shear, atol=1e-8 * np.abs(shear).max())
     if modes == "all":  # else moments are recovered from displacements of few modes, forces from accelerations
         # the moment on the outer half's left end is -E I w''
@@ -193,7 +199,7 @@ def test_energies_of_bodies_add_up_to_what_is_stored():
              for kind in ("kinetic", "strain") for body in ("inner", "outer")]  # fmt: skip
     result = run(case, names, duration=0.1)
     found = values(result)
-    stored = result.energy.stored[:]
+    stored = result["histories"]["energy_stored"].values[:]
     np.testing.assert_allclose(sum(found.values()), stored, rtol=1e-10)
     for name, history in found.items():
         assert result.summary["max_output"][name] >= history.max() * (1 - 1e-12)
@@ -240,7 +246,9 @@ def test_time_stepping_gives_the_same_outputs(cubic):
         exact, stepped = (run(case, outputs, **settings, **more) for more in (
             {}, {"method": "reference", "integrator": "DOP853", "rtol": 1e-10}))  # fmt: skip
         for name, value in values(exact).items():
-            np.testing.assert_allclose(stepped.outputs[name].value[:], value, atol=1e-6 * np.abs(value).max())
+            np.testing.assert_allclose(
+                stepped["histories"]["output_value"].sel(output=name).values[:], value, atol=1e-6 * np.abs(value).max()
+            )
             assert stepped.summary["peak_output"][name] == pytest.approx(exact.summary["peak_output"][name], rel=1e-4)
         return
     # of a spring as stiff as a linear one at rest, the pull goes to the supports beside
@@ -251,9 +259,20 @@ def test_time_stepping_gives_the_same_outputs(cubic):
         "probes": [{"name": "one", "mass": 1}, {"name": "two", "mass": 2}],
     }  # fmt: skip
     result = run(chain, [support("force", "left"), support("force", "right")], duration=2.0, sample_rate=100.0)
-    one, two = result.probes["one"].displacement[:], result.probes["two"].displacement[:]
-    np.testing.assert_allclose(result.outputs["force_left"].value[:], -100.0 * one, atol=1e-8 * 100 * np.abs(one).max())
-    np.testing.assert_allclose(result.outputs["force_right"].value[:], -80.0 * two, atol=1e-8 * 80 * np.abs(two).max())
+    one, two = (
+        result["histories"]["displacement"].sel(probe="one").values[:],
+        result["histories"]["displacement"].sel(probe="two").values[:],
+    )
+    np.testing.assert_allclose(
+        result["histories"]["output_value"].sel(output="force_left").values[:],
+        -100.0 * one,
+        atol=1e-8 * 100 * np.abs(one).max(),
+    )
+    np.testing.assert_allclose(
+        result["histories"]["output_value"].sel(output="force_right").values[:],
+        -80.0 * two,
+        atol=1e-8 * 80 * np.abs(two).max(),
+    )
 
 
 def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
@@ -269,8 +288,14 @@ def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
     write_result(result, tmp_path / "r.h5")
     read = open_result(tmp_path / "r.h5")
     for name in ("force_left", "T"):
-        np.testing.assert_array_equal(read.outputs[name].value[:], result.outputs[name].value[:])
-        assert read.outputs[name].unit == result.outputs[name].unit
+        np.testing.assert_array_equal(
+            read["histories"]["output_value"].sel(output=name).values[:],
+            result["histories"]["output_value"].sel(output=name).values[:],
+        )
+        assert (
+            read["histories"]["output_unit"].sel(output=name).item()
+            == result["histories"]["output_unit"].sel(output=name).item()
+        )
     spectrum = read.spectra["force_left", "reaction_force"]
     assert spectrum.rms == result.summary["rms_output"]["force_left"]
     densities = {(each.name, each.quantity): each for each in read.random.signals}

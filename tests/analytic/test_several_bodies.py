@@ -42,13 +42,15 @@ def test_two_panels_against_integration_with_restarts_at_contacts():
     omega, level, n = 2 * np.pi * 40, 4 * 9.80665, structure.inertia.size
     motion = integrate(
         structure, [stop], lambda t: -structure.inertia * level * np.sin(omega * t), np.zeros(2 * n),
-        np.asarray(result.time), most_step=1e-3, rtol=1e-11,
+        np.asarray(result["histories"]["time"].values), most_step=1e-3, rtol=1e-11,
     )  # fmt: skip
     expected = motion.state[:, : n // 2] @ inner, motion.state[:, n // 2 : n] @ outer
     assert motion.event_closing.sum() == result.summary["contacts"]["tip"] >= 2
     scale = np.abs(expected).max()
     for name, own in zip(("inner_tip", "outer_tip"), expected, strict=True):
-        np.testing.assert_allclose(result.probes[name].displacement, own, rtol=0, atol=1e-7 * scale)
+        np.testing.assert_allclose(
+            result["histories"]["displacement"].sel(probe=name).values, own, rtol=0, atol=1e-7 * scale
+        )
 
 
 def test_preload_is_the_force_at_equilibrium_and_the_reduced_model_is_close_to_the_full_one():
@@ -93,6 +95,5 @@ def test_two_chains_are_one_chain_with_a_spring_of_nothing():
     assert two.summary["contacts"] == one.summary["contacts"]
     assert min(two.summary["contacts"].values()) > 2
     for name in ("a", "b"):
-        np.testing.assert_allclose(
-            two.probes[name].displacement, one.probes[name].displacement, rtol=0, atol=1e-9
-        )  # fmt: skip
+        of_two, of_one = (each["histories"]["displacement"].sel(probe=name).values for each in (two, one))
+        np.testing.assert_allclose(of_two, of_one, rtol=0, atol=1e-9)

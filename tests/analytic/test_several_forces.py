@@ -47,7 +47,10 @@ def test_a_single_force_in_the_list_is_that_force():
     one, listed = run(HARMONIC, **stop), run(together(HARMONIC), **stop)
     assert one.summary["contacts"]["s"] >= 2
     assert listed.summary["contacts"] == one.summary["contacts"]
-    np.testing.assert_array_equal(listed.probes["p"].displacement, one.probes["p"].displacement)
+    np.testing.assert_array_equal(
+        listed["histories"]["displacement"].sel(probe="p").values,
+        one["histories"]["displacement"].sel(probe="p").values,
+    )
 
 
 def test_contact_under_several_forces_against_independent_integration():
@@ -71,14 +74,16 @@ def test_contact_under_several_forces_against_independent_integration():
         return np.concatenate([v, load - system.dynamics.stiffness * q - system.dynamics.damping @ v + force * shape])
 
     # from break to break of the forces
-    y, at = system.initial_state, result.time <= 0.06
+    y, at = system.initial_state, result["histories"]["time"].values <= 0.06
     expected = np.zeros(0)
     for begin, end in ((0.0, 0.02), (0.02, 0.05), (0.05, 0.06)):
-        times = result.time[(result.time >= begin - 1e-12) & (result.time < end - 1e-12)]
+        times = result["histories"]["time"].values[
+            (result["histories"]["time"].values >= begin - 1e-12) & (result["histories"]["time"].values < end - 1e-12)
+        ]
         solution = solve_ivp(
             rhs, (begin, end - 1e-13), y, method="DOP853", rtol=1e-9, atol=1e-12, t_eval=[*times, end - 1e-13]
         )
         expected = np.append(expected, system.probes[0].shape @ solution.y[:n, :-1])
         y = solution.y[:, -1]
-    got = result.probes["p"].displacement[at][: expected.size]
+    got = result["histories"]["displacement"].sel(probe="p").values[at][: expected.size]
     np.testing.assert_allclose(got, expected, atol=2e-6 * np.abs(expected).max())

@@ -124,7 +124,9 @@ def test_lines_of_a_mass_between_stops_are_multiples_of_its_frequency(highest):
     result = run(BETWEEN_STOPS, **({} if highest is None else {"run__spectrum__to": highest}))
     spectrum = next(s for s in result.spectra.values() if s.quantity == "absolute_acceleration")
     found = [line for line in spectrum.lines if line.kind != "mean"]
-    closings = result.events.time[result.events.closing & (result.events.snubber == 0)]
+    closings = result["events"]["time"].values[
+        result["events"]["closing"].values & (result["events"]["snubber"].values == 0)
+    ]
     frequency = 1.0 / np.diff(closings).mean()
     orders = np.array([line.frequency_hz for line in found]) / frequency
     assert len(found) >= 3

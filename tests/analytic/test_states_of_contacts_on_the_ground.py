@@ -20,7 +20,10 @@ def test_friction_begins_without_a_force():
     pad = {"name": "pad", "at": {"mass": 1}, "mounted_on": "ground", "normal_force": 50.0, "coefficient": 0.5,
            "stiffness": 4000.0}  # fmt: skip
     result = first({"friction": [pad]})
-    force, stretch = result.friction["pad"].force, result.friction["pad"].displacement
+    force, stretch = (
+        result["histories"]["friction_force"].sel(friction="pad").values,
+        result["histories"]["friction_displacement"].sel(friction="pad").values,
+    )
     assert force[0] == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(force, 4000.0 * (stretch - stretch[0]), rtol=0, atol=1e-9)
     assert np.abs(force).max() > 1.0
@@ -32,4 +35,6 @@ def test_branches_begin_relaxed():
             "law": "no_tension", "maxwell": [{"stiffness": 6000.0, "relaxation_time": 1.0}]}  # fmt: skip
     chain = {"masses": [2.0], "springs": [900.0], "snubbers": [stop]}
     assert SHIFT > 0.0
-    assert first({"chain": chain}).snubbers["stop"].force[0] == pytest.approx(3000.0 * SHIFT, rel=1e-12)
+    assert first({"chain": chain})["histories"]["snubber_force"].sel(snubber="stop").values[0] == pytest.approx(
+        3000.0 * SHIFT, rel=1e-12
+    )

@@ -75,11 +75,11 @@ def test_sliding_per_cycle_of_a_stepped_sine_against_the_end_of_a_run(stiffness)
     pads = []
     for duration in (3.0, 4.0):
         run = {"duration": duration, "sample_rate": 500.0, "convergence": "off"}
-        pads.append(beamsim.run(rubbing(stiffness, run=run)).friction["pad"])
+        pads.append(beamsim.run(rubbing(stiffness, run=run))["histories"].sel(friction="pad"))
     sliding, cycles = curve.sliding["pad"], 20
 
     def per_cycle(name):
-        return (getattr(pads[1], name) - getattr(pads[0], name)) / cycles
+        return (pads[1][f"friction_{name}"].item() - pads[0][f"friction_{name}"].item()) / cycles
 
     assert curve.impacts == {}
     assert sliding.per_cycle[k] == pytest.approx(2.0) == per_cycle("slides")
@@ -94,9 +94,15 @@ def test_sliding_per_cycle_of_a_swept_sine_adds_up_to_that_of_a_run():
     end = float(curve.time[-1])
     of_run = {**sine, "applied_to": "base", "level": 5.0}
     run = {"duration": end, "sample_rate": 500.0, "convergence": "off"}
-    pad = beamsim.run(rubbing(4e4, excitation=of_run, run=run)).friction["pad"]
+    pad = beamsim.run(rubbing(4e4, excitation=of_run, run=run))
     before, cycles = curve.time < end - 1e-9, curve.sliding["pad"]
-    assert pad.slides > 50
-    assert cycles.per_cycle[before].sum() == pytest.approx(pad.slides, abs=1.0)
-    assert cycles.distance[before].sum() == pytest.approx(pad.sliding_distance, rel=1e-2)
-    assert cycles.energy_lost[before].sum() == pytest.approx(pad.dissipated_energy, rel=1e-2)
+    assert pad["histories"]["friction_slides"].sel(friction="pad").item() > 50
+    assert cycles.per_cycle[before].sum() == pytest.approx(
+        pad["histories"]["friction_slides"].sel(friction="pad").item(), abs=1.0
+    )
+    assert cycles.distance[before].sum() == pytest.approx(
+        pad["histories"]["friction_sliding_distance"].sel(friction="pad").item(), rel=1e-2
+    )
+    assert cycles.energy_lost[before].sum() == pytest.approx(
+        pad["histories"]["friction_dissipated_energy"].sel(friction="pad").item(), rel=1e-2
+    )

@@ -95,7 +95,7 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
     stop = {"snubbers": [STOP]}
     settled = beamsim.run(case(*forces, run={"duration": 6.0, "sample_rate": 25.0 * 512, "convergence": "off"}, **stop))
     assert settled.summary["contacts"]["s"] >= 30
-    x = settled.probes["p"].displacement[-513:-1]
+    x = settled["histories"]["displacement"].sel(probe="p").values[-513:-1]
     first = 2 * np.fft.rfft(x)[1] / x.size
     stepped = sweep_alone(case(*forces, sweep=STEPPED, **stop)).curves["up_0"]
     of = stepped.displacement["p"].harmonics[list(stepped.orders).index(1.0), -1]

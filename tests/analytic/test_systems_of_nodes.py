@@ -107,15 +107,14 @@ def test_the_same_physics(tmp_path, kind, direction):
     own = beamsim.run(written(tmp_path / "own", *turned(kind, base_too=True), kind, excitation=excitation))
     assert plain.summary["contacts"]["stop"] > 0
     assert own.summary["open_frequencies_hz"] == pytest.approx(plain.summary["open_frequencies_hz"], rel=1e-9)
-    histories = {
-        "probes": ("displacement", "absolute_acceleration"), "snubbers": ("force",), "outputs": ("value",),
-    }  # fmt: skip
-    for section, quantities in histories.items():
-        for name, of in getattr(plain, section).items():
-            for quantity in quantities:
-                known, found = (np.asarray(getattr(each, quantity)) for each in (of, getattr(own, section)[name]))
-                assert np.abs(found - known).max() <= 1e-9 * np.abs(known).max(), (name, quantity)
-    moved, probe = plain.outputs["moved"].value, plain.probes["y_of_3"].displacement
+    for quantity in ("displacement", "absolute_acceleration", "snubber_force", "output_value"):
+        for name, of in plain["histories"].by_label(quantity).items():
+            known, found = of.values, own["histories"].by_label(quantity)[name].values
+            assert np.abs(found - known).max() <= 1e-9 * np.abs(known).max(), (name, quantity)
+    moved, probe = (
+        plain["histories"]["output_value"].sel(output="moved").values,
+        plain["histories"]["displacement"].sel(probe="y_of_3").values,
+    )
     assert np.abs(moved - probe).max() <= 1e-9 * np.abs(probe).max()
 
 
@@ -131,14 +130,16 @@ def test_directions_of_the_node_itself(tmp_path, kind):
     }  # fmt: skip
     result = beamsim.run(written(tmp_path, turn, system, kind, **given))
     axes = turn[12:15, 12:15]
-    motion = {name: np.asarray(probe.displacement) for name, probe in result.probes.items()}
+    motion = {name: np.asarray(probe.values) for name, probe in result["histories"].by_label("displacement").items()}
     for name, axis, parts in (("own", axes[0], ("x", "y", "z")), ("turned", axes[2], ("rx", "ry", "rz"))):
         known = sum(share * motion[part] for share, part in zip(axis, parts, strict=True))
         assert np.abs(motion[name] - known).max() <= 1e-12 * np.abs(known).max()
-    stop = result.snubbers["stop"]
     pressed = np.maximum(motion["own"] - 2e-5, 0.0)
     assert pressed.max() > 0
-    assert np.abs(stop.force - 2e6 * pressed).max() <= 1e-9 * stop.force.max()
+    assert (
+        np.abs(result["histories"]["snubber_force"].sel(snubber="stop").values - 2e6 * pressed).max()
+        <= 1e-9 * result["histories"]["snubber_force"].sel(snubber="stop").values.max()
+    )
 
 
 def test_check_finds_the_rigid_motions(tmp_path):

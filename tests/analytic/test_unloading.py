@@ -51,7 +51,7 @@ def test_one_impact_by_hand(recovers):
         returned = 0.5 * peak**2 / STIFF
         assert result.summary["residual_crush_m"]["foam"] == pytest.approx(deepest - peak / STIFF, rel=1e-9)
     assert result.summary["peak_force_n"]["foam"] == pytest.approx(peak, rel=1e-9)
-    velocity = result.probes["m"].velocity[-1]
+    velocity = result["histories"]["velocity"].sel(probe="m").values[-1]
     assert velocity == pytest.approx(np.sqrt(2 * returned / MASS), rel=1e-9)
     assert result.summary["impacts"]["foam"]["mean_energy_lost_j"] == pytest.approx(energy - returned, rel=1e-9)
     assert abs(result.summary["energy_error"]) < 1e-12
@@ -67,8 +67,7 @@ def test_inner_loops_are_those_of_a_clipped_spring(recovers, method, duration):
         recovers, {"duration": duration, "method": method}, {"gap": -2e-3}, gravity="2 g",
         excitation={"kind": "random", "applied_to": {"mass": 1}, "psd": psd, "seed": 3},
     ))  # fmt: skip
-    foam = result.snubbers["foam"]
-    x = foam.penetration
+    x = result["histories"]["snubber_penetration"].sel(snubber="foam").values
     low = forces(LOWER, x, 5000.0) if recovers else 0.0 * x
     width = forces(LOADING, x) - low
     slip = x[0] - width[0] / STIFF  # the slider, loaded once
@@ -79,7 +78,9 @@ def test_inner_loops_are_those_of_a_clipped_spring(recovers, method, duration):
         expected[i] = low[i] + STIFF * max(at - slip, 0.0) if at > 0 else 0.0
     turns = np.count_nonzero(np.diff(np.sign(np.diff(x))))
     assert turns > 20 * duration
-    np.testing.assert_allclose(foam.force, expected, rtol=0, atol=2e-4 * expected.max())
+    np.testing.assert_allclose(
+        result["histories"]["snubber_force"].sel(snubber="foam").values, expected, rtol=0, atol=2e-4 * expected.max()
+    )
     inside = (expected > low + 0.05 * width) & (expected < low + 0.95 * width) & (x > 0)
     assert np.count_nonzero(inside) > 300  # twin: it is between the curves, too
     assert abs(result.summary["energy_error"]) < (1e-12 if method == "exact" else 1e-6)
@@ -90,18 +91,18 @@ def test_a_preload_is_reached_by_loading_once_and_is_elastic_then():
         False, {"duration": 0.1}, {"preload": 120.0}, gravity=[0, 0, -120.0 / MASS],
         excitation={"kind": "step", "applied_to": {"mass": 1}, "level": -1e-3},
     ))  # fmt: skip
-    x = result.probes["m"].displacement
+    x = result["histories"]["displacement"].sel(probe="m").values
     w = np.sqrt(STIFF / MASS)
-    assert result.snubbers["foam"].force[0] == pytest.approx(120.0, rel=1e-9)
+    assert result["histories"]["snubber_force"].sel(snubber="foam").values[0] == pytest.approx(120.0, rel=1e-9)
     # pressed further it yields at once; the first half period ends where the softer curve turns it
     soft = np.sqrt(5000.0 / MASS)
     assert x.min() - x[0] == pytest.approx(-2e-3 / 5000.0, rel=1e-6)
     turned = np.pi / soft
-    after = result.time > turned
+    after = result["histories"]["time"].values > turned
     amplitude = np.ptp(x[after])
     assert amplitude == pytest.approx(2e-3 / STIFF, rel=1e-3)  # then it swings on the stiff line, by w
     crossings = np.flatnonzero(np.diff(np.sign(x[after] - x[after].min() - 0.5 * amplitude)))
-    assert np.mean(np.diff(result.time[after][crossings])) == pytest.approx(np.pi / w, rel=1e-2)
+    assert np.mean(np.diff(result["histories"]["time"].values[after][crossings])) == pytest.approx(np.pi / w, rel=1e-2)
 
 
 LAWS = {
@@ -152,7 +153,7 @@ def test_events_that_begin_at_round_off_do_not_end_the_time_stepping():
                 "chain": chain, "probes": [{"name": "m", "mass": 2}],
                 "excitation": {"kind": "harmonic", "applied_to": "base", "level": level, "frequency": 7.8},
                 "run": {**run, "method": method},
-            })).probes["m"].displacement
+            }))["histories"]["displacement"].sel(probe="m").values
             for method in ("exact", "reference")
         ]  # fmt: skip
         np.testing.assert_allclose(*ends, rtol=0, atol=1e-8)

@@ -149,7 +149,7 @@ def own_motion(case, most_steps=MOST_STEPS, others=OTHERS[:1], finer=1, change=P
 
 def _horizon(motion, other, step, story):
     """Until when our two motions tell the same story, and (nt,) how far apart they are until each stop."""
-    count = min(motion.time.size, other.time.size)
+    count = min(motion.time.size, other["histories"]["time"].values.size)
     if count == 0:
         return 0.0, np.zeros(0)
     scale = np.abs(motion.y[:count]).max() or 1.0
@@ -273,9 +273,16 @@ def _ill_conditioned(case, own):
         result, finer = _package(case, own)
         if not result.complete:  # with other last digits: what it shows is no motion to compare with
             raise ValueError(result.status)
-        late = result.events.time > begin
-        times = [result.events.time[late & (result.events.snubber == k)] for k in range(len(result.snubbers))]
-        return result.probes["probe"].displacement[finer::finer], times, list(result.snubbers)
+        late = result["events"]["time"].values > begin
+        times = [
+            result["events"]["time"].values[late & (result["events"]["snubber"].values == k)]
+            for k in range(len(result["histories"].labels("snubber")))
+        ]
+        return (
+            result["histories"]["displacement"].sel(probe="probe").values[finer::finer],
+            times,
+            result["histories"].labels("snubber"),
+        )
 
     try:
         displacement, times, names = measured(case)
@@ -318,7 +325,7 @@ def _events(own, result, end):
     names = [c.name for c in own.equations.model.contacts]
     edge, begin = end * (1 - 1e-9), BEGIN * end
     for j, name in enumerate(names):
-        if name not in result.snubbers:
+        if name not in result["histories"].labels("snubber"):
             continue
         t, begins = _contacts(own, own.motion, j)
         keep = (t > begin) & (t < edge)
@@ -326,12 +333,12 @@ def _events(own, result, end):
         others = [_contacts(own, m, j)[0] for m in own.others]
         late = [np.abs(o[: keep.size][keep[: o.size]] - t[: o.size][keep[: o.size]]) for o in others]
         t, begins = t[keep], begins[keep]
-        mine = result.events.snubber == list(result.snubbers).index(name)
-        early = mine & (result.events.time <= begin)
-        if early.sum() > 1 and np.sum(early & ~result.events.closing) > short:
+        mine = result["events"]["snubber"].values == result["histories"].labels("snubber").index(name)
+        early = mine & (result["events"]["time"].values <= begin)
+        if early.sum() > 1 and np.sum(early & ~result["events"]["closing"].values) > short:
             found.append(f"{name}: begins and ends at the start")
-        mine &= (result.events.time > begin) & (result.events.time < edge)
-        theirs, closing = result.events.time[mine], result.events.closing[mine]
+        mine &= (result["events"]["time"].values > begin) & (result["events"]["time"].values < edge)
+        theirs, closing = result["events"]["time"].values[mine], result["events"]["closing"].values[mine]
         if t.size == theirs.size and np.array_equal(begins, closing):
             allowed = np.maximum.accumulate(5 * np.max(late, axis=0, initial=0.0) + 1e-7 * end)
             if np.any(np.abs(t - theirs) > allowed):
@@ -404,7 +411,7 @@ def _states(own, result, slack, finer):
     found = []
     equations, motion = own.equations, own.motion
     ours = equations.displacement(motion.y[own.outputs], "probe")
-    theirs = result.probes["probe"].displacement[finer::finer]
+    theirs = result["histories"]["displacement"].sel(probe="probe").values[finer::finer]
     error = np.abs(ours - theirs)
     between = motion.largest[own.outputs[-1], :2].max()  # of a motion that has decayed at the first output
     allowed = slack * max(own.probe * own.size, between)
@@ -415,8 +422,10 @@ def _states(own, result, slack, finer):
         )
     stored, *others = (equations.stored(m)[own.outputs] for m in (motion, *own.others))
     moved = 5 * np.max(np.abs(np.array(others) - stored), axis=0)  # drift that stores nothing may hide it in the states
-    energy = result.energy.stored[finer::finer]
-    largest = max(np.abs(stored).max(), np.abs(result.energy.stored).max(), 1e-300)  # at the start, and in between
+    energy = result["histories"]["energy_stored"].values[finer::finer]
+    largest = max(
+        np.abs(stored).max(), np.abs(result["histories"]["energy_stored"].values).max(), 1e-300
+    )  # at the start, and in between
     wrong = ~(np.abs(stored - energy) <= 5 * slack * largest + np.maximum.accumulate(moved))
     if np.any(wrong):
         k = int(np.argmax(wrong))

@@ -664,20 +664,20 @@ def of_curves(result):
 
 def histories(result):
     found = {}
-    for name, probe in result.probes.items():
-        found[f"displacement of {name}"] = np.abs(probe.displacement)
-        found[f"velocity of {name}"] = np.abs(probe.velocity)
+    for name in result["histories"].labels("probe"):
+        found[f"displacement of {name}"] = np.abs(result["histories"]["displacement"].sel(probe=name).values)
+        found[f"velocity of {name}"] = np.abs(result["histories"]["velocity"].sel(probe=name).values)
         found[f"peak of {name}"] = np.array([result.summary["peak_displacement_m"][name]])
     peaks = result.summary.get("peak_force_n", {}) | result.summary.get("peak_moment_n_m", {})  # of stops on rotations
-    for name, stop in result.snubbers.items():
-        found[f"force of {name}"] = stop.force
+    for name in result["histories"].labels("snubber"):
+        found[f"force of {name}"] = result["histories"]["snubber_force"].sel(snubber=name).values
         found[f"peak force of {name}"] = np.array([peaks[name]])
-    for name, output in result.outputs.items():
-        found[f"output {name}"] = np.abs(output.value)
-    for name, contact in result.friction.items():
-        found[f"friction {name}"] = np.abs(contact.force)
-    found["energy"] = np.asarray(result.energy.stored)
-    found["contacts"] = result.events.time
+    for name in result["histories"].labels("output"):
+        found[f"output {name}"] = np.abs(result["histories"]["output_value"].sel(output=name).values)
+    for name in result["histories"].labels("friction"):
+        found[f"friction {name}"] = np.abs(result["histories"]["friction_force"].sel(friction=name).values)
+    found["energy"] = np.asarray(result["histories"]["energy_stored"].values)
+    found["contacts"] = result["events"]["time"].values
     return found
 
 
@@ -692,9 +692,16 @@ def noisy(tree, first, rng):
     found = histories(result) | curves(scenario) if result.complete else {}
     moved = bool(found) and found["contacts"].size != first["contacts"].size
     left_out = {name for name in found if moved and name.startswith("peak")}
-    for name, stop in result.snubbers.items():
-        digit = EPSILON * stop.stiffness * (abs(stop.gap) + np.max(np.abs(stop.displacement), initial=0.0))
-        if digit > SENSITIVE * np.max(stop.force, initial=0.0):
+    for name in result["histories"].labels("snubber"):
+        digit = (
+            EPSILON
+            * result["histories"]["snubber_stiffness"].sel(snubber=name).item()
+            * (
+                abs(result["histories"]["snubber_gap"].sel(snubber=name).item())
+                + np.max(np.abs(result["histories"]["snubber_displacement"].sel(snubber=name).values), initial=0.0)
+            )
+        )
+        if digit > SENSITIVE * np.max(result["histories"]["snubber_force"].sel(snubber=name).values, initial=0.0):
             left_out |= {each for each in found if each.endswith(f"force of {name}")}
     return {name: values for name, values in found.items() if name not in left_out}
 

@@ -157,8 +157,10 @@ def test_compare_asks_where_a_single_channel_was_measured(tmp_path):
     )
     assert invoke("run", case, "-q", "--no-plots", "-o", tmp_path / "run.h5").exit_code == 0
     result = beamsim.open_result(tmp_path / "run.h5")
-    rows = np.stack([result.time, result.probes["mass_2"].displacement], axis=1)
-    rows = rows[result.time > 30]
+    rows = np.stack(
+        [result["histories"]["time"].values, result["histories"]["displacement"].sel(probe="mass_2").values], axis=1
+    )
+    rows = rows[result["histories"]["time"].values > 30]
     for heading, more in (("mass_2 (m)", ()), ("sensor (m)", ("--probe", "mass_2")), ("mass 2 displacement (m)", ())):
         np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header=f"time (s),{heading}", comments="")
         done = invoke(

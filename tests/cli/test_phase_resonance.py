@@ -119,7 +119,7 @@ def test_a_transient_comes_to_the_same_motion(held):
         BACKBONE, {"excitation.frequency": m.frequency_hz, "excitation.level": m.level, "run": run, "nnm": None}
     )
     result = beamsim.run(scenario)
-    x = result.probes["tip"].displacement[-257:-1]
+    x = result["histories"]["displacement"].sel(probe="tip").values[-257:-1]
     if np.abs(x).max() < 0.5 * m.amplitude["tip"]:
         pytest.fail("the transient fell to the other stable motion")
     assert np.abs(x).max() == pytest.approx(m.amplitude["tip"], rel=1e-3)

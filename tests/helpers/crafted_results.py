@@ -18,7 +18,7 @@ import numpy as np
 
 from beamsim.errors import BeamsimError
 from beamsim.hdf5 import seal
-from beamsim.store.datasets import Item, parent
+from beamsim.labelled import Item, parent
 from beamsim.store.results import CHECKSUM, JSON_ENCODED, checksum, open_result, read_items, write_items
 from tests.helpers.commands import invoke
 

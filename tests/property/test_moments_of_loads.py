@@ -87,7 +87,11 @@ def test_modes_of_a_stiff_beam_bend_no_other():
     moment = {}
     for elements in ((6, 2, 1), (6, 2, 2), (12, 8, 6)):
         overrides = {f"bodies.{name}.elements": n for name, n in zip(("panel", "boom", "arm"), elements, strict=True)}
-        moment[elements] = beamsim.run(beamsim.load_scenario(JOINED, overrides=overrides)).outputs["moment"].value
+        moment[elements] = (
+            beamsim.run(beamsim.load_scenario(JOINED, overrides=overrides))["histories"]["output_value"]
+            .sel(output="moment")
+            .values
+        )
         assert moment[elements][0] == pytest.approx(0.2, rel=1e-9)
     peaks = [np.abs(each).max() for each in moment.values()]
     np.testing.assert_allclose(peaks[:2], peaks[2], rtol=0.1)

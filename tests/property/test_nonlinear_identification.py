@@ -60,7 +60,9 @@ def case(frequencies, estimate=tuple(SOUGHT), start=None, **settings):
 def test_the_steady_response_is_where_the_transient_ends():
     scenario = load_scenario(CASE, {**TRUTH, "run.duration": 5.0, "run.sample_rate": 65 * 100})
     result = beamsim.run(scenario)
-    history = MeasuredSignal("tip", result.time, result.probes["tip"].displacement)
+    history = MeasuredSignal(
+        "tip", result["histories"]["time"].values, result["histories"]["displacement"].sel(probe="tip").values
+    )
     transient = harmonics_of(history, 65.0, 8, last=20 / 65).value
     steady = steady_vibration(scenario).harmonics(0, "displacement", 8)
     assert steady == pytest.approx(transient, abs=1e-6 * abs(steady).max())

@@ -68,14 +68,16 @@ def test_one_breakpoint_is_a_linear_spring_and_a_snubber(seed):
     case = case.model_copy(update={"chain": case.chain.model_copy(update={"snubbers": stops[0].chain.snubbers})})
     case = case.model_copy(update={"probes": bent.scenario.effective_probes})
     same = beamsim.run(case)
-    for name, probe in bent.probes.items():
-        np.testing.assert_allclose(same.probes[name].displacement, probe.displacement, atol=1e-10)
+    for name in bent["histories"].labels("probe"):
+        np.testing.assert_allclose(
+            same["histories"]["displacement"].sel(probe=name).values,
+            bent["histories"]["displacement"].sel(probe=name).values,
+            atol=1e-10,
+        )
     assert bent.work.events == same.summary["events"]
-    history = next(iter(bent.springs.values()))
+    (force,), (stretch,) = (bent["histories"][f"spring_{name}"].values for name in ("force", "stretch"))
     sign = 1.0 if above else -1.0
-    np.testing.assert_allclose(
-        history.force, inner * history.stretch + sign * next(iter(same.snubbers.values())).force, atol=1e-9
-    )
+    np.testing.assert_allclose(force, inner * stretch + sign * same["histories"]["snubber_force"].values[0], atol=1e-9)
 
 
 # -- statics ---------------------------------------------------------------------------------------------------------
@@ -244,7 +246,9 @@ def test_modes_of_a_chain_with_a_piecewise_linear_spring_in_the_stiffness_factor
     start = {"displacement": backbone.initial_displacement[-1].tolist()}
     run = {"duration": period * 1.0001, "sample_rate": 1 / period, "start": start}
     motion = beamsim.run(Scenario.model_validate({"chain": chain, "run": run, "probes": probes}))
-    for probe in motion.probes.values():
-        assert probe.displacement[1] == pytest.approx(probe.displacement[0], abs=1e-8)
+    for name in motion["histories"].labels("probe"):
+        assert motion["histories"]["displacement"].sel(probe=name).values[1] == pytest.approx(
+            motion["histories"]["displacement"].sel(probe=name).values[0], abs=1e-8
+        )
     assert motion.work.events >= 4
     assert (period < 1 / backbone.frequency_hz[0]) == (law == "hardening")

@@ -43,10 +43,10 @@ def test_a_stable_motion_goes_on(in_frequency):
     assert result.scenario.excitation.frequency == pytest.approx(84.5, rel=1e-14)
     assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(branch.displacement["tip"].peak[k], rel=1e-7)
     assert result.summary["contact_share"]["tip"] == pytest.approx(branch.contact_share["tip"][k], rel=1e-9)
-    x = result.probes["tip"].displacement[:-1].reshape(20, 1000)
+    x = result["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(20, 1000)
     np.testing.assert_allclose(x, np.tile(x[0], (20, 1)), atol=1e-9 * np.abs(x).max())
     disturbed = run_from(path, int(k), 20, 84.5, "run.sample_rate=84500", factor=1.02)
-    y = disturbed.probes["tip"].displacement[:-1].reshape(20, 1000)
+    y = disturbed["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(20, 1000)
     assert np.abs(y[0] - x[0]).max() > 5e-3 * np.abs(x).max()  # the comparison can fail
     assert np.abs(y[-1] - x[-1]).max() < 0.5 * np.abs(y[0] - x[0]).max()
 
@@ -58,9 +58,10 @@ def test_an_unstable_motion_is_left(in_frequency):
     growth = abs(branch.floquet_multipliers[k, 0])
     assert growth > 1.01
     rate = f"run.sample_rate={200 * frequency!r}"
-    early, late = (run_from(path, k, 300, frequency, rate, factor=1.0 + 1e-4).probes["tip"].displacement[a : a + 200]
-                   for a in (0, 200 * 290))  # fmt: skip
-    exact = run_from(path, k, 2, frequency, rate).probes["tip"].displacement[:200]
+    disturbed = run_from(path, k, 300, frequency, rate, factor=1.0 + 1e-4)
+    tip = disturbed["histories"]["displacement"].sel(probe="tip").values
+    early, late = (tip[a : a + 200] for a in (0, 200 * 290))
+    exact = run_from(path, k, 2, frequency, rate)["histories"]["displacement"].sel(probe="tip").values[:200]
     assert np.abs(late - exact).max() > 20 * np.abs(early - exact).max()
 
 
@@ -106,10 +107,10 @@ def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
     assert result.scenario.excitation.frequency == pytest.approx(frequency, rel=1e-14)
     assert changed(result.scenario) == pytest.approx(curve.parameter[k], rel=1e-12)
     assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(curve.peak_displacement["tip"][k], rel=1e-6)
-    x = result.probes["tip"].displacement[:-1].reshape(10, 1000)
+    x = result["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(10, 1000)
     np.testing.assert_allclose(x, np.tile(x[0], (10, 1)), atol=1e-6 * np.abs(x).max())
     kept = run_from(path, k, 10, frequency, rate, fold_curve=0, keep_excitation=True)  # the twin: at 65 Hz it is none
-    y = kept.probes["tip"].displacement
+    y = kept["histories"]["displacement"].sel(probe="tip").values
     assert np.abs(y[1000:2000] - y[:1000]).max() > 1e-2 * np.abs(x).max()
 
 

@@ -6,7 +6,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.animation import FRAMES, frames_of_run
 from beamsim.plots.animation import scene_of
-from beamsim.plots.sketch import Sketch
+from beamsim.plots.sketch import Sketch, stops_of
 from beamsim.scenario import load_scenario
 
 CASE = {
@@ -30,7 +30,9 @@ def test_frames_are_the_motion_of_the_run(result):
     assert np.all(np.diff(frames.time) >= 0.0)
     (line,) = frames.lines
     for name, at in (("tip", 0.27), ("between", 0.1)):
-        expected = np.interp(frames.time, result.time, result.probes[name].displacement)
+        expected = np.interp(
+            frames.time, result["histories"]["time"].values, result["histories"]["displacement"].sel(probe=name).values
+        )
         column = np.array([np.interp(at, line.x, shape) for shape in frames.deflection])
         # the probe between two nodes: to what a chord between the drawn points leaves
         np.testing.assert_allclose(column, expected, atol=2e-4 * np.abs(expected).max())
@@ -51,7 +53,7 @@ def test_contact_is_slow_and_its_peak_is_shown(result):
 
 def test_a_stop_that_presses_is_drawn_at_the_body(result):
     frames = frames_of_run(result)
-    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, result.snubbers), "case")
+    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, stops_of(result)), "case")
     (stop,) = scene.stops
     scale = np.abs(scene.heights).max() / np.abs(frames.deflection).max()
     assert stop.force.max() > 1.0
@@ -68,7 +70,7 @@ def test_what_is_too_fast_for_the_frames_is_named(fast_hz, missed):
     case = {"chain": {"masses": [1.0, 1.0], "springs": springs}, "probes": [{"name": "m", "mass": 1}], "run": run}
     result = beamsim.run(load_scenario(case))
     frames = frames_of_run(result)
-    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, result.snubbers), "case")
+    scene = scene_of(frames, Sketch(result.scenario, result.modes.stations, stops_of(result)), "case")
     assert ("too fast for these frames" in scene.title) == missed
     if missed:  # two cycles of it and more lie between two frames
         assert 0.3 < frames.missed < 1.5

@@ -52,7 +52,7 @@ def test_breakpoints_are_no_contacts(result):
     assert s["breakpoints_passed"] > 0
     assert s["breakpoints_passed"] + s["events"] == result.work.events
     assert s["peak_spring_force_n"]["link_spring_1"] == pytest.approx(
-        np.abs(result.springs["link_spring_1"].force).max(), rel=1e-2
+        np.abs(result["histories"]["spring_force"].sel(spring="link_spring_1").values).max(), rel=1e-2
     )
 
 

@@ -38,6 +38,11 @@ def shaken():
     }))  # fmt: skip
 
 
+def moving(run, displacement):
+    """The run with another motion of its only probe."""
+    return replace(run, datasets={"histories": run["histories"].assign(displacement=displacement[None])})
+
+
 def compared(run, measured, time=TIME, quantity="displacement", **given):
     """The one channel of a comparison of the probe."""
     return compare(run, [("mass", quantity, MeasuredSignal("mass", time, measured))], **given).channels[0]
@@ -47,7 +52,7 @@ def compared(run, measured, time=TIME, quantity="displacement", **given):
 @pytest.mark.parametrize("delay", [0.0, 0.01234, -0.0209])
 def test_known_scale_and_delay(shaken, delay, rate):
     """The measurement is the prediction over 0.8, later by the delay, at its own rate; delays between samples too."""
-    run = replace(shaken, probes={"mass": replace(shaken.probes["mass"], displacement=transient(TIME))})
+    run = moving(shaken, transient(TIME))
     time = np.arange(0.0, TIME[-1], 1.0 / rate)
     c = compared(run, transient(time - delay) / 0.8, time)
     of, s = c.record, c.record.summary()
@@ -64,7 +69,7 @@ def test_the_largest_difference_of_spectra_is_where_they_differ(shaken):
     """A mode at 61 Hz that is measured twice as large is found there, at 6 dB less a little of the other one."""
     t = np.maximum(TIME - 0.05, 0.0)
     slow, fast = (t**2 * np.exp(-12 * t) * np.sin(2 * np.pi * f * t) for f in (9.0, 61.0))
-    run = replace(shaken, probes={"mass": replace(shaken.probes["mass"], displacement=slow + fast)})
+    run = moving(shaken, slow + fast)
     s = compared(run, slow + 2 * fast).record.summary()
     assert -6.03 < s["largest_difference_db"] < -5.3
     assert 55.0 < s["largest_frequency_hz"] < 80.0
@@ -109,8 +114,11 @@ def test_table_json_file_and_picture(tmp_path, shaken):
     """What a user reads: the first screen, the table, --json, the result file and the three panels."""
     path = tmp_path / "shock.h5"
     beamsim.write_result(shaken, path)
-    acceleration = shaken.probes["mass"].absolute_acceleration / 9.80665 / 1.25
-    rows = [f"{t!r},{a!r}" for t, a in zip((shaken.time + 0.004).tolist(), acceleration.tolist(), strict=True)]
+    acceleration = shaken["histories"]["absolute_acceleration"].sel(probe="mass").values / 9.80665 / 1.25
+    rows = [
+        f"{t!r},{a!r}"
+        for t, a in zip((shaken["histories"]["time"].values + 0.004).tolist(), acceleration.tolist(), strict=True)
+    ]
     (tmp_path / "lab.csv").write_text("\n".join(["t [s],mass acceleration [g]", *rows]))
     screen = invoke("compare", path, tmp_path / "lab.csv", "--no-plots").output
     assert "1.25" in screen
@@ -132,11 +140,14 @@ def boom(tmp_path_factory):
     folder = tmp_path_factory.mktemp("boom")
     result = beamsim.run(beamsim.load_scenario("configs/deployed_boom.yaml"))
     columns = {
-        "root.end moment [N mm]": 1e3 * result.snubbers["root.end"].force / 1.1,
-        "angle [deg]": np.degrees(result.outputs["angle"].value) / 1.1,
+        "root.end moment [N mm]": 1e3 * result["histories"]["snubber_force"].sel(snubber="root.end").values / 1.1,
+        "angle [deg]": np.degrees(result["histories"]["output_value"].sel(output="angle").values) / 1.1,
     }
     lines = [",".join(["t [s]", *columns])]
-    lines += [",".join(f"{x!r}" for x in row) for row in np.column_stack([result.time, *columns.values()]).tolist()]
+    lines += [
+        ",".join(f"{x!r}" for x in row)
+        for row in np.column_stack([result["histories"]["time"].values, *columns.values()]).tolist()
+    ]
     (folder / "lab.csv").write_text("\n".join(lines))
     return result, folder / "lab.csv"
 
@@ -155,7 +166,9 @@ def test_moments_of_hinges_and_outputs(boom):
         result, path, ChannelChoice(channel="root.end moment", place="root.end")
     )
     assert (place, quantity) == ("root.end", "moment")
-    assert np.abs(signal.y).max() == pytest.approx(result.snubbers["root.end"].force.max() / 1.1)
+    assert np.abs(signal.y).max() == pytest.approx(
+        result["histories"]["snubber_force"].sel(snubber="root.end").values.max() / 1.1
+    )
     with pytest.raises(ScenarioError, match="give the unit of the moment"):
         pair_channels(result, path, ChannelChoice(channel="root.end moment", place="root.end", unit="N"))
     with pytest.raises(ScenarioError, match=r"--probe root.end has no force|force is not one of"):
@@ -212,9 +225,9 @@ INTERRUPTED = interruption("after 0.1 s")
 )
 def test_a_comparison_is_as_reliable_as_the_result_that_is_compared(shaken, ended, kind, code):
     """It was complete, with exit code 0, whatever the run was."""
-    history = shaken.probes["mass"].displacement
+    history = shaken["histories"]["displacement"].sel(probe="mass").values
     run = replace(shaken, warnings=("a warning of the run",)).ended(ended)
-    result = compare(run, [("mass", "displacement", MeasuredSignal("mass", shaken.time, 1.1 * history))])
+    result = compare(run, [("mass", "displacement", MeasuredSignal("mass", TIME, 1.1 * history))])
     assert result.outcome.gravest == kind
     assert exit_code(result.outcome) == code
     assert result.complete == (kind == "complete")

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import beamsim
-from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance
+from beamsim.analyses.run.energy import LARGEST_ERROR, EnergyBalance, EnergyHistory
 from beamsim.analyses.run.exact_motion import exact_flow
-from beamsim.analyses.run.result import EnergyHistory
 from beamsim.analyses.sweep.analysis import sweep_system
 from beamsim.analyses.sweep.outputs import SweepLevel
 from beamsim.analyses.sweep.swept_sine import sweep_level
@@ -45,7 +44,7 @@ def test_lost_energy_is_an_outcome_with_its_time(monkeypatch, share, trusted):
         assert result.outcome.code == "energy_not_balanced"
         assert result.outcome.numbers["error"] == result.summary["energy_error"]
         assert 0.05 <= result.outcome.numbers["time"] < 0.06
-        assert result.time[-1] == pytest.approx(0.1)  # the whole motion is kept
+        assert result["histories"]["time"].values[-1] == pytest.approx(0.1)  # the whole motion is kept
         assert result.status.startswith("not reliable: the energy balance")
         assert exit_code(result.outcome) == 3
 
@@ -73,8 +72,8 @@ def test_a_motion_that_overflows_is_kept_up_to_there(monkeypatch):
     assert result.outcome.code == "not_finite"
     end = result.outcome.place.value
     assert 0.03 < end < 0.05
-    assert result.time[-1] <= end
-    assert np.all(np.isfinite(result.probes["tip"].displacement))
+    assert result["histories"]["time"].values[-1] <= end
+    assert np.all(np.isfinite(result["histories"]["displacement"].sel(probe="tip").values))
     assert exit_code(result.outcome) == 3
 
 

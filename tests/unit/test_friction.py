@@ -92,21 +92,28 @@ def scenario(friction, **others):
 def test_figures_of_a_pad():
     pad = {**PAD, "coefficient": BOTH, "wear_rate": "1e-6 mm^3/(N m)"}
     result = beamsim.run(scenario([pad]))
-    contact = result.friction["pad"]
+    history = result["histories"].sel(friction="pad")
     assert result.summary["energy_error"] < 1e-10
-    assert contact.slides >= 2
-    slider = contact.displacement[:] - contact.force[:] / 2e5
-    snaps = contact.slides * 30.0 / 2e5
-    assert contact.sliding_distance == pytest.approx(np.abs(np.diff(slider)).sum(), rel=1e-3)
-    lost = 60.0 * (contact.sliding_distance - snaps) + contact.slides * (90.0**2 - 60.0**2) / (2 * 2e5)
-    assert contact.dissipated_energy == pytest.approx(lost, rel=1e-9)
-    assert contact.dissipated_energy == pytest.approx(result.energy.dissipated[-1], rel=1e-9)
-    assert contact.wear_power == pytest.approx(300.0 * contact.sliding_distance, rel=1e-12)
-    assert contact.worn_volume == pytest.approx(1e-15 * 300.0 * contact.sliding_distance, rel=1e-12)
+    assert history["friction_slides"].item() >= 2
+    slider = history["friction_displacement"].values[:] - history["friction_force"].values[:] / 2e5
+    snaps = history["friction_slides"].item() * 30.0 / 2e5
+    assert history["friction_sliding_distance"].item() == pytest.approx(np.abs(np.diff(slider)).sum(), rel=1e-3)
+    slides, distance = (history[f"friction_{name}"].item() for name in ("slides", "sliding_distance"))
+    lost = 60.0 * (distance - snaps) + slides * (90.0**2 - 60.0**2) / (2 * 2e5)
+    assert history["friction_dissipated_energy"].item() == pytest.approx(lost, rel=1e-9)
+    assert history["friction_dissipated_energy"].item() == pytest.approx(
+        result["histories"]["energy_dissipated"].values[-1], rel=1e-9
+    )
+    assert history["friction_wear_power"].item() == pytest.approx(
+        300.0 * history["friction_sliding_distance"].item(), rel=1e-12
+    )
+    assert history["friction_worn_volume"].item() == pytest.approx(
+        1e-15 * 300.0 * history["friction_sliding_distance"].item(), rel=1e-12
+    )
     assert result.summary["peak_friction_force_n"]["pad"] == pytest.approx(90.0, rel=1e-9)
-    assert np.abs(contact.force[~contact.stuck[:]]) == pytest.approx(60.0)
+    assert np.abs(history["friction_force"].values[~history["friction_stuck"].values[:]]) == pytest.approx(60.0)
     assert "springs" not in result.summary
-    assert not result.springs
+    assert not result["histories"].labels("spring")
 
 
 @pytest.mark.parametrize(("start", "force"), [("unstressed", 0.0), (45.0, 45.0), (-45.0, -45.0)])
@@ -117,9 +124,10 @@ def test_the_start_says_which_equilibrium(start, force):
         "run": {"duration": 0.2, "sample_rate": 500.0, "start": "static_equilibrium"},
     }  # fmt: skip
     result = beamsim.run(scenario([{**PAD, "coefficient": BOTH, "start": start}], **others))
-    contact = result.friction["pad"]
-    np.testing.assert_allclose(contact.displacement[:], (20.0 - force) / 1000.0, rtol=1e-9)
-    np.testing.assert_allclose(contact.force[:], force, atol=1e-7)
+    np.testing.assert_allclose(
+        result["histories"]["friction_displacement"].sel(friction="pad").values[:], (20.0 - force) / 1000.0, rtol=1e-9
+    )
+    np.testing.assert_allclose(result["histories"]["friction_force"].sel(friction="pad").values[:], force, atol=1e-7)
     assert result.summary["friction"]["pad"]["start_force_n"] == force
 
 
@@ -127,10 +135,11 @@ def test_the_start_says_which_equilibrium(start, force):
 def test_sliding_and_wear_before_and_after_a_time_are_those_of_the_run(begin):
     case = Path(__file__).parents[2] / "configs" / "rubbing_stop.yaml"
     parts = {"whole": {}, "before": {"run.duration": begin}, "after": {"run.from": begin}}
-    of = {name: beamsim.run(beamsim.load_scenario(case, {"run.convergence": "off", **changes})).friction["latch"]
-          for name, changes in parts.items()}  # fmt: skip
+    cases = {name: {"run.convergence": "off", **changes} for name, changes in parts.items()}
+    runs = {name: beamsim.run(beamsim.load_scenario(case, changes)) for name, changes in cases.items()}
+    of = {name: run["histories"].sel(friction="latch") for name, run in runs.items()}
     for name in ("sliding_distance", "dissipated_energy", "worn_volume"):
-        whole, before, after = (getattr(of[part], name) for part in parts)
+        whole, before, after = (of[part][f"friction_{name}"].item() for part in parts)
         assert before > 0.0
         assert after > 0.0
         assert before + after == pytest.approx(whole, rel=1e-9)

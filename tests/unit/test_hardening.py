@@ -144,18 +144,25 @@ YIELDS = {"hardening": {"yield_force": "20 N", "stiffness": "200 N/m"}}
 def test_a_run_says_how_far_it_is_crushed():
     scenario = chain({**YIELDS, "gap": "20 mm"})
     result = beamsim.run(scenario)
-    crush = result.snubbers["pad"].residual_crush
+    crush = result["histories"]["snubber_residual_crush"].sel(snubber="pad").item()
     stepped = beamsim.run(chain({**YIELDS, "gap": "20 mm"}, run={"duration": 4.0, "sample_rate": "1 kHz",
                                                                "start": "rest", "method": "reference"}))  # fmt: skip
     assert result.summary["energy_error"] < 1e-10
     assert crush == pytest.approx(20.0 * 0.8 / 200.0, rel=1e-12)  # the most: unloading yields back
     assert result.summary["residual_crush_m"] == {"pad": crush}
-    force, deflection = result.snubbers["pad"].force, result.snubbers["pad"].penetration
+    force, deflection = (
+        result["histories"]["snubber_force"].sel(snubber="pad").values,
+        result["histories"]["snubber_penetration"].sel(snubber="pad").values,
+    )
     assert force.min() >= -1e-12
     assert force[deflection < 0.0].max() <= 1e-12  # on its way out the face is behind where it was
-    (probe,) = result.probes
-    np.testing.assert_allclose(stepped.probes[probe].displacement, result.probes[probe].displacement, atol=1e-6)
-    assert stepped.snubbers["pad"].residual_crush is None
+    (probe,) = result["histories"].labels("probe")
+    np.testing.assert_allclose(
+        stepped["histories"]["displacement"].sel(probe=probe).values,
+        result["histories"]["displacement"].sel(probe=probe).values,
+        atol=1e-6,
+    )
+    assert stepped["histories"]["snubber_residual_crush"].sel(snubber="pad").item() is None
 
 
 def test_preload_beyond_the_yield_force():

@@ -68,7 +68,7 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
         assert all(str(folder) in str(caught.value) for folder in (tmp_path, file.parent, matrices.parent))
         sketch = sketched(open_result(file), None)  # from the result's own numbers
         np.testing.assert_array_equal(sketch.stations.points, result.modes.stations.points)
-        assert sketch.stops["corner"].gap == result.snubbers["corner"].gap
+        assert sketch.stops["corner"].gap == result["histories"]["snubber_gap"].sel(snubber="corner").item()
         shutil.copytree(kept, tmp_path / "matrices")
         matrix = tmp_path / "matrices" / "strip.op4"
         matrix.write_text(matrix.read_text().replace("1", "2", 1))  # as long as it was

@@ -25,13 +25,16 @@ def test_any_name_is_a_value_of_a_coordinate(fabricated_run, tmp_path):
     run = fabricated_run(probes=NAMES)
     path = write_result(run, tmp_path / "case.h5")
     read = open_result(path)
-    assert list(read.probes) == list(NAMES)
+    assert read["histories"].labels("probe") == list(NAMES)
     with xarray.open_datatree(path, engine="h5netcdf") as tree:
         for name in NAMES:
             found = tree["histories"].displacement.sel(probe=name)
-            np.testing.assert_array_equal(found, run.probes[name].displacement)
-            np.testing.assert_array_equal(read.probes[name].displacement, run.probes[name].displacement)
-            np.testing.assert_array_equal(found["time"], run.time)
+            np.testing.assert_array_equal(found, run["histories"]["displacement"].sel(probe=name).values)
+            np.testing.assert_array_equal(
+                read["histories"]["displacement"].sel(probe=name).values,
+                run["histories"]["displacement"].sel(probe=name).values,
+            )
+            np.testing.assert_array_equal(found["time"], run["histories"]["time"].values)
 
 
 def test_the_root_has_no_dimensions_and_no_group_is_below_another(fabricated_run, tmp_path):
@@ -63,7 +66,9 @@ with netCDF4.Dataset(sys.argv[1]) as file:
 """  # in a process of its own: the HDF5 library of h5py is another one
     done = subprocess.run([sys.executable, "-c", script, path], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == f"{list(NAMES)} {float(run.probes['größe'].displacement[7])!r}"
+    assert (
+        done.stdout.strip() == f"{list(NAMES)} {float(run['histories']['displacement'].sel(probe='größe').values[7])!r}"
+    )
 
 
 def test_a_file_that_xarray_has_open_is_replaced(fabricated_run, tmp_path):

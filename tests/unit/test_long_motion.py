@@ -69,15 +69,7 @@ def both():
 
 
 def histories(result):
-    arrays = {"time": result.time, "base": result.base_acceleration, "moved": result.base_displacement}
-    arrays |= {name: getattr(result.energy, name) for name in ("work_in", "dissipated", "stored")}
-    for probe in result.probes.values():
-        arrays |= {
-            f"{probe.name} {k}": getattr(probe, k) for k in ("displacement", "velocity", "absolute_acceleration")
-        }
-    for snubber in result.snubbers.values():
-        arrays |= {f"{snubber.name} {k}": getattr(snubber, k) for k in ("force", "penetration", "closed")}
-    return arrays
+    return {name: of.values for name, of in result["histories"].items() if "time" in of.dims}
 
 
 def test_a_motion_in_chunks_is_that_which_is_kept(both):
@@ -87,8 +79,8 @@ def test_a_motion_in_chunks_is_that_which_is_kept(both):
     for name, values in histories(whole).items():
         round_off = 1e-12 * np.abs(values).max()  # sums of products depend on how many are taken together
         np.testing.assert_allclose(histories(parts)[name], values, rtol=0, atol=round_off, err_msg=name)
-    np.testing.assert_array_equal(parts.events.time, whole.events.time)
-    np.testing.assert_array_equal(parts.events.closing, whole.events.closing)
+    np.testing.assert_array_equal(parts["events"]["time"].values, whole["events"]["time"].values)
+    np.testing.assert_array_equal(parts["events"]["closing"].values, whole["events"]["closing"].values)
     exact_figures = ("peak_displacement_m", "min_displacement_m", "peak_acceleration_g", "peak_force_n", "contacts",
                      "largest_pull_n", "largest_gap_m")  # fmt: skip
     for name in exact_figures:
@@ -123,14 +115,16 @@ def test_an_interrupted_motion_keeps_what_it_reached(both):
     result = beamsim.run(scenario(**ASKED), progress=reached.append, stop=lambda: reached[-1:] > [0.4])
     assert result.outcome.code == "interrupted"
     assert np.all(np.diff(reached) > 0)
-    assert 0.2 * 0.14 < result.time[-1] < 0.8 * 0.14
+    assert 0.2 * 0.14 < result["histories"]["time"].values[-1] < 0.8 * 0.14
     with counted_pieces() as counts:
         assert result.only_body.peak_bending_stress.max() > 0.0
     assert not counts  # nothing is marched again
     whole = both[0]
-    kept = np.isin(whole.time, result.time)
-    tip = result.probes["tip"].displacement
-    np.testing.assert_allclose(tip, whole.probes["tip"].displacement[kept], rtol=1e-12, atol=1e-18)
+    kept = np.isin(whole["histories"]["time"].values, result["histories"]["time"].values)
+    tip = result["histories"]["displacement"].sel(probe="tip").values
+    np.testing.assert_allclose(
+        tip, whole["histories"]["displacement"].sel(probe="tip").values[kept], rtol=1e-12, atol=1e-18
+    )
     assert result.summary["peak_displacement_m"]["tip"] >= np.abs(tip).max()
     assert 0 < result.summary["events"] < whole.summary["events"]
 
@@ -142,9 +136,14 @@ def test_what_needs_the_whole_motion_is_refused():
 
 def test_a_filter_impacts_and_fatigue_of_chunks_are_those_of_a_kept_motion(both):
     whole, parts = both
-    for name, probe in whole.probes.items():
-        values, scale = probe.low_passed_acceleration, np.abs(probe.low_passed_acceleration).max()
-        np.testing.assert_allclose(parts.probes[name].low_passed_acceleration, values, rtol=0, atol=1e-9 * scale)
+    for name in whole["histories"].labels("probe"):
+        values, scale = (
+            whole["histories"]["low_passed_acceleration"].sel(probe=name).values,
+            np.abs(whole["histories"]["low_passed_acceleration"].sel(probe=name).values).max(),
+        )
+        np.testing.assert_allclose(
+            parts["histories"]["low_passed_acceleration"].sel(probe=name).values, values, rtol=0, atol=1e-9 * scale
+        )
     assert parts.summary["peak_acceleration_g"] == pytest.approx(whole.summary["peak_acceleration_g"], rel=1e-9)
     assert parts.impacts.begin.size == whole.impacts.begin.size > 10
     for name in ("begin", "end", "contact_time", "peak_force", "impulse", "approach_speed", "energy_lost"):

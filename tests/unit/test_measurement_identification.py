@@ -98,8 +98,9 @@ def test_a_motion_of_several_periods_is_aligned_over_all_of_them(oscillator, mul
         cycles = 2 * np.pi * 40.0 * t
         return np.sin(cycles) + 0.2 * np.sin(2 * cycles) + 0.4 * np.sin(cycles / multiple + 0.4) * (multiple > 1)
 
-    probe = replace(oscillator.probes["mass"], displacement=motion(oscillator.time))
-    run = replace(oscillator, probes={"mass": probe})
+    histories = oscillator["histories"]
+    moved = histories.assign(displacement=motion(histories["time"].values)[None])
+    run = replace(oscillator, datasets=oscillator.datasets | {"histories": moved})
     delay = (late + 0.3) / 40.0
     measured = motion(TIME + delay) + 1e-3 * np.random.default_rng(late).standard_normal(TIME.size)
     (c,) = compare(run, [("mass", "displacement", MeasuredSignal("mass", TIME, measured))], harmonics=3).channels

@@ -70,7 +70,9 @@ def test_animations_move_nodes_with_their_edges(tmp_path):
     frames = frames_of_run(result)
     assert {tuple(line.stations) for line in frames.lines} == EDGES
     ends = [number for line in frames.lines for number in line.stations]
-    expected = np.interp(frames.time, result.time, result.probes["corner"].displacement)
+    expected = np.interp(
+        frames.time, result["histories"]["time"].values, result["histories"]["displacement"].sel(probe="corner").values
+    )
     drawn = frames.deflection[:, [k for k, number in enumerate(ends) if number == 8]]
     np.testing.assert_allclose(drawn, expected[:, None] * np.ones(drawn.shape[1]), atol=2e-2 * np.abs(expected).max())
     stored = open_result(write_result(result, tmp_path / "run.h5"))

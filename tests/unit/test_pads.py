@@ -138,22 +138,32 @@ def test_a_branch_in_a_scenario():
     run = beamsim.run(load_scenario(chain([BRANCH])))
     assert run.summary["contacts"]["pad"] >= 3
     assert run.summary["energy_error"] < 1e-10
-    assert run.snubbers["pad"].force.min() >= -1e-12
+    assert run["histories"]["snubber_force"].sel(snubber="pad").values.min() >= -1e-12
     stepped = beamsim.run(load_scenario({**chain([BRANCH]), "run": {**CHAIN["run"], "method": "reference"}}))
-    apart = run.probes["pad"].displacement - stepped.probes["pad"].displacement
-    assert np.abs(apart).max() < 1e-5 * np.abs(run.probes["pad"].displacement).max()
+    apart = (
+        run["histories"]["displacement"].sel(probe="pad").values
+        - stepped["histories"]["displacement"].sel(probe="pad").values
+    )
+    assert np.abs(apart).max() < 1e-5 * np.abs(run["histories"]["displacement"].sel(probe="pad").values).max()
     nothing = beamsim.run(load_scenario(chain([{**BRANCH, "stiffness": 0.0}])))
     bare = beamsim.run(load_scenario(chain([])))
-    np.testing.assert_array_equal(nothing.probes["pad"].displacement, bare.probes["pad"].displacement)
+    np.testing.assert_array_equal(
+        nothing["histories"]["displacement"].sel(probe="pad").values,
+        bare["histories"]["displacement"].sel(probe="pad").values,
+    )
 
 
 def test_a_pad_rests_at_the_start():
     """At static equilibrium a prestressed pad has relaxed, and nothing moves."""
     case = {**chain([BRANCH], gap=-0.1), "excitation": {"kind": "none"}}
     run = beamsim.run(load_scenario(case))
-    pad = run.snubbers["pad"]
-    assert pad.preload == pytest.approx(pad.force[0], rel=1e-12)
-    assert np.ptp(pad.force) < 1e-12 * pad.preload
+    assert run["histories"]["snubber_preload"].sel(snubber="pad").item() == pytest.approx(
+        run["histories"]["snubber_force"].sel(snubber="pad").values[0], rel=1e-12
+    )
+    assert (
+        np.ptp(run["histories"]["snubber_force"].sel(snubber="pad").values)
+        < 1e-12 * run["histories"]["snubber_preload"].sel(snubber="pad").item()
+    )
 
 
 def test_what_needs_contacts_without_losses_says_so():
@@ -213,18 +223,17 @@ def test_springs_with_branches_are_a_linear_system():
     stiffness = np.diag([100.0, 0.0]) + 50.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     states = by_matrices(links, stiffness)
     scale = np.abs(states[:, 1]).max()
-    (probe,) = run.probes.values()
-    np.testing.assert_allclose(probe.displacement, states[:, 1], atol=1e-11 * scale)
+    (displacement,) = run["histories"]["displacement"].values
+    np.testing.assert_allclose(displacement, states[:, 1], atol=1e-11 * scale)
     assert run.summary["energy_error"] < 1e-10
-    ground, link = run.springs["ground_spring_1"], run.springs["link_spring_1"]
+    forces = run["histories"]["spring_force"]
+    ground, link = (forces.sel(spring=f"{name}_spring_1").values for name in ("ground", "link"))
     x, p = states[:, 0], states[:, 4:7]
-    np.testing.assert_allclose(
-        ground.force, 100.0 * x + 500.0 * (x - p[:, 0]) + 200.0 * (x - p[:, 1]), atol=1e-9 * scale
-    )
+    np.testing.assert_allclose(ground, 100.0 * x + 500.0 * (x - p[:, 0]) + 200.0 * (x - p[:, 1]), atol=1e-9 * scale)
     stretch = states[:, 1] - x
-    np.testing.assert_allclose(link.force, 50.0 * stretch + 200.0 * (stretch - p[:, 2]), atol=1e-9 * scale)
-    assert run.summary["peak_spring_force_n"]["link_spring_1"] >= np.abs(link.force).max() * (1 - 1e-12)
-    assert run.summary["peak_spring_force_n"]["link_spring_1"] < np.abs(link.force).max() * 1.05
+    np.testing.assert_allclose(link, 50.0 * stretch + 200.0 * (stretch - p[:, 2]), atol=1e-9 * scale)
+    assert run.summary["peak_spring_force_n"]["link_spring_1"] >= np.abs(link).max() * (1 - 1e-12)
+    assert run.summary["peak_spring_force_n"]["link_spring_1"] < np.abs(link).max() * 1.05
 
 
 def test_a_piecewise_linear_spring_with_a_branch_against_time_stepping():
@@ -234,9 +243,9 @@ def test_a_piecewise_linear_spring_with_a_branch_against_time_stepping():
     chain = {**CHAIN, "run": run, "chain": {**CHAIN["chain"], "springs_to_ground": [bent]}}
     exact = beamsim.run(load_scenario(chain))
     stepped = beamsim.run(load_scenario({**chain, "run": {**run, "method": "reference"}}))
-    (one,), (other,) = exact.probes.values(), stepped.probes.values()
-    assert np.abs(one.displacement - other.displacement).max() < 1e-5 * np.abs(one.displacement).max()
-    assert np.abs(one.displacement).max() > 2.2e-3
+    (one,), (other,) = (each["histories"]["displacement"].values for each in (exact, stepped))
+    assert np.abs(one - other).max() < 1e-5 * np.abs(one).max()
+    assert np.abs(one).max() > 2.2e-3
     assert exact.summary["energy_error"] < 1e-10
 
 
@@ -256,8 +265,18 @@ def test_a_joint_with_a_branch():
     spring = {"kind": "linear", "position": 0.3, "stiffness": 2000.0, "maxwell": [branch]}
     joined = beamsim.run(load_scenario({**common, "joints": [joint]}))
     sprung = beamsim.run(load_scenario({**common, "springs_to_ground": [spring]}))
-    scale = np.abs(sprung.probes["tip"].displacement).max()
-    np.testing.assert_allclose(joined.probes["tip"].displacement, sprung.probes["tip"].displacement, atol=1e-10 * scale)
+    scale = np.abs(sprung["histories"]["displacement"].sel(probe="tip").values).max()
+    np.testing.assert_allclose(
+        joined["histories"]["displacement"].sel(probe="tip").values,
+        sprung["histories"]["displacement"].sel(probe="tip").values,
+        atol=1e-10 * scale,
+    )
     stiffer = beamsim.run(load_scenario({**common, "springs_to_ground": [{**spring, "maxwell": []}]}))
-    assert np.abs(stiffer.probes["tip"].displacement - sprung.probes["tip"].displacement).max() > 0.05 * scale
+    assert (
+        np.abs(
+            stiffer["histories"]["displacement"].sel(probe="tip").values
+            - sprung["histories"]["displacement"].sel(probe="tip").values
+        ).max()
+        > 0.05 * scale
+    )
     assert joined.summary["energy_error"] < 1e-10

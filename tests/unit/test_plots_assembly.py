@@ -7,6 +7,7 @@ import beamsim
 from beamsim.plots.bodies import body_figures
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.run import run_figures
+from beamsim.plots.sketch import stops_of
 from beamsim.scenario import load_scenario
 from beamsim.store.results import open_result, write_result
 
@@ -49,7 +50,7 @@ def line(ax, label, number=0):
 
 
 def test_instant_of_the_largest_contact_force(result, tmp_path):
-    contact, at = result.contact, result.snubbers[result.contact.snubber]
+    contact, at = result.contact, stops_of(result)[result.contact.snubber]
     assert (
         contact.force == result.summary["peak_force_n"][contact.snubber] == max(result.summary["peak_force_n"].values())
     )

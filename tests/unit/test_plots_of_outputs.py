@@ -32,7 +32,7 @@ def test_of_a_run():
     figure = figures["outputs"]
     assert labels(figure) == ["wall (kN)", "mass (g)"]
     drawn, *bounds = (line.get_ydata() for line in figure.axes[0].lines)
-    assert np.abs(drawn).max() * 1e3 == np.abs(result.outputs["wall"].value).max()
+    assert np.abs(drawn).max() * 1e3 == np.abs(result["histories"]["output_value"].sel(output="wall").values).max()
     assert [list(y) for y in bounds] == [[2.0, 2.0], [-2.0, -2.0]]
     assert figure.axes[0].get_xlim() == (0.0, 1.0)
     lines = {line.get_label(): line.get_ydata()[0] for line in figures["displacement"].axes[0].lines}

@@ -49,7 +49,9 @@ def test_every_kind_of_result_gets_its_pictures(how, missing, fabricated_run, tm
 def test_curves_are_the_result_with_units(fabricated_run):
     result = fabricated_run()
     ax = result.plot()["displacement"].axes[0]
-    np.testing.assert_allclose(ax.lines[0].get_ydata(), 1e3 * result.probes["tip"].displacement)
+    np.testing.assert_allclose(
+        ax.lines[0].get_ydata(), 1e3 * result["histories"]["displacement"].sel(probe="tip").values
+    )
     assert ax.get_ylabel().endswith("(mm)")
     assert ax.get_xlabel() == "Time (s)"
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["tip", "middle"]
@@ -58,9 +60,9 @@ def test_curves_are_the_result_with_units(fabricated_run):
 
 def test_force_is_over_penetration_in_contact_alone(fabricated_run):
     result = fabricated_run()
-    (stop, *_), curve = result.snubbers.values(), plots.force_deflection(result).curves[0]
-    np.testing.assert_array_equal(np.isfinite(curve.y), stop.closed)
-    assert np.any(stop.closed)
+    closed, curve = result["histories"]["snubber_closed"].values[0], plots.force_deflection(result).curves[0]
+    np.testing.assert_array_equal(np.isfinite(curve.y), closed)
+    assert np.any(closed)
 
 
 def test_spectrum_is_over_the_excitation_frequency(fabricated_run):
@@ -136,7 +138,7 @@ def test_a_shock_is_shown_whole_with_its_input():
     )
     figures = result.plot()
     (ax,) = figures["displacement"].axes
-    assert ax.get_xlim() == pytest.approx((0.0, result.time[-1]))
+    assert ax.get_xlim() == pytest.approx((0.0, result["histories"]["time"].values[-1]))
     above, below = figures["acceleration"].axes
     assert "base" in below.get_ylabel()
     assert below.lines[0].get_ydata().max() == pytest.approx(10.0, rel=1e-3)
@@ -154,8 +156,7 @@ def test_a_residual_of_nothing_does_not_squeeze_the_spectra():
 
 def test_no_picture_is_of_a_contact_that_never_was(fabricated_run):
     result = fabricated_run()
-    for stop in result.snubbers.values():
-        stop.force[:] = 0.0
+    result["histories"]["snubber_force"].values[:] = 0.0
     assert set(plots.run_figures(result)) == EVERYTHING - {"contact_force", "force_deflection"}
 
 

@@ -212,20 +212,34 @@ TABLE = {"stiffness": None, "force_deflection": {"points": [[0, 0], [0.002, 100]
 def test_laws_of_the_snubber(pad, guide):
     """The force stays within its limits, the energy balances, and the figures of sliding are those of the histories."""
     result = beamsim.run(scenario(pad, guide))
-    contact, normal = result.friction["pad"], result.snubbers["guide"].force[:]
+    pad_history = result["histories"].sel(friction="pad")
+    normal = result["histories"]["snubber_force"].sel(snubber="guide").values
     assert result.summary["energy_error"] < 1e-12
-    scale = normal.max()
-    assert np.all(np.abs(contact.force[:]) <= 0.3 * normal + 1e-6 * scale)
-    assert np.all(contact.force[:][normal == 0.0] == 0.0)
-    slides = ~contact.stuck[:] & (normal > 0.0)
-    assert contact.sliding_share == pytest.approx(np.mean(slides), abs=0.01)
-    assert contact.slides >= 5
+    scale, time = normal.max(), result["histories"]["time"].values
+    assert np.all(np.abs(pad_history["friction_force"].values) <= 0.3 * normal + 1e-6 * scale)
+    assert np.all(pad_history["friction_force"].values[normal == 0.0] == 0.0)
+    slides = ~pad_history["friction_stuck"].values & (normal > 0.0)
+    assert pad_history["friction_sliding_share"].item() == pytest.approx(np.mean(slides), abs=0.01)
+    assert pad_history["friction_slides"].item() >= 5
     if not pad:  # the slider is the face: the integral of force times speed
-        assert contact.dissipated_energy == pytest.approx(0.2 * contact.wear_power * 1.3, rel=1e-9)
-        speed = np.abs(np.gradient(contact.displacement[:], result.time[:]))
-        assert contact.wear_power == pytest.approx(np.trapezoid(normal * speed, result.time[:]) / 1.3, rel=0.02)
-        assert contact.sliding_distance == pytest.approx(np.trapezoid(slides * speed, result.time[:]), rel=0.05)
-    assert contact.worn_volume == pytest.approx(1e-15 * contact.wear_power * 1.3)
+        assert pad_history["friction_dissipated_energy"].item() == pytest.approx(
+            0.2 * pad_history["friction_wear_power"].item() * 1.3, rel=1e-9
+        )
+        speed = np.abs(
+            np.gradient(
+                pad_history["friction_displacement"].values,
+                time,
+            )
+        )
+        assert pad_history["friction_wear_power"].item() == pytest.approx(
+            np.trapezoid(normal * speed, time) / 1.3, rel=0.02
+        )
+        assert pad_history["friction_sliding_distance"].item() == pytest.approx(
+            np.trapezoid(slides * speed, time), rel=0.05
+        )
+    assert pad_history["friction_worn_volume"].item() == pytest.approx(
+        1e-15 * pad_history["friction_wear_power"].item() * 1.3
+    )
 
 
 def test_nothing_sticks_that_would_have_to_hold_more_than_it_can():

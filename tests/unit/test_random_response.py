@@ -195,7 +195,8 @@ def test_a_record_has_statistics_where_it_is_declared_stationary(tmp_path):
     declared = load_scenario(OSCILLATOR | {"excitation": given | {"stationary": True}, "run": run})
     noise = beamsim.run(declared)
     assert noise.random.input.rms == pytest.approx(
-        np.sqrt(np.mean(noise.base_acceleration[noise.time >= 0.5] ** 2)), rel=1e-3
+        np.sqrt(np.mean(noise["histories"]["base_acceleration"].values[noise["histories"]["time"].values >= 0.5] ** 2)),
+        rel=1e-3,
     )
     assert noise.random.input.rms_low < noise.random.input.rms < noise.random.input.rms_high
     assert any("rms low" in text for _, text in table_rows(noise))
@@ -477,11 +478,12 @@ def test_pictures_are_of_the_band_of_the_input_and_of_the_share_of_the_time(resu
     low, high = density(result.random).x_ends
     assert low == pytest.approx(1.0, abs=2 * resolution)
     assert high == pytest.approx(40.0, abs=2 * resolution)
-    probe, start = result.probes["mass"], result.random.start_s
-    cells = phase_density(result, probe, start)
+    start = result.random.start_s
+    cells = phase_density(result, "probe", "mass", start)
     share = np.nan_to_num(cells.values)
     assert share.sum() == pytest.approx(100.0)
-    kept = probe.displacement[result.time >= start]
+    displacement = result["histories"]["displacement"].sel(probe="mass").values
+    kept = displacement[result["histories"]["time"].values >= start]
     mean = share.sum(axis=0) @ cells.x / 100.0
     assert np.sqrt(share.sum(axis=0) @ (cells.x - mean) ** 2 / 100.0) == pytest.approx(kept.std(), rel=0.01)
 

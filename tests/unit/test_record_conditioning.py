@@ -103,7 +103,7 @@ def test_a_record_with_rounded_stamps_gives_the_motion_of_the_exact_ones(tmp_pat
         beamsim.run(load_scenario(case(write(tmp_path / name, t, a, form), 1.9)))
         for name, form in (("exact.csv", "%.12f,%.8f"), ("rounded.csv", "%.4f,%.8f"))
     )
-    of_exact, of_rounded = (run.probes["m"].absolute_acceleration for run in (exact, rounded))
+    of_exact, of_rounded = (run["histories"]["absolute_acceleration"].sel(probe="m").values for run in (exact, rounded))
     assert np.abs(of_rounded - of_exact).max() < 1e-6 * np.abs(of_exact).max()
     assert any("rounded to 0.0001 s" in text and "2048 Hz" in text for text in rounded.warnings)
     assert "sampled at 2048 Hz" in rounded.summary["inputs"]["excitation"]["treatment"]
@@ -286,8 +286,14 @@ def test_options_of_compare_prepare_the_measurement(tmp_path):
     stored = tmp_path / "case.h5"
     assert runner.invoke(app, ["run", str(tmp_path / "case.yaml"), "-o", str(stored), "--no-plots"]).exit_code == 0
     run = beamsim.run(load_scenario(tmp_path / "case.yaml"))
-    measured = 9.81 - run.probes["m"].absolute_acceleration  # upside down, with gravity
-    write(tmp_path / "m.csv", run.time, measured, "%.9f,%.9f", "time (s),m absolute acceleration (m/s^2)")
+    measured = 9.81 - run["histories"]["absolute_acceleration"].sel(probe="m").values  # upside down, with gravity
+    write(
+        tmp_path / "m.csv",
+        run["histories"]["time"].values,
+        measured,
+        "%.9f,%.9f",
+        "time (s),m absolute acceleration (m/s^2)",
+    )
     command = ["compare", str(stored), str(tmp_path / "m.csv"), "--no-plots", "--json", "-o", str(tmp_path / "c.h5")]
     plain = runner.invoke(app, command)
     assert "contains gravity" in plain.output

@@ -163,7 +163,10 @@ def test_a_sampled_sine_is_the_harmonic_run(tmp_path):
     given = {"file": str(file), "unit": "mN", "time_unit": "s", "factor": 10}
     measured = beamsim.run(load_scenario(case(kind="sampled", **given, **force)))
     exact = beamsim.run(load_scenario(case(kind="harmonic", level="10 N", frequency="3 Hz", **force)))
-    a, b = measured.probes["first"].displacement, exact.probes["first"].displacement
+    a, b = (
+        measured["histories"]["displacement"].sel(probe="first").values,
+        exact["histories"]["displacement"].sel(probe="first").values,
+    )
     assert measured.summary["events"] == exact.summary["events"] > 0
     assert np.abs(a - b).max() < 1e-6 * np.abs(b).max()
     assert measured.summary["energy_error"] < 1e-9
@@ -273,7 +276,9 @@ def test_a_base_that_follows_noise_does_not_drift(changes):
 def test_random_run_is_reproducible():
     psd = [{"frequency": "2 Hz", "density": "0.002 g^2/Hz"}, {"frequency": "30 Hz", "density": "0.002 g²/Hz"}]
     one, two, other = (
-        beamsim.run(load_scenario(case(kind="random", psd=psd, seed=seed))).probes["first"].displacement
+        beamsim.run(load_scenario(case(kind="random", psd=psd, seed=seed)))["histories"]["displacement"]
+        .sel(probe="first")
+        .values
         for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(one, two)
@@ -291,8 +296,8 @@ def test_swept_run_is_the_sweep(tmp_path):
     record = sweep(load_scenario({**CHAIN, "excitation": harmonic, "sweep": {"kind": "swept_sine", **swept}}))
     curve = record.curves["up_0"]
     last = np.searchsorted(curve.time, 2.0) - 2
-    until = run.time < curve.time[last + 1]
-    peak = np.abs(run.probes["first"].displacement[until]).max()
+    until = run["histories"]["time"].values < curve.time[last + 1]
+    peak = np.abs(run["histories"]["displacement"].sel(probe="first").values[until]).max()
     assert curve.displacement["first"].peak[: last + 1].max() == pytest.approx(peak, rel=1e-4)
     with pytest.raises(ScenarioError, match="longer than the sweep, which ends at 2 s"):
         beamsim.run(load_scenario({**scenario, "run": {"duration": 3.0}}))
@@ -308,6 +313,8 @@ def test_a_record_is_looked_for_beside_the_scenario(tmp_path, monkeypatch, recor
     (folder / "case.yaml").write_text(yaml.safe_dump(case(kind="sampled", file="record.csv", **SI)), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     result = beamsim.run(load_scenario("cases/case.yaml"))
-    np.testing.assert_allclose(result.base_acceleration, a[: result.time.size], atol=1e-9)
+    np.testing.assert_allclose(
+        result["histories"]["base_acceleration"].values, a[: result["histories"]["time"].values.size], atol=1e-9
+    )
     with pytest.raises(ScenarioError, match=r"case\.yaml.*does not exist|does not exist"):
         beamsim.run(load_scenario("cases/case.yaml", ["excitation.file=other.csv"]))

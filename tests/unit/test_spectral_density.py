@@ -191,7 +191,7 @@ def test_a_run_with_a_density_in_a_file_is_that_with_points(tmp_path):
         beamsim.run(load_scenario(case(psd=psd)))
         for psd in (flat(20, 60, "0.01 g^2/Hz"), str(tmp_path / "profile.csv"))
     ]
-    np.testing.assert_array_equal(*(run.probes["m"].displacement for run in runs))
+    np.testing.assert_array_equal(*(run["histories"]["displacement"].sel(probe="m").values for run in runs))
     assert runs[0].random.input.linear_open is runs[1].random.input.linear_open is None
 
 

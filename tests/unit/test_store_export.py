@@ -46,8 +46,10 @@ def test_uff_is_read_back_by_pyuff(fabricated_run, tmp_path):
     assert (acceleration["abscissa_spec_data_type"], acceleration["ordinate_spec_data_type"]) == (17, 12)
     assert acceleration["ordinate_axis_units_lab"].strip() == "m/s^2"
     assert acceleration["abscissa_axis_units_lab"].strip() == "s"
-    np.testing.assert_allclose(acceleration["x"], result.time, atol=1e-12)
-    np.testing.assert_allclose(acceleration["data"], result.probes["tip"].absolute_acceleration, rtol=1e-11)
+    np.testing.assert_allclose(acceleration["x"], result["histories"]["time"].values, atol=1e-12)
+    np.testing.assert_allclose(
+        acceleration["data"], result["histories"]["absolute_acceleration"].sel(probe="tip").values, rtol=1e-11
+    )
     force = by_label["top force"]
     assert (force["ordinate_spec_data_type"], force["rsp_node"], force["rsp_dir"]) == (9, 4, -3)
     assert by_label["stop force"]["rsp_dir"] == 3
@@ -68,7 +70,7 @@ def test_uff_is_ascii_where_that_is_exact(fabricated_run, tmp_path):
     assert path.read_bytes().isascii()
     functions = [each for each in pyuff.UFF(str(path)).read_sets() if each["type"] == 58]
     function = next(each for each in functions if each["id1"].startswith("Spitze ?ber 80 Zeichen"))
-    np.testing.assert_allclose(function["x"], result.time, atol=1e-15)
+    np.testing.assert_allclose(function["x"], result["histories"]["time"].values, atol=1e-15)
 
 
 def test_refusals(fabricated_run, tmp_path):

@@ -18,7 +18,9 @@ CHAIN = CONFIGS / "chain_bumpers.yaml"
 def test_a_run_with_too_many_events():
     result = beamsim.run(load_scenario(CHAIN, ["run.max_events=3"]))
     assert result.outcome.code == "event_limit"
-    assert result.outcome.place.value == pytest.approx(result.time[-1], abs=2.0 / result.scenario.sample_rate)
+    assert result.outcome.place.value == pytest.approx(
+        result["histories"]["time"].values[-1], abs=2.0 / result.scenario.sample_rate
+    )
     assert "more than 3 contact events" in result.status
     assert result.outcome.remedy.startswith("raise run.max_events")
     assert result.summary["status"] == result.status
@@ -92,20 +94,26 @@ def test_a_long_motion_interrupted_anywhere_keeps_a_part_that_is_right(
     part = beamsim.run(load_scenario(CHAIN, SAMPLED), stop=request)
     assert part.outcome.interrupted
     assert request.later < 20  # of some 500 times
-    count = part.time.size
+    count = part["histories"]["time"].values.size
     assert count >= 10
-    np.testing.assert_array_equal(part.time, undisturbed.time[:count])
-    for name, probe in part.probes.items():
-        whole = undisturbed.probes[name].displacement
-        np.testing.assert_allclose(probe.displacement, whole[:count], rtol=0, atol=1e-9 * np.abs(whole).max())
+    times, whole_times = (each["histories"]["time"].values for each in (part, undisturbed))
+    np.testing.assert_array_equal(times, whole_times[:count])
+    for name in part["histories"].labels("probe"):
+        whole = undisturbed["histories"]["displacement"].sel(probe=name).values
+        np.testing.assert_allclose(
+            part["histories"]["displacement"].sel(probe=name).values,
+            whole[:count],
+            rtol=0,
+            atol=1e-9 * np.abs(whole).max(),
+        )
     compared = undisturbed
     if left_out is None:  # the motion is cut
         end = part.outcome.place.value
-        assert end < undisturbed.time[-1]
+        assert end < undisturbed["histories"]["time"].values[-1]
         compared = beamsim.run(load_scenario(CHAIN, [*SAMPLED, f"run.duration={end!r} s"]))
     else:
         assert part.status.startswith(f"interrupted before {left_out}")
-        assert (count < undisturbed.time.size) == (function == "record")
+        assert (count < undisturbed["histories"]["time"].values.size) == (function == "record")
     assert part.summary["contacts"] == compared.summary["contacts"]
     for entry in ("peak_displacement_m", "peak_force_n", "contact_share"):
         assert part.summary[entry] == pytest.approx(compared.summary[entry], rel=1e-9)
@@ -135,7 +143,7 @@ def test_an_integrator_that_fails(monkeypatch):
     result = beamsim.run(load_scenario(CHAIN, ["run.method=reference"]))
     assert result.outcome.code == "integrator_failed"
     assert "the step became too small" in result.status
-    assert result.time[-1] == pytest.approx(0.1, rel=0.2)
+    assert result["histories"]["time"].values[-1] == pytest.approx(0.1, rel=0.2)
 
 
 def test_a_stepped_sweep_that_costs_too_much(monkeypatch):

@@ -104,11 +104,12 @@ def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
     (nt,) array
         SI units.
     """
-    if place in result.probes and quantity in OF_PROBES:
-        return np.asarray(getattr(result.probes[place], quantity))
-    if place in result.snubbers and quantity in dict(OF_CONTACTS.values()):
-        return np.asarray(result.snubbers[place].force)
-    return np.asarray(result.outputs[place].value)
+    histories = result["histories"]
+    if place in histories.labels("probe") and quantity in OF_PROBES:
+        return histories[quantity].sel(probe=place).values
+    if place in histories.labels("snubber") and quantity in dict(OF_CONTACTS.values()):
+        return histories["snubber_force"].sel(snubber=place).values
+    return histories["output_value"].sel(output=place).values
 
 
 def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warnings: list[str]) -> ChannelComparison:
@@ -189,7 +190,8 @@ def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
     """A warning where a history has a notable part above half its sample rate."""
     share = _aliased(result, place, quantity)
     if share is not None:
-        rate = (result.time.size - 1) / float(result.time[-1] - result.time[0])
+        times = result["histories"]["time"].values
+        rate = (times.size - 1) / float(times[-1] - times[0])
         yield (
             f"{place} {spoken(quantity)}: {100.0 * share:.2g} % of the run's root mean square lies above half its "
             f"output rate of {rate:.5g} Hz, and is aliased in its harmonics, spectrum and response spectra: raise "
@@ -209,7 +211,7 @@ def _part_of_run(
     result: RunResult, place: str, quantity: str, excitation: float, warnings: list[str]
 ) -> MeasuredSignal:
     """The part of a computed history that is compared."""
-    times, values = result.time, predicted_history(result, place, quantity)
+    times, values = result["histories"]["time"].values, predicted_history(result, place, quantity)
     part = slice(max(times.size - 2**21, 0), times.size)
     time, x = times[part], np.asarray(values[part], dtype=float)
     name = f"{place} {quantity.replace('_', ' ')}"
@@ -567,20 +569,25 @@ def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
 def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimension]]:
     """By place of a result what can be compared there, with its dimension: probes, then snubbers, then outputs."""
     if isinstance(result, RunResult):
-        probes, outputs = list(result.probes), dict[str, Any](result.outputs)
-        contacts = {name: s.force_unit for name, s in result.snubbers.items()}
+        histories = result["histories"]
+        probes = histories.labels("probe")
+        contacts = {name: force.unit for name, force in histories.by_label("snubber_force").items()}
+        outputs = {
+            name: (of.item(), histories["output_value"].sel(output=name).unit)
+            for name, of in histories.by_label("output_quantity").items()
+        }
     else:
         curves = result.curves.values()
         probes = [name for c in curves for name in c.displacement]
-        outputs = {name: output for c in curves for name, output in c.outputs.items()}
+        outputs = {name: (output.quantity, output.unit) for c in curves for name, output in c.outputs.items()}
         contacts = {name: envelope.unit for c in curves for name, envelope in c.force.items()}
     of_probe = {q: motion_dimension(q) for q in OF_PROBES}
     found = {name: dict(of_probe) for name in probes}
     for name, unit in contacts.items():
         found.setdefault(name, {}).update([OF_CONTACTS[unit]])
-    for name, output in outputs.items():
-        dimension = Dimension(spoken(output.quantity), output.unit, f"1 {output.unit}", gravity=output.unit == "m/s^2")
-        found.setdefault(name, {}).setdefault(output.quantity, dimension)
+    for name, (quantity, unit) in outputs.items():
+        dimension = Dimension(spoken(quantity), unit, f"1 {unit}", gravity=unit == "m/s^2")
+        found.setdefault(name, {}).setdefault(quantity, dimension)
     return found
 
 

@@ -201,10 +201,16 @@ class RunOfDesign:
     @classmethod
     def of(cls, name: str, run: RunResult) -> Self:
         """That of a run."""
-        probe = next(iter(run.probes.values()))
-        hit = max(run.snubbers.values(), key=lambda snubber: float(np.max(np.abs(snubber.force))), default=None)
-        force: dict[str, Any] = {} if hit is None else {"snubber": hit.name, "force": hit.force, "unit": hit.force_unit}
-        return cls(name=name, probe=probe.name, time=run.time, displacement=probe.displacement, **force)
+        histories = run["histories"]
+        probe, displacement = next(iter(histories.by_label("displacement").items()))
+        forces = histories.by_label("snubber_force")
+        hit = max(forces, key=lambda snubber: float(np.max(np.abs(forces[snubber].values))), default=None)
+        force: dict[str, Any] = {}
+        if hit is not None:
+            force = {"snubber": hit, "force": forces[hit].values, "unit": forces[hit].unit}
+        return cls(
+            name=name, probe=probe, time=histories["time"].values, displacement=displacement.values, **force
+        )  # fmt: skip
 
 
 _PARAMETER = Counter("parameter_number", "number of the varied parameter", shared=True)

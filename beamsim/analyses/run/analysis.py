@@ -18,13 +18,12 @@ from beamsim.analyses.run.aliasing import aliased_in_histories
 from beamsim.analyses.run.exact_motion import exact_motion_of, refuse_long_histories
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
+from beamsim.analyses.run.histories import datasets_of, without_histories
 from beamsim.analyses.run.motion import (
     Evaluation,
     RunMotion,
     bodies_of_run,
     contact_instant,
-    history_fields,
-    no_histories,
     output_times,
     pull_warnings,
 )
@@ -138,7 +137,7 @@ def solved(
     evaluation = Evaluation(stop)
     if sampled is not None and sampled.time.size < reached(motion.marched.end, times).size:
         evaluation.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
-    histories = no_histories() if sampled is None else history_fields(motion, sampled, evaluation)
+    datasets = without_histories() if sampled is None else datasets_of(motion, sampled, evaluation)
     spectra: dict[tuple[str, str], Spectrum] = {}
     if needed.everything or needed.root_mean_squares:
         spectra = evaluation.computed("the spectra", lambda: spectra_of(motion), spectra)
@@ -148,10 +147,8 @@ def solved(
         outcome=reduction_checked(motion.outcome, scenario, system.modes),
         contact=contact_instant(motion) if needed.everything else None,
         inputs=system.inputs,
-        base_unit="rad" if any(each.on_base and each.rotates for _, each in scenario.excitation.items) else "m",
-        events=motion.events,
+        datasets={**datasets, "events": motion.events},
         spectra=spectra,
-        **histories,
         **(bodies_of_run(motion, evaluation) if needed.everything else {}),
         modes=system.modes,
         work=motion.work,

@@ -238,7 +238,7 @@ def _nearest(stations: Stations, place: Place) -> int:
 
 def instants(result: RunResult) -> tuple[Floats, Bools]:
     """Instants (nf,) of the frames and whether they are slow; see `frames_of_run`."""
-    time = result.time
+    time = result["histories"]["time"].values
     begin, end = float(time[0]), float(time[-1])
     forced = next((s.excitation_hz for s in result.spectra.values()), math.nan)
     frequencies = [forced, *result.modes.open_frequencies_hz]
@@ -248,11 +248,11 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
     centre = at if force > 0.0 else end
     length = min(CYCLES_SHOWN * period, end - begin)  # of the excitation or of the first mode
     first = min(max(centre - length / 2, begin), end - length)
-    log = result.events
+    at_events, snubber, closing = (result["events"][name].values for name in ("time", "snubber", "closing"))
     intervals = []
-    for number in range(len(result.snubbers)):
-        mine = log.snubber == number
-        intervals += list(_contacts(log.time[mine], log.closing[mine], begin, end))
+    for number in range(len(result["histories"].labels("snubber"))):
+        mine = snubber == number
+        intervals += list(_contacts(at_events[mine], closing[mine], begin, end))
     # a contact that lasts is no instant to be shown slowly: only its ends are
     shown = [
         each
@@ -267,7 +267,7 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
 
 
 def _forces(result: RunResult) -> list[Floats]:
-    return [snubber.force for snubber in result.snubbers.values()]
+    return [force.values for force in result["histories"].by_label("snubber_force").values()]
 
 
 def _contacts(time: Floats, closing: Bools, begin: float, end: float) -> list[tuple[float, float]]:

@@ -7,9 +7,10 @@ Relative frame; what the motion of a ground-mounted snubber does to the structur
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import NOT_FINITE, Trajectory, not_finite
 from beamsim.outcomes import Outcome, OutcomeKind
@@ -21,6 +22,15 @@ PowerFactors = tuple[RowsOf, RowsOf, Floats]  # left and right factors of powers
 LEAST_SEGMENTS = 8  # of a motion whose balance is taken from segment to segment
 FEW_TIMES = np.linspace(0.0, 1.0, 33) ** 1.1  # shares of a motion, uneven so that they do not fall on equal phases
 LARGEST_ERROR = 1e-6  # of the balance, above which a motion is not to be trusted
+
+
+@dataclass(frozen=True)
+class EnergyHistory:
+    """Energies at some times, J, in the relative frame; work_in = dissipated + stored - stored[0]."""
+
+    work_in: Floats
+    dissipated: Floats
+    stored: Floats
 
 
 def stored_energy(system: PiecewiseLinearSystem, y: Floats, penetration: Floats, phases: Ints) -> Floats:

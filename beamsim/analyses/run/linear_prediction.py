@@ -244,7 +244,7 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> OfSnubbers:
         of_snubber = _of_motion(settings, motion, level)
     names = [snubber.name for snubber in system.snubbers]
     for name, of in of_snubber.items():
-        times = motion.events.time[motion.events.snubber == names.index(name)]
+        times = motion.events["time"].values[motion.events["snubber"].values == names.index(name)]
         of["first_change_s"] = float(times[0]) if times.size else None
         of["largest_gap_m"] = {**summary["largest_gap_m"], **summary.get("largest_gap_rad", {})}[name]
     return in_their_units(of_snubber, {snubber.name: snubber.gap_unit for snubber in system.snubbers})

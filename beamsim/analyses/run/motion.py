@@ -2,41 +2,32 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance
-from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
+from beamsim.analyses.run.histories import events_of
+from beamsim.analyses.run.impacts import friction_contacts
 from beamsim.analyses.run.observers import AtContact, Histories, largest_contact, samples_until
 from beamsim.analyses.run.result import (
     ONLY_BEAM,
     BodyResult,
     ContactInstant,
-    EnergyHistory,
-    EventLog,
-    FrictionHistory,
-    OutputHistory,
-    ProbeHistory,
-    SnubberHistory,
-    SpringHistory,
     Work,
 )
-from beamsim.contacts.sliders import residual_crush
-from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory
 from beamsim.flow.trajectory import EVENT_LIMIT, Trajectory
 from beamsim.flow.transient import MotionInChunks
 from beamsim.inputs.measured import highest_excited_hz
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Interrupted, Outcome, Stop, check_stop, stopped_by
 from beamsim.results.values import (
-    DISPLACEMENT,
     FORCE,
     STRESS,
     Extremes,
@@ -45,10 +36,9 @@ from beamsim.results.values import (
     largest_pulls,
 )
 from beamsim.scenario import Scenario
-from beamsim.scenario.connections import OfHinge
 from beamsim.scenario.run import Run
 from beamsim.structures.stations import COMPONENTS
-from beamsim.system.structural import SnubberNumbers, StructuralSystem
+from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
 if TYPE_CHECKING:
@@ -88,42 +78,6 @@ class Evaluation:
         if not (minor and self.left_out):
             self.left_out.append(what)
         return instead
-
-
-def no_histories() -> dict[str, Any]:
-    """The fields of `history_fields` of a result without histories."""
-    none = np.zeros(0)
-    return {
-        "time": none, "probes": {}, "snubbers": {}, "base_acceleration": none, "base_displacement": none,
-        "energy": EnergyHistory(none, none, none),
-    }  # fmt: skip
-
-
-def history_fields(motion: RunMotion, histories: Histories, evaluation: Evaluation) -> dict[str, Any]:
-    """Everything at the output times, as fields of the result.
-
-    Parameters
-    ----------
-    motion : of the run.
-    histories : of the motion.
-    evaluation : what is computed from the motion.
-
-    Returns
-    -------
-    By field of `RunResult`.
-    """
-    system = motion.system
-    return {
-        "time": histories.time,
-        "probes": _probes(motion, histories),
-        "snubbers": _snubbers(motion, histories),
-        "springs": _springs(system, histories),
-        "friction": _friction(motion, histories, evaluation),
-        "outputs": _outputs(system, histories),
-        "base_acceleration": _signal(system.base_acceleration, histories.time),
-        "base_displacement": _signal(system.base_displacement, histories.time),
-        "energy": histories.energy,
-    }
 
 
 @dataclass(frozen=True)
@@ -166,12 +120,12 @@ class RunMotion:
         return Work(of.event_time.size, of.evaluations, of.segments, of.states, of.processor_time_s)
 
     @cached_property
-    def events(self) -> EventLog:
+    def events(self) -> Dataset:
         """Contacts of the snubbers made and ended, without breakpoints of their tables; contacts with higher numbers
         are piecewise-linear springs."""
         of, count = self.marched, len(self.system.snubbers)
         of_snubber = (of.event_contact < count) & (of.touch_changes != 0)
-        return EventLog(of.event_time[of_snubber], of.event_contact[of_snubber], of.event_closing[of_snubber])
+        return events_of(of.event_time[of_snubber], of.event_contact[of_snubber], of.event_closing[of_snubber])
 
     @property
     def breakpoints(self) -> int:
@@ -228,101 +182,6 @@ def with_limit(outcome: Outcome, limit: str = "run.max_events") -> Outcome:
     return outcome.but(remedy=f"raise {limit}, or check for a chattering contact")
 
 
-def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
-    """A signal at these times; zero where there is none."""
-    return np.zeros(times.size) if signal is None else signal(times)
-
-
-def _probes(motion: RunMotion, histories: Histories) -> dict[str, ProbeHistory]:
-    """History of every probe."""
-    system = motion.system
-    base, displacement = _signal(system.base_displacement, histories.time), histories.of(DISPLACEMENT)
-    return {
-        probe.name: ProbeHistory(
-            name=probe.name,
-            position=probe.position,
-            across=probe.across,
-            displacement=displacement[:, i],
-            absolute_displacement=displacement[:, i] + system.base_influence[i] * base,
-            velocity=histories.of(("probes", "velocity"))[:, i],
-            absolute_acceleration=histories.of(("probes", "absolute_acceleration"))[:, i],
-            low_passed_acceleration=None if motion.low_passed is None else motion.low_passed[: base.size, i],
-        )
-        for i, probe in enumerate(system.probes)
-    }
-
-
-def _snubbers(motion: RunMotion, histories: Histories) -> dict[str, SnubberHistory]:
-    """History of every snubber."""
-    crushed = _crushed(motion)
-    return {
-        s.name: SnubberHistory(
-            **{field.name: getattr(s, field.name) for field in fields(SnubberNumbers)},
-            across=s.across,
-            table_misfit=s.table_misfit,
-            residual_crush=crushed.get(j),
-            force=histories.of(("snubbers", "force"))[:, j],
-            penetration=histories.of(("snubbers", "penetration"))[:, j],
-            closed=histories.touching[:, j],
-            displacement=histories.of(("snubbers", "displacement"))[:, j],
-            velocity=histories.of(("snubbers", "velocity"))[:, j],
-        )
-        for j, s in enumerate(motion.system.snubbers)
-    }
-
-
-def _crushed(motion: RunMotion) -> dict[int, float]:
-    """Residual crush at the end of the motion of the snubbers that yield, m, by their number; none by time stepping."""
-    contacts, trajectory = motion.system.dynamics.contacts, motion.trajectory
-    yielding = [j for j in range(len(motion.system.snubbers)) if contacts.laws[j].yields]
-    if trajectory is None or not yielding:
-        return {}
-    end = trajectory.final_y
-    penetration = trajectory.flow.equations.penetration
-    delta = trajectory.sample(np.array([trajectory.end]), lambda _: penetration)[0]
-    phases, first = trajectory.phases_of(trajectory.state)[-1], 2 * contacts.shape.shape[1] + contacts.first
-    return {
-        j: residual_crush(contacts.laws[j], int(phases[j]), float(delta[j]), float(end[first[j]])) for j in yielding
-    }
-
-
-def _springs(system: StructuralSystem, histories: Histories) -> dict[str, SpringHistory]:
-    springs = [spring for spring in system.springs if spring.kind != FRICTION]
-    if not springs:
-        return {}
-    stretch, force = histories.of(("springs", "stretch")), histories.of(("springs", "force"))
-    return {s.name: SpringHistory(s.name, s.kind, s.masses, stretch[:, i], force[:, i]) for i, s in enumerate(springs)}
-
-
-def _friction(motion: RunMotion, histories: Histories, evaluation: Evaluation) -> dict[str, FrictionHistory]:
-    system, scenario = motion.system, motion.system.scenario
-    contacts, number = [each.item for each in scenario.located_friction], friction_contacts(system)
-    figures: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
-    begin = 0.0 if scenario.run is None else scenario.run.from_
-    if contacts and motion.trajectory is not None and begin <= motion.trajectory.end:
-        random = scenario.excitation.stationary and motion.outcome.complete
-        counted = motion.trajectory.between(begin, motion.trajectory.end) if begin else motion.trajectory
-        figures = evaluation.computed(
-            "sliding", lambda: sliding_figures(system, counted, contacts, random=random), figures
-        )
-    return {
-        c.name: FrictionHistory(
-            turns=isinstance(c, OfHinge) or None,
-            name=c.name,
-            normal_force=np.nan if isinstance(c, OfHinge) else c.constant_force,
-            static_force=c.static_force,
-            sliding_force=c.sliding_force,
-            stiffness=c.stiffness or np.inf,
-            start_force=c.start_force,
-            displacement=histories.of(("friction", "stretch"))[:, i],
-            force=histories.of(("friction", "force"))[:, i],
-            stuck=histories.touching[:, j],
-            **{"sliding_share": 1.0 - float(motion.contact_share[j]), **of_contact},
-        )
-        for i, (c, j, of_contact) in enumerate(zip(contacts, number, figures, strict=True))
-    }
-
-
 def contact_instant(motion: RunMotion) -> ContactInstant | None:
     """The motion when a contact force is largest, for the sketch of several bodies; None without contact."""
     system, at, contact = motion.system, motion.at_contact, largest_contact(motion.system, motion.extremes)
@@ -335,17 +194,6 @@ def contact_instant(motion: RunMotion) -> ContactInstant | None:
     )  # fmt: skip
     opening = at.opening[: len(system.snubbers)]
     return replace(instant, supports=supports if supports.any() else None, opening=opening)
-
-
-def _outputs(system: StructuralSystem, histories: Histories) -> dict[str, OutputHistory]:
-    """The outputs that the run asks for, in its order."""
-    met: Counter[str] = Counter()
-    outputs = {}
-    for output in system.outputs:
-        value = histories.of(output.key)[:, met[output.quantity]]
-        outputs[output.name] = OutputHistory(output.name, output.quantity, output.unit, output.at, value)
-        met[output.quantity] += 1
-    return outputs
 
 
 def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Any]:

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.energy import sampled_stored_energy, work_factors
-from beamsim.analyses.run.result import EnergyHistory
+from beamsim.analyses.run.energy import EnergyHistory, sampled_stored_energy, work_factors
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory

@@ -49,10 +49,10 @@ from beamsim.analyses.run.result import (
     RandomResponse,
     RunResult,
     SignalStatistics,
-    SnubberHistory,
 )
 from beamsim.contacts.laws import ContactLaw
 from beamsim.inputs.measured import limit_curve
+from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, check_stop
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.run import Run
@@ -88,7 +88,8 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
     RandomResponse or None
         None where the run is too short.
     """
-    times, scenario = result.time, result.scenario
+    histories, scenario = result["histories"], result.scenario
+    times = histories["time"].values
     first = int(SKIPPED * times.size)
     count = times.size - first
     if count < LEAST_SAMPLES:
@@ -104,7 +105,7 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
         figures: dict[str, Any] = statistics_of(x, rate) | rms_interval(x)
         of_test = figures.get("degrees_of_freedom", 0.0), tested * rate
         others = "" if name == "input" else next((why for of, why in beyond.items() if of != (name, quantity)), "")
-        pressed = _compression(system, result.snubbers.get(name), first) if quantity == "force" else None
+        pressed = _compression(system, histories, name, first) if quantity == "force" else None
         figures |= {UNKNOWN: others} if others else largest_of_test(x, *of_test, pressed)
         return SignalStatistics(
             name=name, quantity=quantity, unit=unit, density=cross_density(x, x, rate, length).real,
@@ -116,14 +117,15 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
     others = (*exciting_forces(scenario), *driven_supports(scenario))
     _, shown = moving_base(scenario) or others[0]
     quantity, alone = str(shown.takes[0]), len(scenario.excitation.items) == 1
-    given = (result.base_acceleration if shaken else system.forcing.signal[0](times))[first:]
+    given = (histories["base_acceleration"].values if shaken else system.forcing.signal[0](times))[first:]
     entered = statistics("input", quantity, amplitude_unit(quantity), given)
     signals, transmissibility, coherence = [entered], {}, {}
     for name, quantity, unit, values in _responses(result):
         check_stop()
         x = values[first:]
         signals.append(statistics(name, quantity, unit, x))
-        of_probe = name in result.probes and name not in transmissibility  # an output may be called as a probe is
+        # an output may be called as a probe is
+        of_probe = name in histories.labels("probe") and name not in transmissibility
         if alone and of_probe and quantity == (MAIN_QUANTITY if shaken else "displacement"):
             cross = cross_density(given, x, rate, length)
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -137,13 +139,15 @@ def random_response(result: RunResult, system: StructuralSystem) -> RandomRespon
 
 def _responses(result: RunResult) -> Iterator[tuple[str, str, str, Floats]]:
     """Name, quantity, unit and history of each response."""
-    for probe in result.probes.values():
-        yield probe.name, MAIN_QUANTITY, "m/s^2", probe.absolute_acceleration
-        yield probe.name, "displacement", "m", probe.displacement
-    for snubber in result.snubbers.values():
-        yield snubber.name, "force", snubber.force_unit, snubber.force
-    for output in result.outputs.values():
-        yield output.name, output.quantity, output.unit, output.value
+    histories = result["histories"]
+    for name in histories.labels("probe"):
+        for quantity in (MAIN_QUANTITY, "displacement"):
+            history = histories[quantity].sel(probe=name)
+            yield name, quantity, history.unit, history.values
+    for name, force in histories.by_label("snubber_force").items():
+        yield name, "force", force.unit, force.values
+    for name, output in histories.by_label("output_value").items():
+        yield name, histories["output_quantity"].sel(output=name).item(), output.unit, output.values
 
 
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
@@ -276,15 +280,16 @@ class Compression(NamedTuple):
         return sum(pressed) - self.force * moved + 0.5 * self.stiffness * moved**2
 
 
-def _compression(system: StructuralSystem, snubber: SnubberHistory | None, first: int) -> Compression | None:
+def _compression(system: StructuralSystem, histories: Dataset, name: str, first: int) -> Compression | None:
     """A snubber of a run, and the structure behind it, with means from a sample on; None without one."""
-    if snubber is None:
+    if name not in histories.labels("snubber"):
         return None
     contacts, omega2 = system.dynamics.contacts, system.dynamics.stiffness
-    j = [each.name for each in system.snubbers].index(snubber.name)
+    j = [each.name for each in system.snubbers].index(name)
     with np.errstate(divide="ignore", invalid="ignore"):
         compliance = float(np.nansum(contacts.shape[j] ** 2 / omega2))  # infinite of a body that moves freely there
-    means = float(snubber.penetration[first:].mean()), float(snubber.force[first:].mean())
+    of_snubber = (histories[f"snubber_{each}"].sel(snubber=name).values for each in ("penetration", "force"))
+    means = [float(values[first:].mean()) for values in of_snubber]
     return Compression(contacts.laws[j], 1.0 / compliance, *means)
 
 
@@ -357,10 +362,11 @@ def _beyond_record(
     first : sample with which the record begins.
     samples : of the whole test.
     """
-    moved = [(f"snubber {s.name}", s.gap_unit, s.penetration) for s in result.snubbers.values()]
-    stretched = {name: s.stretch for name, s in result.springs.items()}
-    stretched |= {name: s.displacement for name, s in result.friction.items()}
-    moved += [(f"spring {s.name}", "m", stretched[s.name]) for s in system.springs if s.law is not None]
+    histories = result["histories"]
+    pressed = histories.by_label("snubber_penetration")
+    moved = [(f"snubber {name}", penetration.unit, penetration.values) for name, penetration in pressed.items()]
+    stretched = histories.by_label("spring_stretch") | histories.by_label("friction_displacement")
+    moved += [(f"spring {s.name}", "m", stretched[s.name].values) for s in system.springs if s.law is not None]
     reasons = {}
     for (name, unit, values), law in zip(moved, system.dynamics.contacts.laws, strict=True):
         x = values[first:]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.run.layouts import EVENTS, FRICTION_INTERVALS, HISTORIES
 from beamsim.fields import (
     ByName,
     Counter,
@@ -35,7 +36,7 @@ from beamsim.results.result import CONVERGENCE, GAPPING, MARGINS, MODES, PROCESS
 from beamsim.results.values import BY_ENTRY, VALUES, of_angles
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.system.modes import ModeTable
-from beamsim.system.structural import ContactUnits, SnubberNumbers
+from beamsim.system.structural import ContactUnits
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 ONLY_BEAM = "beam"  # what the body of a scenario that gives one beam without a name is called
@@ -44,9 +45,7 @@ ALLOWED_CHANGE = 0.02  # relative change of a figure with a finer model that is 
 ALLOWED_REMAINDER = 0.02  # of a line that is one steady line
 STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
 AT_REST = 1e-9  # of the highest approach speed, below which an impact begins at rest
-_TIME = ("time",)
 _FREQUENCY = ("frequency_hz",)
-_EVENT = (Counter("event", "number of the contact event"),)
 _IMPACT = (Counter("impact", "number of the impact"),)
 _CYCLE = (Counter("cycle", "number of the counted cycle"),)
 
@@ -203,126 +202,6 @@ class Fatigue:
         return {name: value for name, value in values.items() if value is not None}
 
 
-@declared(along=_TIME)
-class ProbeHistory:
-    """Motion of one probe at the output times."""
-
-    name: str = key("name of the probe")
-    position: float = attribute("m", "position along the beam; the number of the mass in a chain")
-    displacement: Floats = dataset("m", "displacement relative to the base")
-    absolute_displacement: Floats = dataset("m", "absolute displacement")
-    velocity: Floats = dataset("m/s", "velocity relative to the base")
-    absolute_acceleration: Floats = dataset("m/s^2", "absolute acceleration")
-    low_passed_acceleration: Floats | None = dataset(
-        "m/s^2", "absolute acceleration behind the low-pass filter of run.low_pass", default=None
-    )
-    across: float | None = attribute("m", "on a plate position from its bottom edge", default=None)
-
-
-@declared
-class OutputHistory:
-    """One quantity of `run.outputs` at the output times."""
-
-    name: str = key("name of the output")
-    quantity: str = attribute("", "what it is, such as bending_moment or reaction_force")
-    unit: str = attribute("", "unit of the quantity")
-    at: str = attribute("", "where it is: a place, a support, a joint or a body")
-    value: Floats = dataset("{unit}", "{quantity}", along=_TIME)
-
-
-@declared(along=_TIME)
-class SnubberHistory(SnubberNumbers):
-    """One snubber at the output times; between two masses the displacement is the stretch, of a stop of a hinge the
-    angle."""
-
-    force: Floats = dataset("{force_unit}", "contact force on the structure, positive when it pushes")
-    penetration: Floats = dataset("{gap_unit}", "penetration of the structure into the snubber")
-    closed: Bools = dataset("1", "whether the contact is closed", flags=("open", "closed"))
-    displacement: Floats = dataset("{gap_unit}", "displacement of the structure at the snubber, relative to the base")
-    velocity: Floats = dataset("{gap_unit}/s", "velocity of the structure at the snubber, relative to the base")
-    across: float | None = attribute("m", "on a plate position from its bottom edge", default=None)
-    table_misfit: float | None = attribute(
-        "{force_unit}", "root mean square of what a force-deflection table leaves of the measured forces", default=None
-    )
-    residual_crush: float | None = attribute(
-        "{gap_unit}", "of a stop that yields, how far it stays crushed at the end of the motion", default=None
-    )
-
-
-@declared(along=_TIME)
-class SpringHistory:
-    """One spring that is nonlinear or relaxes, at the output times."""
-
-    name: str = key("name of the spring")
-    kind: str = attribute("", "cubic, piecewise_linear, linear (which relaxes), or spring of a joint that relaxes")
-    masses: tuple[int, ...] = attribute(
-        "", "number of the mass it ties to the ground, or of the two it joins; none between points of beams"
-    )
-    stretch: Floats = dataset("m", "stretch of the spring; to the ground the absolute displacement there")
-    force: Floats = dataset("N", "force of the spring, positive where it pulls back a positive stretch")
-
-
-@declared(along=_TIME)
-class FrictionHistory(ContactUnits):
-    """One friction contact at the output times; between two places the displacement is the stretch."""
-
-    name: str = key("name of the friction contact")
-    normal_force: float = attribute(
-        "{force_unit}", "force that presses the faces together; nan where it is that of a snubber"
-    )
-    static_force: float = attribute("{force_unit}", "friction force up to which it sticks, likewise")
-    sliding_force: float = attribute("{force_unit}", "friction force while it slides, likewise")
-    stiffness: float = attribute(
-        "{force_unit}/{gap_unit}", "tangential stiffness while it sticks; infinite where it does not move"
-    )
-    start_force: float = attribute(
-        "{force_unit}", "friction force at the start, positive where it resists a positive displacement"
-    )
-    displacement: Floats = dataset("{gap_unit}", "displacement along the face, relative to what it rubs on")
-    force: Floats = dataset("{force_unit}", "friction force, positive where it resists a positive displacement")
-    stuck: Bools = dataset("1", "whether the contact sticks", flags=("sliding", "stuck"))
-    sliding_share: float = attribute("1", "share of the time during which it slides")
-    # of the continuous motion: None of a time-stepped or interrupted one
-    slides: int | None = attribute("1", "how often sliding begins", default=None)
-    sliding_distance: float | None = attribute("{gap_unit}", "distance that it slides", default=None)
-    dissipated_energy: float | None = attribute("J", "energy lost", default=None)
-    dissipated_power: float | None = attribute("W", "energy lost over the duration of the run", default=None)
-    wear_power: float | None = attribute("W", "mean of normal force times sliding speed", default=None)
-    worn_volume: float | None = attribute("m^3", "volume worn, where wear_rate is given", default=None)
-    intervals: tuple[FigureInterval, ...] = table(  # of a random input
-        "friction_intervals", FigureInterval, Counter("number", "number of the figure"), default=()
-    )
-
-    def summary(self) -> dict[str, Any]:
-        """The numbers by name, with their units."""
-        called = of_angles if self.gap_unit == "rad" else str
-        numbers: dict[str, Any] = {
-            called(f"{name}_{unit}"): getattr(self, name) for name, unit in _FRICTION_UNITS.items()
-        }
-        if self.intervals:
-            numbers["intervals"] = {called(row.figure): [row.low, row.high] for row in self.intervals}
-        return {"sliding_share": self.sliding_share, "slides": self.slides, **numbers}
-
-
-_FRICTION_UNITS = {
-    "sliding_distance": "m", "dissipated_energy": "j", "dissipated_power": "w", "wear_power": "w", "worn_volume": "m3",
-    "start_force": "n", "static_force": "n", "sliding_force": "n",
-}  # fmt: skip
-
-
-@declared(along=_EVENT)
-class EventLog:
-    """Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them.
-
-    A contact that is made at t = 0, where the gap is just closed, has its closing there. A snubber that is deflected at
-    t = 0 (prestressed, or by the start) was in contact before: it has no closing, its first event may be an opening.
-    """
-
-    time: Floats = dataset("s", "time of the contact event; 0 where contact begins at the start of the run")
-    snubber: Ints = dataset("1", "number of the snubber, from 0", names="histories/snubber")
-    closing: Bools = dataset("1", "whether the contact closes", flags=("opening", "closing"))
-
-
 @declared
 class SpectralLine:
     """One line of the table of harmonics."""
@@ -436,19 +315,6 @@ class ContactInstant:
         """(nx,) m, relative to the base at the stations."""
         of_modes = self.coordinates @ modes.shapes
         return np.asarray(of_modes if self.supports is None else of_modes + self.supports)
-
-
-@declared(along=_TIME)
-class EnergyHistory:
-    """Energies at the output times, relative frame; work_in = dissipated + stored - stored[0]."""
-
-    work_in: Floats = dataset("J", "work done on the structure by the excitation, in the relative frame")
-    dissipated: Floats = dataset("J", "energy dissipated")
-    stored: Floats = dataset(
-        "J",
-        "energy stored, kinetic and elastic, snubbers included; where supports move relative to the base, that of the "
-        "degrees of freedom which they leave",
-    )
 
 
 @declared
@@ -800,7 +666,7 @@ _SUMMARY = (
              "change of the value with it, and the change of the number within which it holds, in SI units",
              form=dict[str, dict[str, Plain]]),
     Entry("method", of="method", section="solver"),
-    Entry("samples", "1", "samples of the histories", "solver", of="time.size"),
+    Entry("samples", "1", "samples of the histories", "solver"),
     Entry("memory_bytes", "B", "bound on what the run keeps in memory, run.memory", "solver"),
     Entry("contact_states_kept", "1", "contact states whose tables were kept at once, where the motion visited more",
              "solver"),
@@ -811,25 +677,17 @@ _SUMMARY = (
 )  # fmt: skip
 
 
-@declared(kw_only=True, along=_TIME)
+@declared(kw_only=True)
 class RunResult(Result):
     """Everything `beamsim run` computes."""
 
-    SUMMARY, DATASET = _SUMMARY, "histories"
+    SUMMARY, DATASETS = _SUMMARY, (HISTORIES, EVENTS, FRICTION_INTERVALS)
 
     method: str = attribute("", "exact, or reference with its integrator")
-    time: Floats = axis("s", "time")
-    probes: dict[str, ProbeHistory] = members("", ProbeHistory, "probe")
-    snubbers: dict[str, SnubberHistory] = members("", SnubberHistory, "snubber", prefix="snubber_")
-    # (nt,), zeros without base motion
-    base_acceleration: Floats = dataset("{base_unit}/s^2", "acceleration of the base", name="base_acceleration")
-    base_displacement: Floats = dataset("{base_unit}", "displacement of the base", name="base_displacement")
-    events: EventLog = group("events", EventLog)
     spectra: dict[tuple[str, str], Spectrum] = members(  # by probe or output and quantity
         "signals", Spectrum, "signal", rows="spectra"
     )
     only_body: BodyResult | None = group("beam", BodyResult, default=None)  # of a scenario with one beam
-    energy: EnergyHistory = group("", EnergyHistory, prefix="energy_")
     modes: ModeTable = group("modes", ModeTable)
     work: Work = group("work", Work)
     random: RandomResponse | None = group("random", RandomResponse, default=None)  # of a stationary input
@@ -837,15 +695,6 @@ class RunResult(Result):
     matched: MatchedSpectrum | None = group("matched", MatchedSpectrum, default=None)  # of a matched base motion
     against: Against | None = group("against", Against, default=None)  # where the comparison was asked for
     contact: ContactInstant | None = group("contact", ContactInstant, default=None)  # of several bodies with contact
-    springs: dict[str, SpringHistory] = members(
-        "", SpringHistory, "spring", prefix="spring_", default_factory=dict
-    )  # nonlinear springs of a chain
-    friction: dict[str, FrictionHistory] = members(
-        "", FrictionHistory, "friction", prefix="friction_", default_factory=dict
-    )
-    outputs: dict[str, OutputHistory] = members(
-        "", OutputHistory, "output", prefix="output_", default_factory=dict
-    )  # that the run asks for
     named_bodies: dict[str, BodyResult] = members(
         "bodies", BodyResult, "body", default_factory=dict
     )  # those with a continuous axis
@@ -862,7 +711,6 @@ class RunResult(Result):
     inputs: tuple[InputStatement, ...] = table(  # records and random inputs
         "inputs", InputStatement, Counter("number", "number of the input"), default=()
     )
-    base_unit: str = attribute("", "unit of a displacement of the base: rad where it turns", default="m")
     low_pass_hz: float | None = attribute(
         "Hz", "-3 dB frequency of the 4-pole Butterworth low-pass in front of the peak accelerations", default=None
     )

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.energy import EnergyBalance, power_factors, stored_energy
+from beamsim.analyses.run.energy import EnergyBalance, EnergyHistory, power_factors, stored_energy
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.analyses.run.filters import PANELS_A_PERIOD, LowPassed
 from beamsim.analyses.run.motion import RunMotion, with_limit
 from beamsim.analyses.run.observers import AtContact, Histories, largest_contact
-from beamsim.analyses.run.result import EnergyHistory
 from beamsim.flow.channels import Observed
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeStepping, integrate

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.analyses.run.histories import friction_summary
 from beamsim.analyses.run.linear_prediction import OfSnubbers, gapping_of_run
 from beamsim.analyses.run.motion import Evaluation, RunMotion
 from beamsim.analyses.run.needed import Needed
@@ -46,8 +47,9 @@ PRECISION = 1e-15  # of a deflection, that its computation is known to
 
 def figures_of_motion(motion: RunMotion) -> dict[str, Any]:
     """The figures of the contacts and of the motion."""
-    system = motion.system
-    closings = np.bincount(motion.events.snubber[motion.events.closing], minlength=len(system.snubbers))
+    system, events = motion.system, motion.events
+    closing = events["closing"].values
+    closings = np.bincount(events["snubber"].values[closing], minlength=len(system.snubbers))
     return {
         **motion_figures(
             system, motion.extremes, motion.contact_share, closings, deflection_size(system, motion.extreme_states)
@@ -91,14 +93,17 @@ def _unresolved_lines(spectra: Mapping[tuple[str, str], Spectrum]) -> list[dict[
 def figures_of_parts(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of the summary that repeat parts of a result, and its margins with other entries; None without any."""
     von_mises = [body.peak_von_mises_stress for body in result.bodies.values()]
-    yielding = [s for s in result.snubbers.values() if s.residual_crush is not None]
-    crushed = by_units("residual_crush_m", yielding, lambda s: s.residual_crush)
+    crushed: dict[str, dict[str, float]] = {"residual_crush_m": {}, "residual_crush_rad": {}}
+    for name, left in result["histories"].by_label("snubber_residual_crush").items():
+        if not np.isnan(left.item()):
+            crushed[f"residual_crush_{left.unit}"][name] = left.item()
     impacts, random = result.impacts, result.random
     return {
         **{entry: of or None for entry, of in crushed.items()},
         "largest_von_mises_stress_pa": max((float(x.max()) for x in von_mises if x is not None), default=None),
         "inputs": {of.path: of.summary() for of in result.inputs} or None,
-        "friction": {name: contact.summary() for name, contact in result.friction.items()} or None,
+        "samples": result["histories"]["time"].values.size,
+        "friction": friction_summary(result.datasets) or None,
         "impacts": None if impacts is None else impacts.summary(),
         "impacts_total": None if impacts is None else impacts.total(),
         "sensitivities": result.gradients() or None,
@@ -155,7 +160,7 @@ def summary_of_run(
         "rms_displacement_m": by_name(probes, np.array([rms[p, "displacement"] for p in probes])),
         "rms_acceleration_g": by_name(probes, np.array([rms[p, MAIN_QUANTITY] for p in probes]) / STANDARD_GRAVITY),
         **figures_of_motion(motion),
-        "events": int(motion.events.time.size),
+        "events": motion.events["time"].values.size,
         "linear": motion.work.events == 0 and system.cubic.count == 0,
         "energy_error": motion.balance.error,
         **motion.memory,

@@ -1,0 +1,260 @@
+"""The labelled datasets of a run at its output times: histories by place, contact events, intervals of sliding."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
+from beamsim.analyses.run.layouts import EVENTS, FRICTION_INTERVALS, HISTORIES
+from beamsim.analyses.run.observers import Histories
+from beamsim.contacts.sliders import residual_crush
+from beamsim.contacts.snubbers import FRICTION
+from beamsim.labelled import Dataset
+from beamsim.results.values import DISPLACEMENT, of_angles
+from beamsim.scenario.connections import OfHinge
+from beamsim.system.structural import FORCE_UNITS, StructuralSystem
+from beamsim.typing import Floats
+
+if TYPE_CHECKING:
+    from beamsim.analyses.run.motion import Evaluation, RunMotion
+
+_SLIDING_UNITS = {
+    "sliding_distance": "m", "dissipated_energy": "j", "dissipated_power": "w", "wear_power": "w", "worn_volume": "m3",
+}  # fmt: skip
+_FORCES = ("start_force", "static_force", "sliding_force")
+
+
+def without_histories() -> dict[str, Dataset]:
+    """The datasets of a run of which only values are needed."""
+    return {"histories": HISTORIES.dataset({"time": np.zeros(0)})}
+
+
+def events_of(time: Floats, snubber: Any, closing: Any) -> Dataset:
+    """The dataset of contact events.
+
+    Parameters
+    ----------
+    time : (n,) s.
+    snubber : (n,) number of each, from 0.
+    closing : (n,) whether contact begins.
+    """
+    number = np.arange(1, time.size + 1)
+    return EVENTS.dataset({"event": number, "time": time, "snubber": snubber, "closing": closing})
+
+
+def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation) -> dict[str, Dataset]:
+    """Everything at the output times, as datasets of the result.
+
+    Parameters
+    ----------
+    motion : of the run.
+    histories : of the motion.
+    evaluation : what is computed from the motion.
+
+    Returns
+    -------
+    By name.
+    """
+    system, time = motion.system, histories.time
+    turning = any(each.on_base and each.rotates for _, each in system.scenario.excitation.items)
+    sliding = _sliding(motion, evaluation)
+    values = {
+        "time": time,
+        "base_acceleration": _signal(system.base_acceleration, time),
+        "base_displacement": _signal(system.base_displacement, time),
+        "energy_work_in": histories.energy.work_in,
+        "energy_dissipated": histories.energy.dissipated,
+        "energy_stored": histories.energy.stored,
+        **_of_probes(motion, histories),
+        **_of_snubbers(motion, histories),
+        **_of_springs(system, histories),
+        **_of_friction(motion, histories, sliding),
+        **_of_outputs(system, histories),
+    }
+    friction = [each.item for each in system.scenario.located_friction]
+    of_members = {
+        "snubber": [contact_units(snubber.gap_unit) for snubber in system.snubbers],
+        "friction": [contact_units("rad" if isinstance(each, OfHinge) else "m") for each in friction],
+        "output": [{"unit": each.unit, "quantity": each.quantity} for each in system.outputs],
+    }
+    datasets = {"histories": HISTORIES.dataset(values, of_members, base_unit="rad" if turning else "m")}
+    rows = [(k, row) for k, of in enumerate(sliding) for row in of.get("intervals", ())]
+    if rows:
+        columns = {name: [getattr(row, name) for _, row in rows] for name in ("figure", "value", "low", "high")}
+        numbers = {"number": np.arange(len(rows)), "friction": [k for k, _ in rows]}
+        datasets["friction_intervals"] = FRICTION_INTERVALS.dataset(numbers | columns)
+    return datasets
+
+
+def contact_units(gap_unit: str) -> dict[str, str]:
+    """Units of what a contact measures, by the words of its declarations."""
+    return {"gap_unit": gap_unit, "force_unit": FORCE_UNITS[gap_unit]}
+
+
+def _signal(signal: Callable[[Floats], Floats] | None, times: Floats) -> Floats:
+    """A signal at these times; zero where there is none."""
+    return np.zeros(times.size) if signal is None else signal(times)
+
+
+def _known(values: Sequence[float | None]) -> Floats | None:
+    """(k,) numbers, NaN where there is none; None where there are none at all."""
+    if all(value is None for value in values):
+        return None
+    return np.array([np.nan if value is None else value for value in values])
+
+
+def _bodies(system: StructuralSystem, section: str, names: Sequence[str]) -> list[str] | None:
+    bodies = system.scenario.bodies_of_places.get(section, {})
+    return [bodies[name] for name in names] if bodies else None
+
+
+def _of_probes(motion: RunMotion, histories: Histories) -> dict[str, Any]:
+    system, probes = motion.system, motion.system.probes
+    if not probes:
+        return {}
+    base, displacement = _signal(system.base_displacement, histories.time), histories.of(DISPLACEMENT).T
+    names = [probe.name for probe in probes]
+    return {
+        "probe": names,
+        "probe_body": _bodies(system, "probes", names),
+        "position": [probe.position for probe in probes],
+        "across": _known([probe.across for probe in probes]),
+        "displacement": displacement,
+        "absolute_displacement": displacement + system.base_influence[:, None] * base,
+        "velocity": histories.of(("probes", "velocity")).T,
+        "absolute_acceleration": histories.of(("probes", "absolute_acceleration")).T,
+        "low_passed_acceleration": None if motion.low_passed is None else motion.low_passed[: base.size].T,
+    }
+
+
+def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
+    system, snubbers = motion.system, motion.system.snubbers
+    if not snubbers:
+        return {}
+    names = [snubber.name for snubber in snubbers]
+    described = ("position", "side", "stiffness", "dashpot", "gap", "preload", "blocked_force", "stiffness_ratio")
+    crushed = _crushed(motion)
+    return {
+        "snubber": names,
+        "snubber_body": _bodies(system, "snubbers", names),
+        **{f"snubber_{name}": [getattr(snubber, name) for snubber in snubbers] for name in described},
+        "snubber_across": _known([snubber.across for snubber in snubbers]),
+        "snubber_table_misfit": _known([snubber.table_misfit for snubber in snubbers]),
+        "snubber_residual_crush": _known([crushed.get(j) for j in range(len(snubbers))]),
+        "snubber_closed": histories.touching[:, : len(snubbers)].T,
+        **{
+            f"snubber_{quantity}": histories.of(("snubbers", quantity)).T
+            for quantity in ("force", "penetration", "displacement", "velocity")
+        },
+    }
+
+
+def _crushed(motion: RunMotion) -> dict[int, float]:
+    """Residual crush at the end of the motion of the snubbers that yield, m, by their number; none by time stepping."""
+    contacts, trajectory = motion.system.dynamics.contacts, motion.trajectory
+    yielding = [j for j in range(len(motion.system.snubbers)) if contacts.laws[j].yields]
+    if trajectory is None or not yielding:
+        return {}
+    end = trajectory.final_y
+    penetration = trajectory.flow.equations.penetration
+    delta = trajectory.sample(np.array([trajectory.end]), lambda _: penetration)[0]
+    phases, first = trajectory.phases_of(trajectory.state)[-1], 2 * contacts.shape.shape[1] + contacts.first
+    return {
+        j: residual_crush(contacts.laws[j], int(phases[j]), float(delta[j]), float(end[first[j]])) for j in yielding
+    }
+
+
+def _of_springs(system: StructuralSystem, histories: Histories) -> dict[str, Any]:
+    springs = [spring for spring in system.springs if spring.kind != FRICTION]
+    if not springs:
+        return {}
+    return {
+        "spring": [spring.name for spring in springs],
+        "spring_kind": [spring.kind for spring in springs],
+        "spring_masses": [json.dumps(spring.masses) for spring in springs],
+        "spring_stretch": histories.of(("springs", "stretch")).T,
+        "spring_force": histories.of(("springs", "force")).T,
+    }
+
+
+def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
+    """Of each friction contact what `sliding_figures` tells, as far as it is known."""
+    system, scenario = motion.system, motion.system.scenario
+    contacts = [each.item for each in scenario.located_friction]
+    unknown: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
+    begin = 0.0 if scenario.run is None else scenario.run.from_
+    if not contacts or motion.trajectory is None or begin > motion.trajectory.end:
+        return unknown
+    random = scenario.excitation.stationary and motion.outcome.complete
+    counted = motion.trajectory.between(begin, motion.trajectory.end) if begin else motion.trajectory
+    return evaluation.computed("sliding", lambda: sliding_figures(system, counted, contacts, random=random), unknown)
+
+
+def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    contacts, number = [each.item for each in motion.system.scenario.located_friction], friction_contacts(motion.system)
+    if not contacts:
+        return {}
+    slides = [of.get("slides") for of in sliding]
+    return {
+        "friction": [c.name for c in contacts],
+        "friction_normal_force": [np.nan if isinstance(c, OfHinge) else c.constant_force for c in contacts],
+        "friction_static_force": [c.static_force for c in contacts],
+        "friction_sliding_force": [c.sliding_force for c in contacts],
+        "friction_stiffness": [c.stiffness or np.inf for c in contacts],
+        "friction_start_force": [c.start_force for c in contacts],
+        "friction_sliding_share": [
+            of.get("sliding_share", 1.0 - float(motion.contact_share[j])) for of, j in zip(sliding, number, strict=True)
+        ],
+        "friction_slides": None if None in slides else slides,
+        **{f"friction_{name}": _known([of.get(name) for of in sliding]) for name in _SLIDING_UNITS},
+        "friction_displacement": histories.of(("friction", "stretch")).T,
+        "friction_force": histories.of(("friction", "force")).T,
+        "friction_stuck": histories.touching[:, number].T,
+    }
+
+
+def friction_summary(datasets: dict[str, Dataset]) -> dict[str, dict[str, Any]]:
+    """By friction contact the numbers of the summary, with their units in the names; None where one is unknown."""
+    histories, intervals = datasets["histories"], datasets.get("friction_intervals")
+    summary = {}
+    for k, name in enumerate(histories.labels("friction")):
+
+        def value(quantity: str, name: str = name) -> Any:
+            variable = f"friction_{quantity}"
+            return histories[variable].sel(friction=name).item() if variable in histories else None
+
+        called = of_angles if histories["friction_displacement"].sel(friction=name).unit == "rad" else str
+        known = {entry: value(entry) for entry in _SLIDING_UNITS}
+        numbers: dict[str, Any] = {
+            called(f"{entry}_{unit}"): None if known[entry] is None or np.isnan(known[entry]) else known[entry]
+            for entry, unit in _SLIDING_UNITS.items()
+        }
+        numbers |= {called(f"{entry}_n"): value(entry) for entry in _FORCES}
+        if intervals is not None and (rows := np.flatnonzero(intervals["friction"].values == k)).size:
+            of_rows = zip(*(intervals[of].values[rows].tolist() for of in ("figure", "low", "high")), strict=True)
+            numbers["intervals"] = {called(entry): [low, high] for entry, low, high in of_rows}
+        summary[name] = {"sliding_share": value("sliding_share"), "slides": value("slides"), **numbers}
+    return summary
+
+
+def _of_outputs(system: StructuralSystem, histories: Histories) -> dict[str, Any]:
+    """The outputs that the run asks for, in its order."""
+    if not system.outputs:
+        return {}
+    met: Counter[str] = Counter()
+    values = []
+    for output in system.outputs:
+        values.append(histories.of(output.key)[:, met[output.quantity]])
+        met[output.quantity] += 1
+    return {
+        "output": [output.name for output in system.outputs],
+        "output_quantity": [output.quantity for output in system.outputs],
+        "output_unit": [output.unit for output in system.outputs],
+        "output_at": [output.at for output in system.outputs],
+        "output_value": np.array(values),
+    }

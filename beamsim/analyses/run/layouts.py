@@ -1,0 +1,173 @@
+"""The variables of the labelled datasets of a run, see `beamsim.labelled`."""
+
+from __future__ import annotations
+
+from beamsim.labelled import Layout, Variable
+
+_TIME, _PROBE, _SNUBBER, _SPRING, _FRICTION, _OUTPUT = (
+    ("time",), ("probe",), ("snubber",), ("spring",), ("friction",), ("output",)
+)  # fmt: skip
+HISTORIES = Layout(
+    "histories",
+    "Everything at the output times, and the numbers that describe each place.",
+    {
+        "time": Variable(_TIME, "s", "time"),
+        "base_acceleration": Variable(_TIME, "{base_unit}/s^2", "acceleration of the base", optional=True),
+        "base_displacement": Variable(_TIME, "{base_unit}", "displacement of the base", optional=True),
+        "energy_work_in": Variable(
+            _TIME, "J", "work done on the structure by the excitation, in the relative frame", optional=True
+        ),
+        "energy_dissipated": Variable(_TIME, "J", "energy dissipated", optional=True),
+        "energy_stored": Variable(
+            _TIME, "J", "energy stored, kinetic and elastic, snubbers included; where supports move relative to the "
+            "base, that of the degrees of freedom which they leave", optional=True,
+        ),
+        "probe": Variable(_PROBE, "1", "name of the probe", str),
+        "probe_body": Variable(_PROBE, "1", "name of the body", str, optional=True),
+        "position": Variable(_PROBE, "m", "position along the beam; the number of the mass in a chain"),
+        "across": Variable(_PROBE, "m", "on a plate position from its bottom edge", optional=True),
+        "displacement": Variable(_PROBE + _TIME, "m", "displacement relative to the base"),
+        "absolute_displacement": Variable(_PROBE + _TIME, "m", "absolute displacement"),
+        "velocity": Variable(_PROBE + _TIME, "m/s", "velocity relative to the base"),
+        "absolute_acceleration": Variable(_PROBE + _TIME, "m/s^2", "absolute acceleration"),
+        "low_passed_acceleration": Variable(
+            _PROBE + _TIME, "m/s^2", "absolute acceleration behind the low-pass filter of run.low_pass", optional=True
+        ),
+        "snubber": Variable(_SNUBBER, "1", "name of the snubber", str),
+        "snubber_body": Variable(_SNUBBER, "1", "name of the body", str, optional=True),
+        "snubber_position": Variable(
+            _SNUBBER, "m",
+            "position along the beam; the number of the mass in a chain, halfway for a snubber between two masses",
+        ),
+        "snubber_across": Variable(_SNUBBER, "m", "on a plate position from its bottom edge", optional=True),
+        "snubber_side": Variable(_SNUBBER, "", "below or above; between two masses approach or separation", str),
+        "snubber_stiffness": Variable(
+            _SNUBBER, "{force_unit}/{gap_unit}", "stiffness; of a force-deflection table its first slope"
+        ),
+        "snubber_dashpot": Variable(_SNUBBER, "{force_unit} s/{gap_unit}", "damping constant"),
+        "snubber_gap": Variable(
+            _SNUBBER, "{gap_unit}", "clearance, positive when open; resolved where a preload was given"
+        ),
+        "snubber_preload": Variable(
+            _SNUBBER, "{force_unit}", "contact force at static equilibrium; NaN where there is none"
+        ),
+        "snubber_blocked_force": Variable(
+            _SNUBBER, "{force_unit}",
+            "force at a penetration of max(-gap, 0), the structure held at zero displacement",
+        ),
+        "snubber_stiffness_ratio": Variable(
+            _SNUBBER, "1", "k L^3 / (E I); in a chain, over its largest spring stiffness"
+        ),
+        "snubber_table_misfit": Variable(
+            _SNUBBER, "{force_unit}",
+            "root mean square of what a force-deflection table leaves of the measured forces", optional=True,
+        ),
+        "snubber_residual_crush": Variable(
+            _SNUBBER, "{gap_unit}", "of a stop that yields, how far it stays crushed at the end of the motion",
+            optional=True,
+        ),
+        "snubber_force": Variable(
+            _SNUBBER + _TIME, "{force_unit}", "contact force on the structure, positive when it pushes"
+        ),
+        "snubber_penetration": Variable(
+            _SNUBBER + _TIME, "{gap_unit}", "penetration of the structure into the snubber"
+        ),
+        "snubber_closed": Variable(
+            _SNUBBER + _TIME, "1", "whether the contact is closed", bool, flags=("open", "closed")
+        ),
+        "snubber_displacement": Variable(
+            _SNUBBER + _TIME, "{gap_unit}",
+            "displacement of the structure at the snubber, relative to the base; between two masses the stretch",
+        ),
+        "snubber_velocity": Variable(
+            _SNUBBER + _TIME, "{gap_unit}/s", "velocity of the structure at the snubber, relative to the base"
+        ),
+        "spring": Variable(_SPRING, "1", "name of the spring, which is nonlinear or relaxes", str),
+        "spring_kind": Variable(
+            _SPRING, "", "cubic, piecewise_linear, linear (which relaxes), or spring of a joint that relaxes", str
+        ),
+        "spring_masses": Variable(
+            _SPRING, "",
+            "JSON list of the mass that it ties to the ground, or the two that it joins; empty between points of beams",
+            str,
+        ),
+        "spring_stretch": Variable(
+            _SPRING + _TIME, "m", "stretch of the spring; to the ground the absolute displacement there"
+        ),
+        "spring_force": Variable(
+            _SPRING + _TIME, "N", "force of the spring, positive where it pulls back a positive stretch"
+        ),
+        "friction": Variable(_FRICTION, "1", "name of the friction contact", str),
+        "friction_normal_force": Variable(
+            _FRICTION, "{force_unit}", "force that presses the faces together; NaN where it is that of a snubber"
+        ),
+        "friction_static_force": Variable(
+            _FRICTION, "{force_unit}", "friction force up to which it sticks, likewise"
+        ),
+        "friction_sliding_force": Variable(_FRICTION, "{force_unit}", "friction force while it slides, likewise"),
+        "friction_stiffness": Variable(
+            _FRICTION, "{force_unit}/{gap_unit}",
+            "tangential stiffness while it sticks; infinite where it does not move",
+        ),
+        "friction_start_force": Variable(
+            _FRICTION, "{force_unit}",
+            "friction force at the start, positive where it resists a positive displacement",
+        ),
+        "friction_sliding_share": Variable(_FRICTION, "1", "share of the time during which it slides"),
+        # of the continuous motion: none of a time-stepped or interrupted one
+        "friction_slides": Variable(_FRICTION, "1", "how often sliding begins", int, optional=True),
+        "friction_sliding_distance": Variable(_FRICTION, "{gap_unit}", "distance that it slides", optional=True),
+        "friction_dissipated_energy": Variable(_FRICTION, "J", "energy lost", optional=True),
+        "friction_dissipated_power": Variable(
+            _FRICTION, "W", "energy lost over the duration of the run", optional=True
+        ),
+        "friction_wear_power": Variable(
+            _FRICTION, "W", "mean of normal force times sliding speed; NaN in a hinge", optional=True
+        ),
+        "friction_worn_volume": Variable(
+            _FRICTION, "m^3", "volume worn, where wear_rate is given, else NaN", optional=True
+        ),
+        "friction_displacement": Variable(
+            _FRICTION + _TIME, "{gap_unit}",
+            "displacement along the face, relative to what it rubs on; between two places the stretch",
+        ),
+        "friction_force": Variable(
+            _FRICTION + _TIME, "{force_unit}", "friction force, positive where it resists a positive displacement"
+        ),
+        "friction_stuck": Variable(
+            _FRICTION + _TIME, "1", "whether the contact sticks", bool, flags=("sliding", "stuck")
+        ),
+        "output": Variable(_OUTPUT, "1", "name of the output, one quantity of run.outputs", str),
+        "output_quantity": Variable(_OUTPUT, "", "what it is, such as bending_moment or reaction_force", str),
+        "output_unit": Variable(_OUTPUT, "", "unit of the quantity", str),
+        "output_at": Variable(_OUTPUT, "", "where it is: a place, a support, a joint or a body", str),
+        "output_value": Variable(_OUTPUT + _TIME, "{unit}", "{quantity}"),
+    },
+)  # fmt: skip
+EVENTS = Layout(
+    "events",
+    "Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them. A "
+    "contact that is made at t = 0, where the gap is just closed, has its closing there. A snubber that is deflected "
+    "at t = 0 (prestressed, or by the start) was in contact before: it has no closing, its first event may be an "
+    "opening.",
+    {
+        "event": Variable(("event",), "1", "number of the contact event", int),
+        "time": Variable(("event",), "s", "time of the contact event; 0 where contact begins at the start of the run"),
+        "snubber": Variable(("event",), "1", "number of the snubber, from 0", int, names="histories/snubber"),
+        "closing": Variable(("event",), "1", "whether the contact closes", bool, flags=("opening", "closing")),
+    },
+)
+_NUMBER = ("number",)
+FRICTION_INTERVALS = Layout(
+    "friction_intervals",
+    "Intervals of what friction contacts do under a random input.",
+    {
+        "number": Variable(_NUMBER, "1", "number of the row", int),
+        "friction": Variable(_NUMBER, "1", "number of the friction contact, from 0", int, names="histories/friction"),
+        "figure": Variable(_NUMBER, "1", "name of the value", str),
+        "value": Variable(_NUMBER, "", "the value without the first part of the run, in its SI unit"),
+        "low": Variable(_NUMBER, "", "lower end of the interval, 95 %"),
+        "high": Variable(_NUMBER, "", "upper end of the interval, 95 %"),
+    },
+    optional=True,
+)

@@ -1,0 +1,423 @@
+"""Labelled data: variables along named dimensions, with units and meanings, as results hold and files store them.
+
+The variables of a dataset are declared once (`Layout`); what is computed becomes a `Dataset` of these, and so does what
+a result file holds. Names of variables and dimensions are fixed, names that users gave are values of coordinates:
+``result["histories"]["displacement"].sel(probe="tip")``. The names of methods are those of xarray, and `to_xarray`
+makes its datasets; a run does not use them, because importing xarray takes longer than many runs.
+
+`Item` and its path are how a file stores a variable. This module knows neither files nor analyses.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray
+
+ABSENT = "absent"
+"""Attribute of an array of a result that some members do not have: JSON list of their numbers, in C order over the
+dimensions of members."""
+OF_EACH = "units_of_each"
+"""Attribute of an array whose unit differs from member to member: JSON list of their units, in the same order."""
+MIXED = f"see {OF_EACH}"
+NAMES = "names"
+"""Attribute of numbers from 0: the path of the coordinate whose values they number."""
+_KINDS = {float: "f", int: "iu", bool: "b", str: "O"}  # of NumPy, by the type of the values of a variable
+
+
+# --- As a file stores it ---------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Item:
+    """A group, or an array with its axes."""
+
+    attributes: dict[str, Any] = field(default_factory=dict)
+    # None of a group; a large array is one that is in parts, or one of a file that is not read yet
+    array: Any = None
+    axes: tuple[str, ...] = ()  # paths of the scales of an array, one a dimension; empty where one is unknown
+    scale: bool = False
+
+    @property
+    def values(self) -> Any:
+        """The values of the array, which are read from its file if they were not; None of a group."""
+        return None if self.array is None else np.asarray(self.array)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return str(self.attributes.get("units", ""))
+
+    @property
+    def meaning(self) -> str:
+        """What the values are."""
+        return str(self.attributes.get("long_name", ""))
+
+    @property
+    def absent(self) -> frozenset[int]:
+        """Numbers of the members that have no values, in C order over the dimensions of members."""
+        return frozenset(json.loads(str(self.attributes.get(ABSENT, "[]"))))
+
+
+Items = dict[str, Item]  # by path, "/" of the root, "/histories" of a dataset, "/histories/time" of a variable
+
+
+def parent(path: str) -> str:
+    """The group around an item."""
+    return path.rpartition("/")[0] or "/"
+
+
+def last(path: str) -> str:
+    """The name of an item in its group."""
+    return path.rpartition("/")[2]
+
+
+@dataclass(frozen=True)
+class LargeArray:
+    """What is known of a large array without its values."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    @property
+    def ndim(self) -> int:
+        """Number of axes."""
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return math.prod(self.shape)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the values take in memory."""
+        return self.size * self.dtype.itemsize
+
+
+def part_of(array: Any, index: tuple[Any, ...]) -> Any:
+    """A part of an array, which is read when it is used if the array is."""
+    if isinstance(array, np.ndarray):
+        part = array[index]
+        return part if isinstance(part, np.ndarray) else np.asarray(part, dtype=array.dtype)
+    return array.part(index)
+
+
+def flagged(flags: tuple[str, str]) -> dict[str, Any]:
+    """Attributes that say what false and true mean."""
+    return {"flag_values": np.array([0, 1], dtype=np.uint8), "flag_meanings": " ".join(flags)}
+
+
+# --- As a result holds it --------------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class LabelledArray:
+    """A variable of a dataset, or a part of it."""
+
+    name: str
+    dims: tuple[str, ...]
+    array: Any  # that of NumPy, or one that is read when it is used
+    attributes: Mapping[str, Any]
+    coordinates: Mapping[str, Item]  # by dimension: the names or numbers along it
+    _parts: dict[Any, LabelledArray] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def values(self) -> NDArray[Any]:
+        """The values, in SI units; those of a file are read once, when they are first used."""
+        return np.asarray(self.array)
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the values, "1" without one."""
+        return str(self.attributes.get("units", ""))
+
+    @property
+    def meaning(self) -> str:
+        """What the values are."""
+        return str(self.attributes.get("long_name", ""))
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.asarray(self.values, dtype=dtype)
+
+    def item(self) -> Any:
+        """The only value."""
+        return self.values.item()
+
+    def sel(self, **labels: Any) -> LabelledArray:
+        """The part at some labels of dimensions, which is all that is read of a file.
+
+        Parameters
+        ----------
+        labels : by dimension the name or number along it, ``probe="tip"``.
+
+        Returns
+        -------
+        LabelledArray
+            Along the other dimensions.
+
+        Raises
+        ------
+        KeyError
+            If the variable does not have the dimension, or that does not have the label.
+        """
+        key: list[int | None] = [None] * len(self.dims)
+        for dim, label in labels.items():
+            if dim not in self.dims:
+                raise KeyError(f"{self.name} is along {', '.join(self.dims) or 'no dimension'}, not {dim}")
+            labels_along = self.coordinates[dim].values
+            found = np.flatnonzero(labels_along == label)
+            if not found.size:
+                known = ", ".join(map(str, labels_along[:20].tolist()))
+                raise KeyError(f"no {dim} {label!r} in {self.name}; there are {known}")
+            key[self.dims.index(dim)] = int(found[0])
+        return self._part(tuple(key))
+
+    def _part(self, key: tuple[int | None, ...]) -> LabelledArray:
+        """The part at some numbers along dimensions, None for all along one."""
+        if key not in self._parts:
+            attributes = dict(self.attributes)
+            if key[0] is not None and OF_EACH in attributes:
+                attributes["units"] = json.loads(attributes.pop(OF_EACH))[key[0]]
+            dims = tuple(dim for dim, at in zip(self.dims, key, strict=True) if at is None)
+            whole = vars(self).get("values", self.array)  # not read for a part alone
+            part = part_of(whole, tuple(slice(None) if at is None else at for at in key))
+            self._parts[key] = LabelledArray(self.name, dims, part, attributes, self.coordinates)
+        return self._parts[key]
+
+    def by_label(self) -> dict[Any, LabelledArray]:
+        """The parts by label along the first dimension."""
+        after = (None,) * (len(self.dims) - 1)
+        labels = self.coordinates[self.dims[0]].values.tolist()
+        return {label: self._part((number, *after)) for number, label in enumerate(labels)}
+
+    def __repr__(self) -> str:
+        return f"<{self.name} ({', '.join(self.dims)}) {self.unit}: {self.meaning}>"
+
+
+class Dataset(Mapping[str, LabelledArray]):
+    """Variables along named dimensions; that of a dimension's own name is its coordinate.
+
+    Parameters
+    ----------
+    name : of the dataset.
+    items : its group and variables by path.
+    """
+
+    def __init__(self, name: str, items: Items) -> None:
+        self.name, self.items_by_path = name, items
+        self._arrays: dict[str, LabelledArray] = {}
+
+    def __getitem__(self, name: str) -> LabelledArray:
+        if name not in self._arrays:
+            item = self.items_by_path.get(f"/{self.name}/{name}")
+            if item is None:
+                raise KeyError(f"{self.name} has no {name}; it has {', '.join(self)}")
+            dims = (name,) if item.scale else tuple(map(last, item.axes))
+            coordinates = {dim: self.items_by_path[f"/{self.name}/{dim}"] for dim in dims}
+            self._arrays[name] = LabelledArray(name, dims, item.array, item.attributes, coordinates)
+        return self._arrays[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return (last(path) for path, item in self.items_by_path.items() if item.array is not None)
+
+    def __len__(self) -> int:
+        return sum(item.array is not None for item in self.items_by_path.values())
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<dataset {self.name}>", *(f"  {self[name]!r}" for name in self)])
+
+    def labels(self, dim: str) -> list[Any]:
+        """Names or numbers along a dimension; none where nothing is along it."""
+        item = self.items_by_path.get(f"/{self.name}/{dim}")
+        return [] if item is None else list(item.values.tolist())
+
+    def sel(self, **labels: Any) -> Dataset:
+        """The dataset at some labels of dimensions, as `LabelledArray.sel`; what is not along them stays as it is."""
+        items: Items = {f"/{self.name}": Item()}
+        for name in (name for name in self if name not in labels):
+            array = self[name]
+            part = array.sel(**{dim: label for dim, label in labels.items() if dim in array.dims})
+            scale = part.dims == (name,)
+            axes = () if scale else tuple(f"/{self.name}/{dim}" for dim in part.dims)
+            items[f"/{self.name}/{name}"] = Item(dict(part.attributes), part.array, axes, scale)
+        return Dataset(self.name, items)
+
+    def by_label(self, name: str) -> dict[Any, LabelledArray]:
+        """The parts of a variable by label along its first dimension; none where the dataset lacks it."""
+        return self[name].by_label() if f"/{self.name}/{name}" in self.items_by_path else {}
+
+    def read(self) -> Items:
+        """The items of the dataset, all of whose values are read from their file if they were not, and kept."""
+        for name in self:
+            self.items_by_path[f"/{self.name}/{name}"].array = self[name].values
+        self._arrays.clear()
+        return self.items_by_path
+
+    def assign(self, **values: Any) -> Dataset:
+        """A copy with other values of some variables."""
+        changed = {f"/{self.name}/{name}": array for name, array in values.items()}
+        items = {p: replace(i, array=changed[p]) if p in changed else i for p, i in self.items_by_path.items()}
+        return Dataset(self.name, items)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The same as a dataset of xarray, whose values are read.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed.
+        """
+        try:
+            make = import_module("xarray").Dataset
+        except ImportError as error:
+            raise ImportError("this needs xarray, which is not installed: pip install xarray") from error
+        made: xarray.Dataset = make({name: (v.dims, v.values, dict(v.attributes)) for name, v in self.items()})
+        return made
+
+
+# --- As it is declared -----------------------------------------------------------------------------------------------
+
+
+class Variable(NamedTuple):
+    """What is declared of a variable.
+
+    Unit and meaning may hold ``{word}``, which is replaced by what the members along the first dimension say, or all.
+    """
+
+    dims: tuple[str, ...]  # its own name of a coordinate
+    unit: str
+    meaning: str
+    type: type = float  # of a value
+    optional: bool = False  # whether a dataset may lack it
+    flags: tuple[str, str] | None = None  # what the values of a truth value mean
+    names: str = ""  # of numbers from 0: the coordinate whose values they number, ``histories/snubber``
+
+
+Words = Mapping[str, str]  # what stands for ``{word}``
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The variables of a dataset; a dimension of names is left out where there is none, with what is along it."""
+
+    name: str
+    text: str  # what the dataset holds
+    variables: Mapping[str, Variable]
+    optional: bool = False  # whether a result may lack it
+
+    def dataset(
+        self, values: Mapping[str, Any], of_members: Mapping[str, Sequence[Words]] | None = None, **words: str
+    ) -> Dataset:
+        """The dataset of these values.
+
+        Parameters
+        ----------
+        values : by variable an array along its dimensions; None where there is none.
+        of_members : by dimension what each member says in units and meanings.
+        words : what all say.
+
+        Returns
+        -------
+        Dataset
+
+        Raises
+        ------
+        TypeError
+            If an array is not declared, of another shape, or missing.
+        """
+        if unknown := values.keys() - self.variables.keys():
+            raise TypeError(f"{self.name} has no {', '.join(sorted(unknown))}")
+        sizes = {name: len(values[name]) for name in self._dimensions(values)}
+        items: Items = {f"/{self.name}": Item()}
+        for name, declared in self.variables.items():
+            if not sizes.keys() >= set(declared.dims) or (declared.optional and values.get(name) is None):
+                continue
+            if name not in values:
+                raise TypeError(f"{self.name} lacks {name}")
+            array = _array(values[name], declared.type)
+            if array.shape != tuple(sizes[dim] for dim in declared.dims):
+                raise TypeError(f"{name} is along {', '.join(declared.dims)}, not of the shape {array.shape}")
+            each = (of_members or {}).get(declared.dims[0] if declared.dims else "", ())
+            texts = {"units": _texts(declared.unit or "1", each, words)}
+            texts["long_name"] = _texts(declared.meaning, each, words)
+            items[f"/{self.name}/{name}"] = self._item(name, array, texts)
+        return Dataset(self.name, items)
+
+    def _dimensions(self, known: Mapping[str, Any]) -> list[str]:
+        """The dimensions of a dataset with these variables."""
+        return [
+            name
+            for name, declared in self.variables.items()
+            if declared.dims == (name,) and name in known and (declared.type is not str or len(known[name]))
+        ]
+
+    def _item(self, name: str, array: Any, texts: Mapping[str, Sequence[str]]) -> Item:
+        declared = self.variables[name]
+        attributes: dict[str, Any] = {key: " | ".join(dict.fromkeys(each)) for key, each in texts.items()}
+        if len(set(texts["units"])) > 1:
+            attributes |= {"units": MIXED, OF_EACH: json.dumps(texts["units"], ensure_ascii=False)}
+        attributes |= flagged(declared.flags) if declared.flags else {}
+        attributes |= {NAMES: declared.names} if declared.names else {}
+        scale = declared.dims == (name,)
+        axes = () if scale else tuple(f"/{self.name}/{dim}" for dim in declared.dims)
+        return Item(attributes, array, axes, scale)
+
+    def read(self, items: Items) -> Dataset:
+        """The dataset among the items of a file.
+
+        Parameters
+        ----------
+        items : of the file.
+
+        Returns
+        -------
+        Dataset
+            Its large arrays are read when they are used.
+
+        Raises
+        ------
+        KeyError
+            If a variable is missing.
+        ValueError
+            If one is along other axes, or of another type.
+        """
+        start = f"/{self.name}/"
+        known = {last(path): item for path, item in items.items() if path.startswith(start)}
+        dimensions = set(self._dimensions({name: item.array for name, item in known.items()}))
+        found: Items = {f"/{self.name}": items[f"/{self.name}"]}
+        for name, declared in self.variables.items():
+            if not dimensions >= set(declared.dims) or (declared.optional and name not in known):
+                continue
+            if name not in known:
+                raise KeyError(f"{start}{name} is missing")
+            item = found[f"{start}{name}"] = known[name]
+            axes = (f"{start}{name}",) if item.scale else item.axes
+            if axes != tuple(f"{start}{dim}" for dim in declared.dims):
+                along = ", ".join(map(last, axes)) or "no axes"
+                raise ValueError(f"{start}{name} is along {along}, not {', '.join(declared.dims)}")
+            if item.array.dtype.kind not in _KINDS[declared.type]:
+                raise ValueError(f"{start}{name} holds {item.array.dtype}, not {declared.type.__name__}")
+        return Dataset(self.name, found)
+
+
+def _texts(text: str, each: Sequence[Words], words: Words) -> list[str]:
+    """A text with its words replaced: one, or one for each member where they say something in it."""
+    if "{" not in text:
+        return [text]
+    return [text.format_map({**words, **of}) for of in each or ({},)]
+
+
+def _array(values: Any, kind: type) -> Any:
+    """An array of a type; text as objects. What is already one is not copied."""
+    return np.asarray(values, dtype=object if kind is str else None if isinstance(values, np.ndarray) else kind)
