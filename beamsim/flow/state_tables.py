@@ -92,8 +92,7 @@ class StateTables:
         self.contacts, self.most = contacts, most
         self.states: list[ContactState] = []
         self.visited: list[Ints] = []  # phases of all states so far, those that were dropped included
-        self._visit: list[int] = []  # number among these of each state that is there
-        self._visits: dict[bytes, int] = {}
+        self._visits: dict[bytes, int] = {}  # numbers among these, by the phases
         self._index: OrderedDict[bytes, int] = OrderedDict()  # of states, the least recently used first
         self._used: set[int] = set()  # numbers of states that were asked for, or that a motion visited
         self._arrays: dict[str, NDArray[np.generic]] = {}
@@ -137,7 +136,7 @@ class StateTables:
         self._used.update(states.tolist())
         if len(self.visited) == len(self.states):  # none was dropped: the numbers are the same
             return states
-        return np.array(self._visit, dtype=np.int64)[states]
+        return np.array([self._visits[self.states[state].phases.tobytes()] for state in states], dtype=np.int64)
 
     def append(self, state: ContactState, sources: Sources) -> int:
         """Add a state under given sources; its number may be that of one that is dropped for it."""
@@ -145,11 +144,10 @@ class StateTables:
         watch = state.coefficients(events.rows, sources)
         full = self.most is not None and len(self.states) >= self.most
         index = self._drop() if full else len(self.states)
-        visit = self._visits.setdefault(key, len(self.visited))
-        if visit == len(self.visited):
+        if key not in self._visits:
+            self._visits[key] = len(self.visited)
             self.visited.append(state.phases)
-        here = slice(index, index + 1)  # a new place, or that of a state that was dropped
-        self.states[here], self._visit[here] = [state], [visit]
+        self.states[index : index + 1] = [state]  # a new place, or that of a state that was dropped
         self._index[key] = index
         self._used.discard(index)
         rows: dict[str, NDArray[np.generic]] = {
