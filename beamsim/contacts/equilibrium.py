@@ -199,8 +199,11 @@ def _refined(energy: _Energy, q: Floats) -> tuple[Floats, Floats]:
         given = np.append(-energy.load, springs.gap[closed])[:, None]
         found, rest = np.append(q, force[closed]), np.zeros(given.size)
         for _ in range(6):
-            pull = np.pad(_cubic_forces(energy.cubic, found[:n], rest[:n]), ((0, k.size), (0, 0)))
-            misfit = _sums(linear, found, rest, np.hstack([given, pull]))
+            others = given
+            if energy.cubic.count:
+                pull = _cubic_forces(energy.cubic, found[:n], rest[:n])
+                others = np.hstack([given, np.pad(pull, ((0, k.size), (0, 0)))])
+            misfit = _sums(linear, found, rest, others)
             step = newton.step(misfit[:n], misfit[n:])
             if not np.linalg.norm(step / newton.scale) <= 1e-2 * np.linalg.norm(found / newton.scale):
                 return q, force  # no refinement
@@ -233,8 +236,6 @@ def _exact_products(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 def _cubic_forces(cubic: CubicSprings, q: Floats, rest: Floats) -> Floats:
     """(n, any) numbers whose sums are the forces of cubic springs on the coordinates ``q + rest``."""
-    if not cubic.count:
-        return np.zeros((q.size, 0))
     stretch = _sums(cubic.shape, q, rest, np.zeros((cubic.count, 1)))
     of_stretch = _sums(cubic.shape, q, rest, -stretch[:, None])
     exact = [Fraction(k) * (Fraction(x) + Fraction(y)) ** 3 for k, x, y in zip(
