@@ -137,13 +137,10 @@ class Mesh:
     @property
     def rigid_motions(self) -> Floats:
         """(size, 2) translation, and rotation about the left end, w = x / L."""
-        return np.column_stack(self.linear_functions)
-
-    @property
-    def linear_functions(self) -> tuple[Floats, Floats]:
-        """(size,) degrees of freedom of the functions 1 and x / L."""
-        ones = np.ones(self.nodes.size)
-        return np.column_stack([ones, 0 * ones]).ravel(), np.column_stack([self.nodes, ones]).ravel()
+        motions = np.zeros((self.nodes.size, 2, 2))  # of each node its deflection and slope, in either motion
+        motions[:, 0, 0] = motions[:, 1, 1] = 1.0
+        motions[:, 0, 1] = self.nodes
+        return motions.reshape(self.size, 2)
 
     def locate(self, x: ArrayLike) -> tuple[Ints, Floats]:
         """Element that contains x / L and the position within it, 0 to 1 (a node belongs to its right-hand element)."""
@@ -242,7 +239,7 @@ class PlateMesh:
     @property
     def rigid_motions(self) -> Floats:
         """(size, 3) translation, and rotations about the left and the bottom edge, w = x / L and w = y / W."""
-        (one_x, x), (one_y, y) = self.x.linear_functions, self.y.linear_functions
+        (one_x, x), (one_y, y) = self.x.rigid_motions.T, self.y.rigid_motions.T
         return np.column_stack([np.kron(one_x, one_y), np.kron(x, one_y), np.kron(one_x, y)])
 
     @property
