@@ -33,7 +33,7 @@ from beamsim.flow.moments import SegmentOutputs
 from beamsim.flow.sources import Sources
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.system.state_equations import StateEquations
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 GROWN = 3.0  # logarithm of the largest growth within a segment
 GROWTH = 600.0  # logarithm of a function's growth; where it is larger, the amplitude is zero
@@ -180,116 +180,112 @@ class ContactState:
         return np.ascontiguousarray(size)
 
 
-class _Terms:
-    """Collects basis functions and terms, each once."""
-
-    def __init__(self, size: int) -> None:
-        self.size = size
-        self.basis: dict[tuple[complex, int], int] = {}
-        self.terms: dict[tuple[int, int], Complexes] = {}
-
-    def add(self, exponent: complex, power: int, source: int, vector: Complexes | None) -> int:
-        b = self.basis.setdefault((complex(exponent), int(power)), len(self.basis))
-        old = self.terms.get((b, source))
-        if vector is None:
-            vector = np.zeros(self.size, dtype=complex)
-        self.terms[b, source] = vector if old is None else old + vector
-        return b
-
-    def response(self, exponent: complex, power: int, source: int) -> Complexes:
-        """(N,) factor of ``tau^power e^{exponent tau}`` of a source."""
-        vector = self.terms.get((self.basis.get((complex(exponent), power), -1), source))
-        return np.zeros(self.size, dtype=complex) if vector is None else vector
-
-    def take(self) -> tuple[Ints, Ints, Complexes]:
-        """Basis functions, sources and vectors (T, N) of the terms so far, which are removed."""
-        keys = np.array(list(self.terms), dtype=np.int64).reshape(-1, 2)
-        vectors = np.array(list(self.terms.values()), dtype=complex).reshape(-1, self.size)
-        self.terms.clear()
-        return keys[:, 0], keys[:, 1], vectors
-
-
 def _tabulated(equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources) -> ContactState:
     """The tables of a contact state: the responses to the sources, and the free motion."""
-    (X, Xi, lam), F = modes.simple, sources.count
-    terms, basis_of_source = _Terms(equations.equations.states), np.empty(sources.count, dtype=np.int64)
-    basis_below = np.full(F, -1, dtype=np.int64)
-    for f in range(F):
-        basis_of_source[f] = terms.add(sources.exponent[f], sources.power[f], f, None)
-        if sources.power[f] > 0:
-            basis_below[f] = terms.add(sources.exponent[f], sources.power[f] - 1, f, None)
-    add_responses(terms, equations, modes, horizon, sources)
-    number = {key: t for t, key in enumerate(terms.terms)}
-    driven = np.array([number[b, f] for f, b in enumerate(basis_of_source.tolist())], dtype=np.int64)
-    lowered = np.array([number.get((b, f), -1) for f, b in enumerate(basis_below.tolist())], dtype=np.int64)
-    forced = terms.take()
-    free_basis = [terms.basis.setdefault((value, 0), len(terms.basis)) for value in lam.tolist()]
-    source = F + lam.size
-    window = min(horizon, float(sources.longest_piece.max()))
+    (X, Xi, lam), every, rising = modes.simple, np.arange(sources.count), np.flatnonzero(sources.power)
+    forced = responses(equations, modes, horizon, sources)
+    exists: Bools = np.asarray(forced.any(axis=2))
+    exists[every, sources.power] = exists[rising, sources.power[rising] - 1] = True
+    (of_source, power), basis = exists.nonzero(), dict[tuple[complex, int], int]()
+    keys = [*zip(sources.exponent[of_source].tolist(), power.tolist(), strict=True), *((x, 0) for x in lam.tolist())]
+    term_basis = [basis.setdefault(key, len(basis)) for key in keys]
+    term_source = [*of_source.tolist(), *range(sources.count, sources.count + lam.size)]
+    vectors = [forced[of_source, power], X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]]
+    free, window = sources.count + lam.size, min(horizon, float(sources.longest_piece.max()))
     for block in modes.blocks:
-        series = _series(block, window)
-        for column in range(block.matrix.shape[0]):
-            for power, matrix in enumerate(series):
-                if np.any(matrix[:, column]):
-                    terms.add(block.centre, power, source, block.weight * (block.right @ matrix[:, column]))
-            source += 1
-    of_blocks, basis = terms.take(), list(terms.basis)
-    free_vectors = X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]
+        for p, matrix in enumerate(_series(block, window)):
+            some = np.flatnonzero(matrix.any(axis=0))
+            term_basis += [basis.setdefault((block.centre, p), len(basis))] * some.size
+            term_source += (free + some).tolist()
+            vectors.append(block.weight * (block.right @ matrix[:, some]).T)
+        free += block.matrix.shape[0]
+    number = np.cumsum(exists).reshape(exists.shape) - 1  # of the terms of sources
+    lowered = np.full(sources.count, -1)
+    lowered[rising] = number[rising, sources.power[rising] - 1]
+    driven = number[every, sources.power]
+    exponent, powers = zip(*basis, strict=True)
     return ContactState(
         equations, modes, horizon,
-        exponent=np.array([b[0] for b in basis], dtype=complex),
-        power=np.array([b[1] for b in basis], dtype=np.int64),
+        exponent=np.array(exponent, dtype=complex),
+        power=np.array(powers, dtype=np.int64),
         projector=np.ascontiguousarray(np.concatenate([Xi, *(block.left for block in modes.blocks)])),
-        term_basis=np.concatenate([forced[0], np.array(free_basis, dtype=np.int64), of_blocks[0]]),
-        term_source=np.concatenate([forced[1], F + np.arange(lam.size), of_blocks[1]]),
-        term_vector=np.concatenate([forced[2], free_vectors, of_blocks[2]]),
-        basis_of_source=basis_of_source,
+        term_basis=np.array(term_basis, dtype=np.int64),
+        term_source=np.array(term_source, dtype=np.int64),
+        term_vector=np.concatenate(vectors),
+        basis_of_source=np.array(term_basis, dtype=np.int64)[driven],
         terms_of_sources=(driven, lowered),
     )  # fmt: skip
 
 
-def add_responses(terms: _Terms, equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources) -> None:
-    """Add the responses to all sources.
+def responses(equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources) -> Complexes:
+    """The forced motion for a unit of each source: its factors of ``tau^p e^{nu_f tau}``.
 
     Parameters
     ----------
-    terms : what they are added to.
     equations, modes, horizon : of the contact state.
-    sources : of the inputs.
+    sources : F of them, of the inputs.
+
+    Returns
+    -------
+    (F, D, N), for the powers p of time below D.
     """
     rates, of = equations.rates, equations.equations
-    both = BlockForm(modes.simple.whole(), modes.blocks)
-    given = _driving(rates[:, of.inputs].T, rates[:, of.slopes].T, sources)
-    _add_forced(terms, both, _DrivingLoads.of(given, sources, horizon))
+    both, longest = BlockForm(modes.simple.whole(), modes.blocks), np.minimum(horizon, sources.longest_piece)
+    driving = _driving(rates[:, of.inputs].T, rates[:, of.slopes].T, sources)
+    forced = _forced(both, driving, sources, longest)
     if equations.factors[:, : RATE + 1].any():
         # what a stiff contact's load leaves in slow motions is a small part of it
-        _add_forced(terms, both, _DrivingLoads.of(_residual(terms, equations, sources), sources, horizon))
+        corrected = _forced(both, _residual(forced, equations, sources), sources, longest)
+        forced = _with_powers(forced, corrected.shape[1])
+        forced[:, : corrected.shape[1]] += corrected
+    return forced
 
 
-class _DrivingLoads(NamedTuple):
-    """A of the sources that drive a motion, each by a polynomial times ``e^{nu tau}``."""
-
-    source: Ints  # (A,) number of the source
-    exponent: Complexes  # (A,) nu, 1/s
-    power: Ints  # (A,) degree of the polynomial
-    polynomial: Complexes  # (A, degree + 1, N) of the longest one; zeros beyond its own degree
-    window: Floats  # (A,) s, for which the response must hold
-    limit: Floats  # (A,) ``|nu - lambda|`` times that, below which it is a power series that starts from zero
-
-    @classmethod
-    def of(cls, polynomial: Complexes, sources: Sources, horizon: float) -> _DrivingLoads:
-        """Those of polynomials (F, degree + 1, N) that are not zero."""
-        f = np.flatnonzero(polynomial.any(axis=(1, 2)))
-        window = np.minimum(horizon, sources.longest_piece[f])
-        return cls(f, sources.exponent[f], sources.power[f], polynomial[f], window, sources.limit[f])
+def _with_powers(forced: Complexes, count: int) -> Complexes:
+    """Factors (F, D, N) filled up with zeros to so many powers of time at least."""
+    if forced.shape[1] >= count:
+        return forced
+    filled = np.zeros((forced.shape[0], count, forced.shape[2]), dtype=complex)
+    filled[:, : forced.shape[1]] = forced
+    return filled
 
 
-def _add_forced(terms: _Terms, modes: BlockForm, loads: _DrivingLoads) -> None:
-    """Add the responses to loads; ``modes`` has both of each conjugate pair."""
-    if loads.source.size:
-        _force_simple(terms, modes.simple, loads)
+def _forced(modes: BlockForm, polynomial: Complexes, sources: Sources, longest: Floats) -> Complexes:
+    """The responses to ``sum_p polynomial[f, p] tau^p e^{nu_f tau}``, as `responses`.
+
+    Where ``|nu - lambda|`` times the time for which a response must hold is below a limit it is a power series that
+    starts from zero.
+
+    Parameters
+    ----------
+    modes : both of each conjugate pair.
+    polynomial : (F, degree + 1, N).
+    sources : all F.
+    longest : (F,) s, for which each response must hold.
+    """
+    forced, (X, left, lam) = np.zeros_like(polynomial), modes.simple
+    acting = np.flatnonzero(polynomial.any(axis=(1, 2)))
+    window, limit = longest[acting], sources.limit[acting]
+    beta = polynomial[acting] @ left.T
+    distance = sources.exponent[acting, None] - lam
+    near = np.abs(distance) * window[:, None] < limit[:, None]
+    distance[near], w = np.inf, np.zeros((acting.size, lam.size), dtype=complex)
+    for p in range(beta.shape[1] - 1, -1, -1):
+        w = (beta[:, p] - (p + 1) * w) / distance
+        forced[acting, p] = w @ X.T
+    for a in range(acting.size) if modes.blocks else np.flatnonzero(near.any(axis=1)).tolist():
+        f, some = int(acting[a]), near[a] & beta[a].any(axis=0)
+        nu, load = complex(sources.exponent[f]), polynomial[f, : int(sources.power[f]) + 1]
+        parts = [
+            (power, X[:, some] @ v)
+            for power, v in _power_series(np.diag(lam[some] - nu), beta[a, : load.shape[0], some], float(window[a]))
+        ] if some.any() else []  # fmt: skip
         for block in modes.blocks:
-            _force_block(terms, block, loads)
+            parts += _response_of_block(block, load, nu, float(window[a]), float(limit[a]))
+        forced = _with_powers(forced, 1 + max((power for power, _ in parts), default=0))
+        for power, vector in parts:
+            forced[f, power] += vector
+    return forced
 
 
 def _driving(value: Floats, slope: Floats, sources: Sources) -> Complexes:
@@ -526,65 +522,48 @@ def _eigenmodes(
     return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), modes, stretch
 
 
-def _residual(terms: _Terms, equations: StateEquations, sources: Sources) -> Complexes:
-    """(F, degree + 1, N) part of what drives the sources' responses that these so far do not balance.
+def _residual(forced: Complexes, equations: StateEquations, sources: Sources) -> Complexes:
+    """(F, degree + 1, N) part of what drives the sources' responses (F, D, N) that these do not balance.
 
     That is a polynomial times ``e^{nu tau}``.
     """
     of, F, degrees, power = equations.equations, np.arange(sources.count), sources.power.max() + 1, sources.power
-    response = np.zeros((F.size, degrees + 1, terms.size), dtype=complex)
-    for f, nu in enumerate(sources.exponent.tolist()):
-        for p in range(int(power[f]) + 2):
-            response[f, p] = terms.response(nu, p, f)
-    y = response[:, :-1]
+    response = _with_powers(forced, degrees + 1)
+    y = response[:, :degrees]
     z = np.zeros((F.size, degrees, of.width), dtype=complex)
     z[:, :, : of.states], z[F, power, of.inputs.start + F] = y, 1.0
     z[F, power, of.slopes.start + F] = sources.exponent
     rising = np.flatnonzero(power)
     z[rising, power[rising] - 1, of.slopes.start + rising] = power[rising]
     rates = StateEquations(of, equations.phases, z.reshape(-1, of.width).T).rates.T.reshape(y.shape)
-    out = rates - sources.exponent[:, None, None] * y - np.arange(1, degrees + 1)[:, None] * response[:, 1:]
+    following = np.arange(1, degrees + 1)[:, None] * response[:, 1 : degrees + 1]
+    out = rates - sources.exponent[:, None, None] * y - following
     out[np.arange(degrees) > power[:, None]] = 0.0
     return np.asarray(out)
 
 
-def _force_simple(terms: _Terms, modes: SimpleModes, loads: _DrivingLoads) -> None:
-    """Add the responses of simple modes, both of each pair, to loads."""
-    X, lam = modes.right, modes.eigenvalue
-    if lam.size == 0:
-        return
-    beta = loads.polynomial @ modes.left.T
-    distance = loads.exponent[:, None] - lam
-    near = np.abs(distance) * loads.window[:, None] < loads.limit[:, None]
-    distance[near], w = np.inf, np.zeros((loads.source.size, lam.size), dtype=complex)
-    away = np.flatnonzero(~near.all(axis=1)).tolist()
-    for p in range(beta.shape[1] - 1, -1, -1):
-        w = (beta[:, p] - (p + 1) * w) / distance
-        vectors = w @ X.T
-        for a in away:
-            if p <= loads.power[a]:
-                terms.add(loads.exponent[a], p, int(loads.source[a]), vectors[a])
-    for a in np.flatnonzero((near & beta.any(axis=1)).any(axis=1)).tolist():
-        some, nu = near[a] & beta[a].any(axis=0), loads.exponent[a]
-        starting = beta[a, : int(loads.power[a]) + 1, some]
-        for power, v in _power_series(np.diag(lam[some] - nu), starting, float(loads.window[a])):
-            terms.add(nu, power, int(loads.source[a]), X[:, some] @ v)
+def _response_of_block(
+    block: Block, polynomial: Complexes, nu: complex, window: float, limit: float
+) -> Iterator[tuple[int, Complexes]]:
+    """Powers of time and factors (N,) of the response of one block to ``sum_p polynomial[p] tau^p e^{nu tau}``.
 
-
-def _force_block(terms: _Terms, block: Block, loads: _DrivingLoads) -> None:
-    """Add the responses of one block, and of its conjugate, to loads."""
-    both, one = [block, block.conjugate()] if block.weight == 2.0 else [block], np.eye(block.matrix.shape[0])
-    for source, nu, degree, polynomial, window, limit in zip(*loads, strict=True):
-        for b in both:
-            beta = b.left @ polynomial[: degree + 1].T
-            if abs(nu - b.centre) * window < max(limit, 1.0) + b.radius * window:
-                for power, v in _power_series(b.matrix - nu * one, beta, window):
-                    terms.add(nu, power, source, b.right @ v)
-                continue
-            w = np.zeros(one.shape[0], dtype=complex)
-            for p in range(degree, -1, -1):
-                w = np.linalg.solve(nu * one - b.matrix, beta[:, p] - (p + 1) * w)
-                terms.add(nu, p, source, b.right @ w)
+    Parameters
+    ----------
+    block, polynomial : the block and the load (degree + 1, N).
+    nu : exponent, 1/s.
+    window, limit : for how long, s, the response must hold, and up to where it is a power series.
+    """
+    for b in (block, block.conjugate()) if block.weight == 2.0 else (block,):
+        beta = b.left @ polynomial.T
+        m = b.matrix.shape[0]
+        if abs(nu - b.centre) * window < max(limit, 1.0) + b.radius * window:
+            for power, v in _power_series(b.matrix - nu * np.eye(m), beta, window):
+                yield power, b.right @ v
+            continue
+        w = np.zeros(m, dtype=complex)
+        for p in range(beta.shape[1] - 1, -1, -1):
+            w = np.linalg.solve(nu * np.eye(m) - b.matrix, beta[:, p] - (p + 1) * w)
+            yield p, b.right @ w
 
 
 def _power_series(matrix: Complexes, beta: Complexes, window: float) -> Iterator[tuple[int, Complexes]]:

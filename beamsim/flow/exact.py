@@ -147,6 +147,8 @@ class ExactFlow:
     ) -> ExactFlow:
         """The same flow under other loads, with the contact states that were used, whose modes are shared.
 
+        Where only amplitudes differ, the responses to the loads are shared, too.
+
         Parameters
         ----------
         forcing : differs in its signals alone; what each load acts on stays as it is.
@@ -163,6 +165,8 @@ class ExactFlow:
         flow.observers = self.observers if observers is None else observers
         flow.duration = self.duration if duration is None else duration
         flow._load()
+        if flow.sources.respond_as(self.sources):
+            return flow
         if not np.array_equal(flow.sources.channel, self.sources.channel):
             flow._write_equations()
             flow._clear()
@@ -361,7 +365,7 @@ class ExactFlow:
 
     def _inputs_at_start(self, given: Complexes, highest: int) -> InputsAtStart:
         """The inputs with amplitudes (F,) at the start of a piece, with derivatives up to the highest."""
-        inputs = given * self.sources.derivatives_at_start(highest + 2)
+        inputs = given * self.sources.derivatives_at_start[: highest + 2]
         pairs = np.hstack([inputs[:-1], inputs[1:]])
         fit = self._round_off_of_fits(given)[: highest + 1]
         return InputsAtStart(pairs.real, np.abs(pairs), np.hstack([fit, np.zeros_like(fit)]))
@@ -384,7 +388,7 @@ class ExactFlow:
         sources = self.sources
         piece = np.maximum(np.searchsorted(sources.start, times if since is None else since, side="right") - 1, 0)
         given = sources.amplitudes_at(times, piece)[:, None, :]
-        inputs = (given * sources.derivatives_at_start(orders + 1)).real
+        inputs = (given * sources.derivatives_at_start[: orders + 1]).real
         return np.concatenate([inputs[:, :-1], inputs[:, 1:]], axis=2)
 
     def outputs_of_states(

@@ -15,6 +15,7 @@ import numpy as np
 from beamsim.inputs.signal import Signal, StreamedSignal, common_record
 from beamsim.typing import Complexes, Floats, Ints
 
+ORDERS = 8  # derivatives of an input that are known: as many as decide how a motion starts, and of its slope
 RESONANCE = 0.02  # |nu - lambda| times a piece, below which the response to an exponential is a power series
 
 
@@ -50,12 +51,18 @@ class Sources:
             out *= np.exp(self.exponent * shift)
         return out
 
-    def derivatives_at_start(self, orders: int) -> Complexes:
-        """(orders, F) derivatives of each input of unit amplitude where its piece starts, from order 0 on."""
-        factorial = np.cumprod(np.maximum(np.arange(orders), 1.0))
-        rest = np.arange(orders)[:, None] - self.power  # what is left is the term whose power is differentiated away
+    @cached_property
+    def derivatives_at_start(self) -> Complexes:
+        """(`ORDERS`, F) derivatives of each input of unit amplitude where its piece starts, from order 0 on."""
+        factorial = np.cumprod(np.maximum(np.arange(ORDERS), 1.0))
+        rest = np.arange(ORDERS)[:, None] - self.power  # what is left is the term whose power is differentiated away
         scale = factorial[:, None] / factorial[np.maximum(rest, 0)]
         return np.asarray(np.where(rest >= 0, scale * self.exponent ** np.maximum(rest, 0), 0.0))
+
+    def respond_as(self, others: Sources) -> bool:
+        """Whether responses to these are those to others: they differ in amplitudes and starts of pieces at most."""
+        names = ("exponent", "power", "channel", "longest_piece", "limit")
+        return all(np.array_equal(getattr(self, name), getattr(others, name)) for name in names)
 
     @cached_property
     def group_last(self) -> Ints:

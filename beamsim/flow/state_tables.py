@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from beamsim.contacts.contacts import Contacts
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.kernels import Tables
-from beamsim.flow.sources import Sources
+from beamsim.flow.sources import ORDERS, Sources
 from beamsim.system.state_equations import StateEquations
 from beamsim.typing import Floats, Ints
 
 ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
 EPS = 1e-15  # round-off of a state and of what makes up its rate
-HIGHEST_DERIVATIVE = 6  # that is looked at
+HIGHEST_DERIVATIVE = ORDERS - 2  # that is looked at: with the slope of its inputs, from order 0 on
 USUAL_DERIVATIVE = 3  # that decides under most loads: higher ones are computed where it does not
 
 

@@ -324,7 +324,7 @@ def sensitivity(
         np.array([each.amplitude for each in changes], dtype=complex).reshape(P, *flow.sources.amplitude.shape),
         np.array([each.exponent for each in changes], dtype=complex).reshape(P, F),
         np.array([each.begin for each in changes]).reshape(P, flow.sources.start.size),
-        flow.sources.derivatives_at_start(4),
+        flow.sources.derivatives_at_start[:4],
     )  # fmt: skip
     by, end, columns, V = start.copy(), np.empty((2, N)), start.shape[1], N + 2 * F
     event, later = np.array(instants, dtype=np.int64).reshape(M, 2).T

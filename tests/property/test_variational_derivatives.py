@@ -93,6 +93,28 @@ def test_derivatives_by_start_frequency_level_and_contacts(make_system, case, se
     np.testing.assert_allclose(flow_map.slope, central(lambda h: at(more=h)), atol=1e-5 * np.abs(flow_map.slope).max())
 
 
+@pytest.mark.parametrize("case", CASES)
+def test_a_flow_under_other_loads_has_the_motions_of_a_new_one(make_system, case):
+    """Contact states that were visited are reused: wholly where the level alone changes."""
+    system, loads = build(make_system, case), forcing(1.0 if "ground" in case else 0.0)
+    flow, z = VariationalFlow(system, loads, omega=1.3, level=2.0), np.zeros(VariationalFlow(system, loads).size)
+    flow.flow_map(z, 5.3, [Frequency()])
+    for omega, level in ((1.3, 1.1), (0.9, 2.0), (1.7, 0.4), (1.3, 2.0)):
+        flow = flow.under(omega, level)
+        found = flow.flow_map(z, 5.3, [Frequency(), Level()])
+        expected = VariationalFlow(system, loads, omega, level).flow_map(z, 5.3, [Frequency(), Level()])
+        assert found.signature == expected.signature
+        for name in ("end", "transition", "parameters"):
+            one, other = getattr(found, name), getattr(expected, name)
+            np.testing.assert_allclose(one, other, atol=1e-11 * np.abs(other).max())
+
+
+def test_a_parameter_of_a_direction_must_exist(make_system):
+    system = build(make_system, "spring")
+    with pytest.raises(TypeError, match="contacts have no friction to change"):
+        ContactDirection.of(system.contacts, friction=1.0)
+
+
 def test_derivative_by_contacts_where_the_motion_has_powers_of_time(make_system):
     """A rigid-body mode: the closed form is left for a difference, and agrees with one of another step."""
     system = make_system(
