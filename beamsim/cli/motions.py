@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from beamsim.plots.style import amount, is_known, scale_for
 from beamsim.scenario.quantities import acceleration_amplitude, power_of
 from beamsim.scenario.scenario import profile_jumps
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.typing import not_none
 
 if TYPE_CHECKING:
     from beamsim.analyses.sweep.result import SweepCurve, SweepResult
@@ -34,46 +35,86 @@ if TYPE_CHECKING:
 
 def run_screen(result: RunResult) -> Screen:
     """Forces, contact, displacements, accelerations and limits by place."""
-    s, numbers, histories = result.summary, Numbers(result.summary), result["histories"]
-    limits = limits_by_place(result)
-    rows = [
-        _place(s, numbers, name, limits)
-        for name in dict.fromkeys((*histories.labels("snubber"), *histories.labels("probe")))
-    ]
+    s, numbers = result.summary, Numbers(result.summary)
+    limits = limits_by_place(result) if s.get("margins") else {}
     facts, stress = list(modes(result)), s.get("largest_bending_stress_pa")
     if stress is not None and is_known(stress):
         facts.insert(0, f"bending stress {stress_text(s, numbers.text(stress, 'Pa', 'largest_bending_stress_pa'))}")
-    lines = [*(["; ".join(facts)] if facts else []), *contact_levels(result)]
-    outputs = [
+    lines = ["; ".join(facts)] if facts else []
+    for entry, lines_of in OF_SOME_RUNS.items():
+        if s.get(entry):
+            lines += lines_of(result, numbers)
+    rows = [_place(s, numbers, name, limits) for name in _places(result)]
+    return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+
+
+def _places(result: RunResult) -> list[str]:
+    """Names of snubbers and probes."""
+    histories = result["histories"]
+    return list(dict.fromkeys((*histories.labels("snubber"), *histories.labels("probe"))))
+
+
+def _output_peaks(result: RunResult, numbers: Numbers) -> Iterator[str]:
+    s = result.summary
+    outputs = (
         f"{name} {numbers.text(peak, s['output_unit'][name], 'peak_output', name)}"
-        for name, peak in s.get("peak_output", {}).items()
-    ]
-    if outputs:
-        lines.append(f"peaks of outputs: {first_of(outputs, SHOWN)}")
+        for name, peak in s["peak_output"].items()
+    )
+    yield f"peaks of outputs: {first_of(list(outputs), SHOWN)}"
+
+
+def _inputs(result: RunResult, _: Numbers) -> Iterator[str]:
+    """Random inputs, and records that were changed."""
     stated = {each.path for each in result.inputs if is_known(each.from_hz) or each.treatment}
-    lines += [f"{path}: {text}" for path, text in input_texts(result).items() if path in stated]
-    if "matched" in s:
-        of = s["matched"]
-        band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"
-        ends = f"{of['lowest_db']:+.1f} to {of['highest_db']:+.1f} dB"
-        lines.append(f"base motion: spectrum {ends} from the curve, {band}")
-    if random := result.random:
-        signals = sorted(random.signals, key=lambda signal: signal.quantity != "force")
-        largest = [f"{of.name} {words(of.quantity)} {text}" for of in signals if (text := _expected_peak(of))]
-        if largest:
-            lines.append(f"largest in {amount(random.test_duration_s, 's')} of test: {first_of(largest, SHOWN)}")
+    yield from (f"{path}: {text}" for path, text in input_texts(result).items() if path in stated)
+
+
+def _matched(result: RunResult, _: Numbers) -> Iterator[str]:
+    of = result.summary["matched"]
+    band = f"{of['from_hz']:g} to {of['to_hz']:g} Hz, Q = {of['quality']:g}"
+    ends = f"{of['lowest_db']:+.1f} to {of['highest_db']:+.1f} dB"
+    yield f"base motion: spectrum {ends} from the curve, {band}"
+
+
+def _largest_of_test(result: RunResult, _: Numbers) -> Iterator[str]:
+    random = not_none(result.random)
+    signals = sorted(random.signals, key=lambda signal: signal.quantity != "force")
+    largest = [f"{of.name} {words(of.quantity)} {text}" for of in signals if (text := _expected_peak(of))]
+    if largest:
+        yield f"largest in {amount(random.test_duration_s, 's')} of test: {first_of(largest, SHOWN)}"
+
+
+def _sensitivities(result: RunResult, _: Numbers) -> Iterator[str]:
     changing = [(name, of) for name, of in sensitivity_texts(result).items() if name.startswith(("peak f", "peak d"))]
-    lines += [f"{name}: {first_of(of, SHOWN)}" for name, of in changing[:SHOWN]]
+    yield from (f"{name}: {first_of(of, SHOWN)}" for name, of in changing[:SHOWN])
+
+
+def _fatigue(result: RunResult, _: Numbers) -> Iterator[str]:
     for name, body in result.fatigue.items():
         interval = "" if body.damage_low is None else f" ({body.damage_low:.2g} to {body.damage_high:.2g}, 95 %)"
-        lines.append(f"damage of {name} {body.damage:.2g}{interval} at {damage_place(body)}")
-    lines += limit_lines(result, [row[""] for row in rows])
-    if compared := s.get("against"):
-        apart, until = percent(compared["largest_state_difference"], 2), compared["agrees_until_s"]
-        until_then = f" until {until:.4g} s, where the contact sequences diverge"
-        diverge = "" if until >= histories["time"].values[-1] else until_then
-        lines.append(f"{compared['method']}: displacements differ by at most {apart}{diverge}")
-    return Screen(sureness(result, numbers.largest_change), rows, [*lines, *numbers.legend()])
+        yield f"damage of {name} {body.damage:.2g}{interval} at {damage_place(body)}"
+
+
+def _against(result: RunResult, _: Numbers) -> Iterator[str]:
+    compared = result.summary["against"]
+    apart, until = percent(compared["largest_state_difference"], 2), compared["agrees_until_s"]
+    last = result["histories"]["time"].values[-1]
+    diverge = "" if until >= last else f" until {until:.4g} s, where the contact sequences diverge"
+    yield f"{compared['method']}: displacements differ by at most {apart}{diverge}"
+
+
+OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Numbers], Iterable[str]]] = {
+    "gapping": lambda result, _: contact_levels(result),
+    "peak_output": _output_peaks,
+    "inputs": _inputs,
+    "matched": _matched,
+    "random": _largest_of_test,
+    "sensitivities": _sensitivities,
+    "fatigue": _fatigue,
+    "margins": lambda result, _: limit_lines(result, _places(result)),
+    "against": _against,
+}
+"""Lines of what only some runs have, by entry of the summary."""
 
 
 def input_texts(result: RunResult) -> dict[str, str]:
