@@ -93,7 +93,7 @@ def test_status_table_file_and_pictures_say_so(damped, tmp_path):
     told = "; ".join(text for label, text in list(all_rows("run", damped))[1:3] if not label)
     assert told.lower() == damped.status.lower()
     assert damped.status.startswith("not converged: values change by more than 2 %")
-    assert sum("NOT CONVERGED" in text for _, text in rows) == 4
+    assert sum(text.count("NOT CONVERGED") for _, text in rows) == len(damped.summary["doubtful"]) > 0
     path = beamsim.write_result(damped, tmp_path / "run.h5")
     stored = beamsim.open_result(path)
     assert stored.outcome == damped.outcome
