@@ -10,11 +10,11 @@ import numpy as np
 
 from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.compare_modes.analysis import ModeComparison
-from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import IdentificationResult, ParameterEstimate
 from beamsim.cli.printing import MOST_ROWS, percent, told
 from beamsim.cli.screens import SHOWN, Screen, limit_lines, rounded
 from beamsim.plots.style import amount, extent
+from beamsim.results.values import parameter_label
 from beamsim.scenario.base import counted
 from beamsim.scenario.parameters import unit_of
 

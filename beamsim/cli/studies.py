@@ -10,13 +10,12 @@ from beamsim.analyses.designs.result import (
     DesignsResult,
     limited_response,
     objectives,
-    parameter_label,
     responses_of,
 )
 from beamsim.cli.screens import SHOWN, Screen, margins, rounded
 from beamsim.outcomes import OnLimit
 from beamsim.plots.style import amount, extent, is_known, margin_text
-from beamsim.results.values import VALUES, limit_label
+from beamsim.results.values import VALUES, limit_label, parameter_label
 from beamsim.scenario.base import counted
 
 MOST_BEST = 5

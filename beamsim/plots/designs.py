@@ -17,7 +17,6 @@ from beamsim.analyses.designs.result import (
     Response,
     is_scalar,
     objectives,
-    parameter_label,
     responses_of,
     varies,
 )
@@ -38,7 +37,7 @@ from beamsim.plots.drawing import (
     with_unit,
 )
 from beamsim.plots.style import Scale, amount, extent, scale_for
-from beamsim.results.values import BY_NAME, OUTPUT
+from beamsim.results.values import BY_NAME, OUTPUT, parameter_label
 from beamsim.typing import Floats
 
 SHOWN = (

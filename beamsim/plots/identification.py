@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from beamsim.analyses.designs.result import parameter_label
 from beamsim.analyses.identify.result import (
     FrequencyTable,
     IdentificationResult,
@@ -24,6 +23,7 @@ from beamsim.analyses.identify.result import (
 )
 from beamsim.plots.drawing import DARK, HERTZ, RED, Chart, Curve, Guide, Picture, finish, legend, marked
 from beamsim.plots.style import Scale
+from beamsim.results.values import parameter_label
 from beamsim.scenario import Scenario
 from beamsim.scenario.parameters import field_type_at, find_parameters
 from beamsim.scenario.quantities import Quantity

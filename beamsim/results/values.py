@@ -370,6 +370,31 @@ def limit_label(name: str) -> str:
     return " of ".join(filter(None, (words, place)))
 
 
+_OF_NAMED = (
+    "snubbers", "probes", "bodies", "joints", "springs_to_ground", "springs_between", "friction", "outputs", "tests",
+)  # sections of things with names  # fmt: skip
+
+
+def parameter_label(path: str) -> str:
+    """A path of the scenario in words.
+
+    >>> parameter_label("snubbers.tip.gap"), parameter_label("snubbers[*].gap")
+    ('tip gap', 'snubbers gap')
+    >>> parameter_label("beam.youngs_modulus"), parameter_label("beam.point_masses[0].mass")
+    ("beam Young's modulus", 'beam point mass 1 mass')
+    """
+    first, *others = path.removeprefix("identify_stiffness.nonlinear.").split(".")
+    parts = others if len(others) > 1 and first in _OF_NAMED else [first, *others]
+    words = []
+    for part in parts:
+        name, _, index = part.partition("[")
+        if index not in ("", "*]"):
+            singular = name.removesuffix("es") if name.endswith("ses") else name.removesuffix("s")
+            name = f"{singular} {int(index[:-1]) + 1}"
+        words.append("Young's modulus" if name == "youngs_modulus" else name.replace("_", " "))
+    return " ".join(words)
+
+
 def margin_of(limit: float, value: float) -> float:
     """Return limit / value - 1, infinite if the value is zero.
 

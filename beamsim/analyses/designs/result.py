@@ -39,36 +39,13 @@ from beamsim.fields import (
 )
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.result import CONVERGENCE, Result
-from beamsim.results.values import Margins, limited
+from beamsim.results.values import Margins, limited, parameter_label
 from beamsim.scenario import Scenario
 from beamsim.scenario.studies import Value
 from beamsim.scenario.units import Dimension, UnitError, read_quantity
 from beamsim.typing import Bools, Floats, Ints
 
-_OF_NAMED = (
-    "snubbers", "probes", "bodies", "joints", "springs_to_ground", "springs_between", "friction", "outputs", "tests",
-)  # sections of things with names  # fmt: skip
 _CASES = Folded("shape", Counter("case", "number of the case"))
-
-
-def parameter_label(path: str) -> str:
-    """A path of the scenario in words.
-
-    >>> parameter_label("snubbers.tip.gap"), parameter_label("snubbers[*].gap")
-    ('tip gap', 'snubbers gap')
-    >>> parameter_label("beam.youngs_modulus"), parameter_label("beam.point_masses[0].mass")
-    ("beam Young's modulus", 'beam point mass 1 mass')
-    """
-    first, *others = path.removeprefix("identify_stiffness.nonlinear.").split(".")
-    parts = others if len(others) > 1 and first in _OF_NAMED else [first, *others]
-    words = []
-    for part in parts:
-        name, _, index = part.partition("[")
-        if index not in ("", "*]"):
-            singular = name.removesuffix("es") if name.endswith("ses") else name.removesuffix("s")
-            name = f"{singular} {int(index[:-1]) + 1}"
-        words.append("Young's modulus" if name == "youngs_modulus" else name.replace("_", " "))
-    return " ".join(words)
 
 
 @dataclass(frozen=True)

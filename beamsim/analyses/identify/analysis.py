@@ -36,7 +36,7 @@ from beamsim.measurements.signal import MeasuredSignal
 from beamsim.outcomes import Progress, Stop, asked_by, never, together
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import path_text
-from beamsim.scenario.identification import IdentifyStiffness
+from beamsim.scenario.identification import IdentifyStiffness, MeasuredShapes
 from beamsim.scenario.parameters import choices_at, value_at, with_values
 from beamsim.signals.assurance import assurance
 from beamsim.structures.assembly import assemble, joined_to
@@ -93,7 +93,7 @@ def _identify(scenario: Scenario, measurements: Sequence[MeasuredSignal], progre
     count += rigid
     _enough_modes(point, section, rigid)
     without = FrequencyTable.of(point.omega[:count] / _HZ, section.measured_without, rigid)
-    mac = _mac(current, section, warnings)
+    mac = None if section.shapes_without is None else _mac(current, section, section.shapes_without, warnings)
     warnings += _structure_warnings(without) if update is None else update.warnings
     if section.measured_with or section.measured_without or section.shapes_without is not None:
         warnings += _others(scenario, section.snubber)
@@ -182,10 +182,8 @@ def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[f
     return np.asarray(model.rows([Place(bodies[0], x) for x in positions]) @ modes.vectors[:, rigid:])
 
 
-def _mac(scenario: Scenario, section: IdentifyStiffness, warnings: list[str]) -> Floats | None:
-    given = section.shapes_without
-    if given is None:
-        return None
+def _mac(scenario: Scenario, section: IdentifyStiffness, given: MeasuredShapes, warnings: list[str]) -> Floats:
+    """Likeness of measured shapes and those of the model, with a warning for each that resembles another mode."""
     body = scenario.all_bodies[scenario.located_snubber(section.snubber).bodies[0]]
     positions = tuple(map(body.metres, given.positions))
     predicted = mode_shapes(scenario, section.snubber, max(len(given.shapes), _MIN_MODES), positions)

@@ -431,7 +431,9 @@ def permanent_contact(
     snubber = section.snubber
     rigid = int(np.sum(point.omega == 0))
     unconstrained = int(np.sum(point.pinned(rigid) == 0)) if rigid else 0  # rigid-body modes with the snubber closed
-    on_table = _rest_on_table(scenario, snubber)
+    on_table = (
+        None if scenario.located_snubber(snubber).item.force_deflection is None else _rest_on_table(scenario, snubber)
+    )
     measured = FittedModes(
         point,
         tuple(unconstrained + listed for listed in section.fit_to),
@@ -581,8 +583,8 @@ def _fit_warnings(table: FrequencyTable, estimate: StiffnessEstimate) -> list[st
     return warnings
 
 
-def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float, int] | None:
-    """A snubber's table, its force at static equilibrium, N, and the segment there, from 1; None with a stiffness.
+def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float, int]:
+    """A snubber's table, its force at static equilibrium, N, and the segment there, from 1.
 
     Raises
     ------
@@ -590,9 +592,7 @@ def _rest_on_table(scenario: Scenario, snubber: str) -> tuple[ForceCurve, float,
         Where the snubber is open at rest: its slope there is not that of a permanent contact.
     """
     index = [item.name for _, _, item, _ in scenario.located_snubbers].index(snubber)
-    curve = curves_of(scenario)[index]
-    if curve is None:
-        return None
+    curve = not_none(curves_of(scenario)[index])
     force = build_system(scenario).snubbers[index].preload
     if not force > 0.0:
         raise ScenarioError.at(
@@ -621,13 +621,11 @@ def _table_slope(
     table = not_none(item.table)
     table = table.model_copy(update={"scale": factor * table.scale})
     scaled = with_values(scenario, {(*path, "force_deflection"): table})
-    if 0.0 < stiffness < np.inf:
-        rest = _rest_on_table(scaled, snubber)
-        if rest is None or rest[2] != segment:
-            warnings.append(
-                f"with all forces of the table multiplied by {factor:.4g} {snubber} would rest on another segment: the "
-                "identified stiffness is not that of a table of this shape"
-            )
+    if 0.0 < stiffness < np.inf and _rest_on_table(scaled, snubber)[2] != segment:
+        warnings.append(
+            f"with all forces of the table multiplied by {factor:.4g} {snubber} would rest on another segment: the "
+            "identified stiffness is not that of a table of this shape"
+        )
     return TableSlope(force, deflection, segment, curve.slopes.size, slope, factor, at_a_bend), scaled, warnings
 
 
