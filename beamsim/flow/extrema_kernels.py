@@ -74,8 +74,12 @@ def search(sums, known, resolution):
     B, K = sums.rate.shape[1], sums.table.shape[3]
     output, noise, by_output = np.empty((3, K, B)), np.empty(K), np.empty((2, B, K))
     ends, inside = _make_look(1, B, K), _make_look(PARTS, B, K)
-    every, waiting, turns = np.arange(known.first.size - 1), np.empty((64, 6)), np.empty((64, 2))
-    used, evaluations = np.zeros(2, dtype=np.int64), 0  # rows of these
+    waiting, turns = np.empty((64, 6)), np.empty((64, 2))
+    used, evaluations = np.empty(2, dtype=np.int64), 0  # rows of these
+    used[0] = used[1] = 0
+    every = np.empty(known.first.size - 1, dtype=np.int64)  # np.arange and np.zeros take longer to compile
+    for j in range(every.size):
+        every[j] = j
     for i in range(sums.window.size):
         ends.u[0], ends.u[1], window = sums.place[0, i], sums.place[1, i], sums.window[i]
         _fill_waves(sums, i, 0.0, ends)

@@ -260,13 +260,13 @@ class SearchWork(NamedTuple):
 
 
 @kernel
-def make_search(guards):
+def _make_search(guards):
     """Work for the search among a number of guards."""
     return SearchWork(np.empty((4, guards)), np.empty(guards), np.empty(guards))
 
 
 @kernel
-def first_event(guards, work, H, begins, most):
+def _first_event(guards, work, H, begins, most):
     """The first event on [0, H].
 
     Parameters
@@ -423,7 +423,7 @@ def _evaluate(guards, tau, H, out):
 
 
 @kernel
-def safe_step(g, slope, bound):
+def _safe_step(g, slope, bound):
     """Longest step over which ``g + slope h - bound h^2 / 2`` stays positive.
 
     Parameters
@@ -478,7 +478,7 @@ def _next_step(guards, out, floors, tau, reach, longer):
             if hit < 0 or (low and out[0, j] < out[0, hit]):
                 hit, put_below = j, low
         elif hit < 0:
-            h = safe_step(lifted, out[1, j], out[2, j])
+            h = _safe_step(lifted, out[1, j], out[2, j])
             if longer and h < step:
                 h = max(h, _taylor_step(guards, j, tau, reach, lifted))
             step = min(step, h)
@@ -738,7 +738,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
     zeta = np.empty(inputs.exponent.size + tables.projector.shape[1], dtype=np.complex128)
     rest = np.empty(tables.projector.shape[2])
     gamma, size, least = np.empty((B, most), dtype=np.complex128), np.empty((B, most)), np.empty(most)
-    basis, search = np.empty(B, dtype=np.complex128), make_search(most)
+    basis, search = np.empty(B, dtype=np.complex128), _make_search(most)
     logging, status = log.time.size > 0, DONE
     n_seg, n_ev, n_eval = 0, 0, 0
     while waits or t < end:
@@ -762,7 +762,7 @@ def march(tables, inputs, position, end, y, log, most_evaluations):
                     nb, tables.n_guards[state], tables.n_joining[state], exponent, power, gamma, size, least
                 )
                 _fill_guards(tables, state, zeta, H, guards)
-                tau, hit, looks = first_event(guards, search, H, guard, most_evaluations)
+                tau, hit, looks = _first_event(guards, search, H, guard, most_evaluations)
                 n_eval += looks
                 if hit == NO_STEP:
                     status = STUCK

@@ -7,7 +7,7 @@ from beamsim.flow import kernels
 
 pytestmark = pytest.mark.quick
 
-_safe_step = kernels.safe_step.py_func  # compiled code alone calls what it is compiled to
+_safe_step = kernels._safe_step.py_func  # compiled code alone calls what it is compiled to
 
 
 @pytest.mark.parametrize("slope", [-0.3, 0.0, 0.3])
