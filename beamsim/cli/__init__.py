@@ -2,8 +2,8 @@
 
 Never here: computing, drawing, opening files.
 Begin with `app`, which has the commands with what they are given; the others hold what they do. `conclusion` is what
-all analyses share: how a command ends, with which exit code. `printing` is the printer, `tables` makes rows of a
-summary; `motions`, `branches`, `studies` and `measured` say what is printed of each kind of result.
+all analyses share: how a command ends, with which exit code. `printing` is the printer, `tables` makes the one table of
+summaries of all kinds; `motions`, `branches`, `studies` and `measured` have the first screen of each kind of result.
 """
 
 from __future__ import annotations

@@ -101,8 +101,11 @@ class _Printed(NamedTuple):
         return bool(self.entry.section) or not place or any(isinstance(each, Mapping) for each in value.values())
 
     def _record(self, title: str, row: str, record: Mapping[str, Any], place: tuple[str, ...]) -> Iterator[Cell]:
+        plain = {_heading(*keys) for keys, *_ in _leaves(record) if unit_in(keys[-1]) is None}
         for keys, value, owner in _leaves(record):
-            column = _heading(*keys)
+            column, unit = _heading(*keys), unit_in(keys[-1])
+            if unit and column in plain:  # amplitude and amplitude_db
+                column = f"{column} ({unit})"
             part = " ".join(filter(None, (title, row, column)))
             if _is_table(value):
                 yield from self._records(part, value, (*place, *keys))

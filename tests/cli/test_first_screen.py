@@ -60,6 +60,7 @@ def test_everything_on_request(printed):
     first = printed()
     assert all(any(line.endswith(told) for line in lines) for told in first[1:-1])
     assert any(line.strip().startswith("convergence") for line in lines)
+    assert any("amplitude (dB)" in line for line in lines)  # beside the amplitude in its own unit
 
 
 def test_what_does_not_converge_is_marked_and_has_fewer_digits(printed):
