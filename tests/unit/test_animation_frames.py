@@ -115,7 +115,7 @@ def test_supports_that_move_are_drawn_where_they_are(pipe):
 
 def test_the_animation_moves_the_supports(pipe):
     frames = frames_of_run(pipe)
-    scene = scene_of(frames, Sketch(pipe.scenario, pipe.modes.stations, pipe.snubbers), "case")
+    scene = scene_of(frames, Sketch(pipe.scenario, pipe.modes.stations, stops_of(pipe)), "case")
     scale = scene.heights.max() / frames.deflection.max()
     moved = np.stack([scene.heights[:, point] for _, point in scene.supports], axis=1)
     np.testing.assert_allclose(moved, scale * ends_of_pipe(frames.time), atol=1e-9 * scale)

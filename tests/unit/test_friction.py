@@ -143,6 +143,7 @@ def test_sliding_and_wear_before_and_after_a_time_are_those_of_the_run(begin):
         assert before > 0.0
         assert after > 0.0
         assert before + after == pytest.approx(whole, rel=1e-9)
-    share = of["before"].sliding_share * begin + of["after"].sliding_share * (1.5 - begin)
-    assert share == pytest.approx(of["whole"].sliding_share * 1.5, rel=1e-9)
-    assert of["after"].wear_power * (1.5 - begin) == pytest.approx(of["after"].worn_volume / 1e-15, rel=1e-9)
+    whole, before, after = (of[part]["friction_sliding_share"].item() for part in parts)
+    assert before * begin + after * (1.5 - begin) == pytest.approx(1.5 * whole, rel=1e-9)
+    power, volume = (of["after"][f"friction_{name}"].item() for name in ("wear_power", "worn_volume"))
+    assert power * (1.5 - begin) == pytest.approx(volume / 1e-15, rel=1e-9)
