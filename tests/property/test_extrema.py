@@ -142,13 +142,10 @@ def test_turning_points_are_those_of_fine_samples(motion):
         size = np.abs(found.value).max()
         for segment in segments:
             mine = found.segment == segment
-            begin, end = (
-                whole["histories"]["time"].values[segment],
-                whole["histories"]["time"].values[segment] + whole.length[segment],
-            )
+            begin, end = whole.time[segment], whole.time[segment] + whole.length[segment]
             times = np.linspace(begin, end - 1e-9 * whole.length[segment], 1001)
             values = whole.sample(times, one)[:, 0]
-            at, turns = found["histories"]["time"].values[mine], found.value[mine]
+            at, turns = found.time[mine], found.value[mine]
             assert at[0] == begin
             assert at[-1] == end
             of_sample = np.clip(np.searchsorted(at, times, side="right") - 1, 0, at.size - 2)
