@@ -162,7 +162,7 @@ def test_a_run_says_how_far_it_is_crushed():
         result["histories"]["displacement"].sel(probe=probe).values,
         atol=1e-6,
     )
-    assert stepped["histories"]["snubber_residual_crush"].sel(snubber="pad").item() is None
+    assert "snubber_residual_crush" not in stepped["histories"]
 
 
 def test_preload_beyond_the_yield_force():
