@@ -12,18 +12,15 @@ A result is a frozen dataclass made with `declared`; each of its fields is given
     class RunResult(Result):
         spectra: dict[str, Spectrum] = members("signals", Spectrum, "signal", rows="spectra")
 
-There are four kinds of declarations: an array along axes (`Dataset`), a number or text of a dataclass (`Attribute`), a
-table whose rows are dataclasses (`Table`), and dataclasses (`Group` one, `Members` several along a dimension). The
-function says how a field is stored, and its arguments what it means. `beamsim.store.layout` says where each is in a
-result file, `beamsim.store.datasets` writes and reads them; `docs/result_files.md` lists the declarations. This module
-knows neither files nor analyses.
-
-Units and meanings may hold ``{field}``, which stands for the value of that field of the same dataclass or of one that
-contains it: ``dataset("{unit}", "level")`` has the unit that the result's field ``unit`` says. An axis is looked for
-among the fields of the same dataclass first, then of those around it.
-
-Fields that are None are left out of the file. A field that a file lacks gets its default. Fields without a declaration
-are not stored.
+There are four kinds of declarations: an array along axes (`ArrayField`), a number or text of a dataclass
+(`Attribute`), a table whose rows are dataclasses (`Table`), and dataclasses (`Group` one, `Members` several along a
+dimension). The function says how a field is stored, and its arguments what it means. `beamsim.store.layout` says where
+each is in a result file, `beamsim.store.datasets` writes and reads them; `docs/result_files.md` lists the declarations.
+This module knows neither files nor analyses. Units and meanings may hold ``{field}``, which stands for the value of
+that field of the same dataclass or of one that contains it: ``dataset("{unit}", "level")`` has the unit that the
+result's field ``unit`` says. An axis is looked for among the fields of the same dataclass first, then of those around
+it. Fields that are None are left out of the file. A field that a file lacks gets its default. Fields without a
+declaration are not stored.
 """
 
 from __future__ import annotations
@@ -325,7 +322,7 @@ Along = tuple[str | Counter, ...] | Folded  # names of axes, axes that only coun
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dataset:
+class ArrayField:
     """An array, a dimension scale, or a column of a table; with ``per`` a mapping of arrays or numbers by name."""
 
     unit: str
@@ -392,7 +389,7 @@ class Table:
     rows: Counter | None = None  # None where a column is the axis
 
 
-Declaration = Dataset | Attribute | Key | Group | Members | Table
+Declaration = ArrayField | Attribute | Key | Group | Members | Table
 _Class = TypeVar("_Class", bound=type)
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -404,7 +401,7 @@ def _field(declaration: Declaration, default: Any = _REQUIRED, default_factory: 
 def dataset(
     unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
 ) -> Any:
-    """An array along axes, with the options of `Dataset`.
+    """An array along axes, with the options of `ArrayField`.
 
     Complex numbers are two variables, ``…_real`` and ``…_imag``. Truth values have `flags`, the meanings of false and
     true.
@@ -413,13 +410,13 @@ def dataset(
     ----------
     unit, meaning : SI unit ("1" without one) and what the values are.
     default, default_factory : as of `dataclasses.field`.
-    options : fields of `Dataset`.
+    options : fields of `ArrayField`.
 
     Returns
     -------
     dataclasses.Field
     """
-    return _field(Dataset(unit=unit, meaning=meaning, **options), default, default_factory)
+    return _field(ArrayField(unit=unit, meaning=meaning, **options), default, default_factory)
 
 
 def axis(unit: str, meaning: str, *, default: Any = _REQUIRED, **options: Any) -> Any:
@@ -429,18 +426,18 @@ def axis(unit: str, meaning: str, *, default: Any = _REQUIRED, **options: Any) -
     ----------
     unit, meaning : SI unit ("1" without one) and what the values are.
     default : as of `dataclasses.field`.
-    options : fields of `Dataset`.
+    options : fields of `ArrayField`.
 
     Returns
     -------
     dataclasses.Field
     """
-    return _field(Dataset(unit=unit, meaning=meaning, scale=True, **options), default)
+    return _field(ArrayField(unit=unit, meaning=meaning, scale=True, **options), default)
 
 
 def per_probe(unit: str, meaning: str, **options: Any) -> Any:
     """An array or a number for each probe: along the dimension ``probe``."""
-    return _field(Dataset(unit=unit, meaning=meaning, per="probe", **options))
+    return _field(ArrayField(unit=unit, meaning=meaning, per="probe", **options))
 
 
 def per_snubber(unit: str, meaning: str, *, default_factory: Any = _REQUIRED, **options: Any) -> Any:
@@ -450,13 +447,13 @@ def per_snubber(unit: str, meaning: str, *, default_factory: Any = _REQUIRED, **
     ----------
     unit, meaning : SI unit ("1" without one) and what the values are.
     default_factory : as of `dataclasses.field`.
-    options : fields of `Dataset`.
+    options : fields of `ArrayField`.
 
     Returns
     -------
     dataclasses.Field
     """
-    return _field(Dataset(unit=unit, meaning=meaning, per="snubber", **options), default_factory=default_factory)
+    return _field(ArrayField(unit=unit, meaning=meaning, per="snubber", **options), default_factory=default_factory)
 
 
 def attribute(
@@ -576,7 +573,7 @@ def declared(cls: Any = None, *, kw_only: bool = False, along: Along = ()) -> An
     cls.__along__ = along
     made = dataclass(frozen=True, kw_only=kw_only)(cls)
     for field in dataclasses.fields(made):
-        if isinstance(field.metadata.get(_DECLARED), Dataset):
+        if isinstance(field.metadata.get(_DECLARED), ArrayField):
             setattr(made, field.name, _ReadWhenUsed(field.name))
     return made
 
@@ -679,7 +676,7 @@ def _members_of(cls: Any) -> tuple[Member, ...]:
 
 def _placed(declaration: Declaration, along: Along) -> Declaration:
     """A declaration with its axes: of an array that names none, those of the class."""
-    if isinstance(declaration, Dataset) and declaration.along is None:
+    if isinstance(declaration, ArrayField) and declaration.along is None:
         return dataclasses.replace(declaration, along=() if declaration.scale else along)
     return declaration
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from beamsim.analyses.designs.responses import means
 from beamsim.analyses.designs.result import CaseOutcome, limited_response
-from beamsim.analyses.run.histories import contact_units, events_of
-from beamsim.analyses.run.layouts import HISTORIES
+from beamsim.analyses.run.histories import contact_units
+from beamsim.analyses.run.layouts import HISTORIES, events_of
 from beamsim.analyses.run.result import (
     BodyResult,
     ModeTable,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from beamsim.analyses.pad.analysis import PadData, PadNumbers, option
+from beamsim.analyses.pad.analysis import KnownPad, PadNumbers, option
 from beamsim.analyses.pad.analysis import pad as designed
 from beamsim.cli.failures import show
 from beamsim.cli.printing import print_json
@@ -50,7 +50,7 @@ def pad(texts: Mapping[str, str | None], curve: Mapping[str, Any], *, as_json: b
     """
     numbers = _read_numbers({name: text for name, text in texts.items() if text is not None})
     known: dict[str, Any] = {**curve, **numbers}
-    found = designed(PadData(**known))
+    found = designed(KnownPad(**known))
     _check_found(found)
     lines = list(_snubber(found))
     if as_json:

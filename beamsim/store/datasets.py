@@ -17,8 +17,8 @@ from pydantic import TypeAdapter
 
 from beamsim.fields import (
     JSON,
+    ArrayField,
     Attribute,
-    Dataset,
     Deferred,
     Folded,
     Group,
@@ -163,9 +163,9 @@ class _Writer:
                     self._table(member, declared, place, known)
                 case Attribute() as declared if known:
                     self._attribute(member, declared, place, known)
-                case Dataset(per=str()) as declared:
+                case ArrayField(per=str()) as declared:
                     self._by_name(member, declared, place, known)
-                case Dataset() as declared if known:
+                case ArrayField() as declared if known:
                     self._arrays(member, declared, place, known)
 
     def _attribute(self, member: Member, declared: Attribute, place: StoragePlace, values: list[_Value]) -> None:
@@ -185,7 +185,7 @@ class _Writer:
                     texts = (filled(declared.unit, owners), declared.meaning)
                     self._part(at, labels, np.asarray(_array(one)), texts, more)
 
-    def _by_name(self, member: Member, declared: Dataset, place: StoragePlace, values: list[_Value]) -> None:
+    def _by_name(self, member: Member, declared: ArrayField, place: StoragePlace, values: list[_Value]) -> None:
         below = by_name(place, declared)
         each = [
             _Value((*labels, name), owners, item) for labels, owners, value in values for name, item in value.items()
@@ -251,7 +251,7 @@ class _Writer:
                 texts = (filled(column.declaration.unit, each.owners), filled(column.declaration.meaning, each.owners))
                 self._part(at, each.labels, _cells(of_rows, column), texts, _more_of(column.declaration))
 
-    def _arrays(self, member: Member, declared: Dataset, place: StoragePlace, values: list[_Value]) -> None:
+    def _arrays(self, member: Member, declared: ArrayField, place: StoragePlace, values: list[_Value]) -> None:
         """An array of each of some instances, with the two of complex numbers, words apart from numbers."""
         arrays = [(each, _array(each.value)) for each in values]
         mixed = {array.dtype.kind == "O" for _, array in arrays} == {True, False}
@@ -486,7 +486,7 @@ def _key(axis: Axis) -> _OfAxis:
     return axis.place.dataset, axis.place.prefix, axis.name
 
 
-def _more_of(declared: Dataset) -> dict[str, Any]:
+def _more_of(declared: ArrayField) -> dict[str, Any]:
     """Attributes of a variable besides unit and meaning."""
     return ({} if declared.flags is None else flagged(declared.flags)) | (
         {NAMES: declared.names} if declared.names else {}
@@ -495,7 +495,7 @@ def _more_of(declared: Dataset) -> dict[str, Any]:
 
 def _writing_rank(member: Member) -> int:
     """Axes before the arrays along them."""
-    scale = isinstance(member.declaration, Dataset) and member.declaration.scale
+    scale = isinstance(member.declaration, ArrayField) and member.declaration.scale
     return 0 if scale else 1 if isinstance(member.declaration, Group) and not member.declaration.path else 2
 
 
@@ -531,7 +531,7 @@ def _ending(place: StoragePlace, part: str) -> StoragePlace:
     return replace(place, suffix=f"_{part}") if part else place
 
 
-def _more_suffix(declared: Dataset, more: bool) -> str:
+def _more_suffix(declared: ArrayField, more: bool) -> str:
     along = declared.along
     return f"_by_{along.more.name}" if more and isinstance(along, Folded) and along.more else ""
 
@@ -626,9 +626,9 @@ class Reader:
                 return self._members(member, declared, place, instances)
             case Table() as declared:
                 return [self._table(member, declared, place, each) for each in instances]
-            case Dataset(per=str()) as declared:
+            case ArrayField(per=str()) as declared:
                 return self._by_name(member, declared, place, instances)
-            case Dataset() as declared:
+            case ArrayField() as declared:
                 return [self._array(member, declared, place, each) for each in instances]
         raise TypeError(f"{member.name} is not stored")
 
@@ -705,7 +705,9 @@ class Reader:
             of_instances.append(own_members if member.type.startswith("dict") else tuple(own_members.values()))
         return of_instances
 
-    def _by_name(self, member: Member, declared: Dataset, place: StoragePlace, instances: Sequence[_Read]) -> list[Any]:
+    def _by_name(
+        self, member: Member, declared: ArrayField, place: StoragePlace, instances: Sequence[_Read]
+    ) -> list[Any]:
         below, found = by_name(place, declared), list[Any]()
         for instance, names in zip(instances, self._listed(member, place, len(instances)), strict=True):
             if names is MISSING:
@@ -737,7 +739,7 @@ class Reader:
             columns[column.name] = [_of_type(value, column) for value in np.asarray(values)]
         return tuple(declared.of(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
 
-    def _array(self, member: Member, declared: Dataset, place: StoragePlace, instance: _Read) -> Any:
+    def _array(self, member: Member, declared: ArrayField, place: StoragePlace, instance: _Read) -> Any:
         """The array of one instance, in whichever way it is stored."""
         shape = None
         if isinstance(declared.along, Folded):

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 from beamsim.fields import (
     OUTCOME,
+    ArrayField,
     Attribute,
-    Dataset,
     Folded,
     Group,
     Key,
@@ -127,7 +127,7 @@ def _row_of(name: str, declared: Variable) -> Row:
 def _rows(member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
     """The variables and attributes of a field, each with the path of its dataset."""
     match member.declaration:
-        case Dataset() as d:
+        case ArrayField() as d:
             at = spot(member, place if d.per is None else by_name(place, d))
             if d.per is not None:
                 text = f"JSON list of the names that {at.name} has values for"
@@ -164,7 +164,7 @@ def _attributes(member: Member, declared: Attribute, place: StoragePlace) -> Ite
         yield home, Row(name.format("outcome_numbers"), "", along, numbers)
 
 
-def _of_spot(at: Spot, declared: Dataset, member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
+def _of_spot(at: Spot, declared: ArrayField, member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
     """The variables of a field, and what says whose their rows are."""
     axes = "is an axis" if at.scale else " × ".join((*at.kept, *(axis.dim for axis in at.axes))) or "a number"
     if at.whose is not None:
@@ -186,7 +186,7 @@ def _ending(place: StoragePlace) -> str:
     return f"_<{place.split}>" if place.split else ""
 
 
-def _parts(name: str, declared: Dataset, member: Member) -> Iterator[tuple[str, str, str]]:
+def _parts(name: str, declared: ArrayField, member: Member) -> Iterator[tuple[str, str, str]]:
     """Name, unit and meaning of the variable, or of the two variables of complex numbers."""
     if "Complexes" in member.type and declared.imaginary:
         yield f"{name}_real", declared.unit, declared.meaning

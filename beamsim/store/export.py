@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamsim.errors import ResultFileError
-from beamsim.fields import Dataset, members_of
+from beamsim.fields import ArrayField, members_of
 from beamsim.files import replacing
 from beamsim.labelled import NAMES, OF_EACH, Item, Items, last, parent, part_of
 from beamsim.results.result import Result
@@ -217,7 +217,7 @@ class MembersIn:
         self._dims: set[str] = set()  # paths of coordinates
         self._rows: dict[str, StoragePlace] = {}  # by dataset of rows, what has them
         for of, place in places_in(cls, root_place(cls)):
-            mappings = [m.declaration.per for m in members_of(of) if isinstance(m.declaration, Dataset)]
+            mappings = [m.declaration.per for m in members_of(of) if isinstance(m.declaration, ArrayField)]
             datasets = [place.dataset, *(axis.table for axis in place.axes.values() if axis.table)]
             self._dims |= {f"/{name}/{dim}" for name in datasets for dim in (*place.dims, *mappings) if dim}
             self._rows |= {axis.table: axis.place for axis in place.axes.values() if axis.table}

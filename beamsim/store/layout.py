@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-from beamsim.fields import Counter, Dataset, Folded, Group, Member, Members, Table, members_of
+from beamsim.fields import ArrayField, Counter, Folded, Group, Member, Members, Table, members_of
 
 ROWS = "sample"  # dimension of rows along an axis that has no name for them
 
@@ -100,9 +100,9 @@ def _own_axes(cls: Any, place: StoragePlace) -> dict[str, Axis]:
     axes: dict[str, Axis] = {}
     for member in members_of(cls):
         match member.declaration:
-            case Dataset(scale=True) as declared:
+            case ArrayField(scale=True) as declared:
                 axes[member.stored_name] = _axis(member.stored_name, place, declared.rows, declared.shared)
-            case Dataset() as declared:
+            case ArrayField() as declared:
                 for counter in counters(declared):
                     if counter.name not in place.axes and counter.name not in axes:
                         shared = counter.shared or _follows_rows(counter, declared, {**place.axes, **axes})
@@ -115,7 +115,7 @@ def _own_axes(cls: Any, place: StoragePlace) -> dict[str, Axis]:
     return axes
 
 
-def _follows_rows(counter: Counter, declared: Dataset, axes: Mapping[str, Axis]) -> bool:
+def _follows_rows(counter: Counter, declared: ArrayField, axes: Mapping[str, Axis]) -> bool:
     """Whether an array has rows that differ from member to member before an axis: the axis is then the same in all."""
     along = declared.along if isinstance(declared.along, tuple) and not isinstance(declared.along, Folded) else ()
     before = (
@@ -124,7 +124,7 @@ def _follows_rows(counter: Counter, declared: Dataset, axes: Mapping[str, Axis])
     return any(name in axes and axes[name].table for name in before)
 
 
-def counters(declared: Dataset) -> tuple[Counter, ...]:
+def counters(declared: ArrayField) -> tuple[Counter, ...]:
     """The axes of an array that only count."""
     if isinstance(declared.along, Folded):
         return tuple(each for each in (declared.along.cases, declared.along.more) if each is not None)
@@ -143,13 +143,13 @@ def spot(member: Member, place: StoragePlace, more: bool = False, suffix: str = 
 
     Parameters
     ----------
-    member : declared as a `Dataset` or an `Attribute`.
+    member : declared as a `ArrayField` or an `Attribute`.
     place : of its class, with its axes; with one more dimension where it is a mapping by name.
     more : whether it has the last axis that some of a design have.
     suffix : of the name of the variable.
     """
     declared, name = member.declaration, f"{place.prefix}{member.stored_name}{place.suffix}{suffix}"
-    if not isinstance(declared, Dataset):
+    if not isinstance(declared, ArrayField):
         return Spot(place.dataset, name, place.dims, ())
     if declared.scale:
         axis = place.axes[member.stored_name]
@@ -189,7 +189,7 @@ def members_place(place: StoragePlace, declared: Members) -> StoragePlace:
     return inside(declared.of, stacked)
 
 
-def by_name(place: StoragePlace, declared: Dataset) -> StoragePlace:
+def by_name(place: StoragePlace, declared: ArrayField) -> StoragePlace:
     """The place of the values of a mapping by name."""
     return replace(place, dims=(*place.dims, declared.per or ""))
 

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.fields import Attribute, Counter, Dataset, Folded, Group, Key, Members, Table, members_of
+from beamsim.fields import ArrayField, Attribute, Counter, Folded, Group, Key, Members, Table, members_of
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import COMPLETE
 from beamsim.scenario import load_scenario
@@ -29,7 +29,7 @@ def _rank(member):
     declared = member.declaration
     if isinstance(declared, Group) and not declared.path:
         return 0
-    return (1 if declared.scale else 2) if isinstance(declared, Dataset) else 3
+    return (1 if declared.scale else 2) if isinstance(declared, ArrayField) else 3
 
 
 class Maker:
@@ -63,9 +63,9 @@ class Maker:
     def value(self, member, sizes):
         d = member.declaration
         match d:
-            case Dataset(scale=True):
+            case ArrayField(scale=True):
                 return self.array(member.type, (self.size(member.stored_name, sizes),))
-            case Dataset():
+            case ArrayField():
                 if isinstance(d.along, Folded):
                     more = () if d.along.more is None or self.rng.random() < 0.5 else (self.size(d.along.more, sizes),)
                     shape = (*CASES, *more)

@@ -8,7 +8,19 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.fields import Counter, Dataset, attribute, axis, dataset, declared, group, key, members, members_of, table
+from beamsim.fields import (
+    ArrayField,
+    Counter,
+    attribute,
+    axis,
+    dataset,
+    declared,
+    group,
+    key,
+    members,
+    members_of,
+    table,
+)
 from beamsim.kinds import KINDS, named
 from beamsim.store.datasets import Reader, items_of
 from beamsim.store.export import tables_of
@@ -87,7 +99,7 @@ def test_every_variable_has_a_place_of_its_own(kind):
     found = []
     for of, place in places_in(cls, root_place(cls)):
         for member in members_of(of):
-            if isinstance(member.declaration, Dataset) and not place.split:
+            if isinstance(member.declaration, ArrayField) and not place.split:
                 at = spot(member, place if member.declaration.per is None else by_name(place, member.declaration))
                 assert [k for k, each in enumerate(at.axes) if each.table] in ([], [at.ragged])
                 found.append(at.path)

@@ -48,7 +48,7 @@ class PadNumbers:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PadData:
+class KnownPad:
     """What is known of a pad, in SI units: its material and size, or a measured curve."""
 
     modulus: float | None = None  # Pa, Young's modulus of the material
@@ -63,7 +63,7 @@ class PadData:
     decimal: DecimalMark | None = None  # decimal mark of its numbers, by default what they themselves show
 
 
-def pad(data: PadData) -> PadNumbers:
+def pad(data: KnownPad) -> PadNumbers:
     """The snubber that has what is known.
 
     Parameters
@@ -118,7 +118,7 @@ def _of_record(middle: ForceCurve, record: Record, loss_factor: float | None) ->
     )
 
 
-def _check(data: PadData) -> None:
+def _check(data: KnownPad) -> None:
     """One source of the stiffness, and what it and the loss factor need.
 
     Raises

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamsim.analyses.run.impacts import friction_contacts, sliding_figures
-from beamsim.analyses.run.layouts import EVENTS, FRICTION_INTERVALS, HISTORIES
+from beamsim.analyses.run.layouts import FRICTION_INTERVALS, HISTORIES
 from beamsim.analyses.run.observers import Histories
 from beamsim.contacts.sliders import residual_crush
 from beamsim.contacts.snubbers import FRICTION
@@ -32,19 +32,6 @@ _FORCES = ("start_force", "static_force", "sliding_force")
 def without_histories() -> dict[str, Dataset]:
     """The datasets of a run of which only values are needed."""
     return {"histories": HISTORIES.dataset({"time": np.zeros(0)})}
-
-
-def events_of(time: Floats, snubber: Any, closing: Any) -> Dataset:
-    """The dataset of contact events.
-
-    Parameters
-    ----------
-    time : (n,) s.
-    snubber : (n,) number of each, from 0.
-    closing : (n,) whether contact begins.
-    """
-    number = np.arange(1, time.size + 1)
-    return EVENTS.dataset({"event": number, "time": time, "snubber": snubber, "closing": closing})
 
 
 def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation) -> dict[str, Dataset]:

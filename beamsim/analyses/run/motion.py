@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from beamsim.analyses.run.energy import EnergyBalance
-from beamsim.analyses.run.histories import events_of
 from beamsim.analyses.run.impacts import friction_contacts
+from beamsim.analyses.run.layouts import events_of
 from beamsim.analyses.run.observers import AtContact, Histories, largest_contact, samples_until
 from beamsim.analyses.run.result import (
     ONLY_BEAM,
