@@ -20,6 +20,8 @@ from beamsim.scenario.base import counted
 
 # --- Continuation ----------------------------------------------------------------------------------------------------
 
+LARGEST_DRIFT = 1e-6  # relative; over some fifty periods the round-off of a stable motion stays below it
+
 
 def continuation_screen(result: ContinuationResult) -> Screen:
     """By level the largest displacement and where, special points and how much is stable; the largest forces."""
@@ -219,6 +221,9 @@ def _departures(result: NormalModeResult) -> Iterator[str]:
     if any(sizes.values()):
         some = ", ".join(counted(sizes[name], noun) for name, noun in counts.items() if sizes[name])
         yield f"along the backbone: {some}"
+    if (drift := s.get("motion_drift", 0.0)) > LARGEST_DRIFT:
+        after = f"after {s['motion_periods']} periods the drawn motion differs by {percent(drift, 2)} from its start"
+        yield f"{after}: it is unstable, and the lines of its spectrum are broadened"
     if full := s.get("full_period"):
         branches = counted(len(full["never_at_rest"]), "branch", "branches")
         yield f"full period: {branches} of motions that are never at rest"
