@@ -23,6 +23,7 @@ import h5py
 import numpy as np
 from scipy.sparse import coo_array, csc_array, issparse, save_npz
 
+from beamsim.dofs import DIRECTIONS, MODAL, Dof
 from beamsim.errors import InputFileError, MethodError
 from beamsim.files import replacing
 from beamsim.hdf5 import open_hdf5, read_array
@@ -38,14 +39,6 @@ from beamsim.sparse_parts import (
     matrix_shape,
     whole_numbers,
 )
-
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
-"""Directions of a node in the order of their numbers 1 to 6."""
-MODAL = "modal"
-"""Direction of a coordinate that belongs to no node: a mode, or a scalar point."""
-
-Dof = tuple[int, str]
-"""Node and direction."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from beamsim.cli.failures import Interruption, interruptible, say, show
 from beamsim.cli.options import Given
 from beamsim.cli.printing import print_json, print_table
 from beamsim.cli.progress import Progress, progress_of
-from beamsim.cli.tables import all_rows
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.kinds import KINDS, named
@@ -138,8 +137,9 @@ def _print(kind: str, result: Result, files: Sequence[Path], given: Given) -> No
     elif first:
         show(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
     elif not given.quiet:
+        table_rows = named("beamsim.cli.tables:all_rows")  # imported only where it is printed
         written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
-        print_table(result.title, [*all_rows(kind, result), *written])
+        print_table(result.title, [*table_rows(kind, result), *written])
 
 
 def analysed(

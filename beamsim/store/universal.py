@@ -24,9 +24,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from beamsim.dofs import DIRECTIONS
 from beamsim.files import replacing
 from beamsim.labelled import NAMES, Item, Items, last, parent, part_of
-from beamsim.matrix_files import DIRECTIONS
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import OfHinge
 from beamsim.structures.places import DEFLECTION

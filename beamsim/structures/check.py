@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from beamsim.dofs import DIRECTIONS, MODAL
 from beamsim.errors import MethodError
-from beamsim.matrix_files import DIRECTIONS, MODAL
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import bodies_of
 from beamsim.structures.imported import rigid_rows

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
+from beamsim.dofs import DIRECTIONS, MODAL
 from beamsim.errors import MethodError
-from beamsim.matrix_files import DIRECTIONS, MODAL
 from beamsim.scenario.matrices import DisplacementSystem
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.typing import Floats

@@ -22,8 +22,8 @@ from scipy.linalg import qr
 from scipy.sparse import csc_array, csr_array, diags_array, vstack
 from scipy.sparse.linalg import splu
 
+from beamsim.dofs import MODAL
 from beamsim.errors import MethodError
-from beamsim.matrix_files import MODAL
 from beamsim.structures.modes import lowest_eigenpairs
 from beamsim.structures.named_matrices import DofTable, NamedDofs, NamedMatrices, with_base_node
 from beamsim.structures.places import UPWARDS, Place

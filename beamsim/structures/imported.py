@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import block_diag, csc_array, csr_array, eye_array, hstack
 
+from beamsim.dofs import MODAL, Dof
 from beamsim.errors import MethodError
-from beamsim.matrix_files import MODAL, Dof, FileMatrix, read_matrix
+from beamsim.matrix_files import FileMatrix, read_matrix
 from beamsim.scenario.matrices import MatricesBody, RecoverySource, name_of, sizes_of
 from beamsim.structures.directions import along_the_axes
 from beamsim.structures.named_matrices import (

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.sparse import coo_array, csr_array, eye_array
 
+from beamsim.dofs import MODAL
 from beamsim.errors import MethodError, ScenarioError
-from beamsim.matrix_files import MODAL
 from beamsim.scenario import Scenario
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.structures.assembly import with_places_of_files

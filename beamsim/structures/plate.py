@@ -23,8 +23,8 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.sparse import csr_array, kron, vstack
 
+from beamsim.dofs import MODAL
 from beamsim.errors import MethodError, ScenarioError
-from beamsim.matrix_files import MODAL
 from beamsim.scenario.plate import PlateBody, Stiffener
 from beamsim.structures.beam import supported_dofs
 from beamsim.structures.mesh import Mesh, MeshedBody, PlateMesh, graded_mesh, on_supports

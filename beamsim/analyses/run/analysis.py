@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from beamsim.analyses.run.aliasing import aliased_in_histories
 from beamsim.analyses.run.exact_motion import exact_motion_of, refuse_long_histories
 from beamsim.analyses.run.fatigue import fatigue_of, fatigue_warnings
 from beamsim.analyses.run.filters import SAMPLES_OF_OSCILLATOR, matched_spectrum, shock_response
-from beamsim.analyses.run.histories import datasets_of, without_histories
+from beamsim.analyses.run.histories import aliased_in_histories, datasets_of, without_histories
 from beamsim.analyses.run.motion import (
     Evaluation,
     RunMotion,
