@@ -81,7 +81,7 @@ def _defects(points: Points) -> Floats:
     for omega, place, speed in zip(*points, strict=True):
         period = float(2.0 * np.pi / omega)
         frequency = {"excitation.frequency": f"{omega} rad/s", "run.duration": f"{2 * period} s"}
-        system = build_system(beamsim.load_scenario(CASE, frequency), assessed=False)
+        system = build_system(beamsim.load_scenario(CASE, frequency))
         shape = _shapes(system)
         begin = np.concatenate([np.linalg.solve(shape, part) for part in (place, speed)])
         end = simulate(exact_flow(system, period), begin).final_y

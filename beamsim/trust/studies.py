@@ -189,8 +189,9 @@ def _evaluated(plan: DesignPlan, evaluate: Evaluator, progress: Progress) -> tup
         else:
             evaluate([case.values for case in plan.cases if not case.realisation])
     if evaluate.ended != "interrupted" and plan.convergence is None:
-        while chosen := worth_comparing(plan, evaluate.outcomes):
-            evaluate.compare(chosen)
+        with suppress(Ended):
+            while chosen := worth_comparing(plan, evaluate.outcomes):
+                evaluate.compare(chosen)
     return (unsettled(plan.most) if evaluate.ended == "most_cases" else ended), histories
 
 

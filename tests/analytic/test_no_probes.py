@@ -135,7 +135,7 @@ def test_every_command(tmp_path):
     shown = invoke("run", case, "-o", file).output
     assert "peaks of outputs: foot" in shown
     assert {"case_outputs.png", "case_spectrum.png"} <= {each.name for each in tmp_path.glob("*.png")}
-    assert "reaction force" in invoke("info", file).output
+    assert "68.65 N" in invoke("info", file).output
     invoke("export", file, "-o", str(tmp_path / "case.csv"))
     invoke("report", file, "-o", str(tmp_path / "case.html"))
     assert "foot reaction force" in invoke("compare", file, file, "-o", str(tmp_path)).output

@@ -149,7 +149,7 @@ def own_motion(case, most_steps=MOST_STEPS, others=OTHERS[:1], finer=1, change=P
 
 def _horizon(motion, other, step, story):
     """Until when our two motions tell the same story, and (nt,) how far apart they are until each stop."""
-    count = min(motion.time.size, other["histories"]["time"].values.size)
+    count = min(motion.time.size, other.time.size)
     if count == 0:
         return 0.0, np.zeros(0)
     scale = np.abs(motion.y[:count]).max() or 1.0

@@ -71,7 +71,7 @@ def test_nnm_table(tmp_path):
     shorter = ("--set", "nnm.continue_in.to=0.1", "--set", "reduction.modes=4")
     done = invoke("nnm", CONFIGS / "nnm_first.yaml", *shorter, "-o", tmp_path, "--no-plots", "-v")
     assert done.exit_code == 0
-    tongues = [line.split()[1:3] for line in done.stdout.partition("internal resonances ")[2].splitlines()[1:6]]
+    tongues = [line.split()[1:3] for line in done.stdout.partition("mode   ratio   parameter")[2].splitlines()[1:6]]
     assert ["2", "6"] in tongues  # mode and ratio
     assert ["2", "5"] in tongues
     assert not list(tmp_path.glob("*.png"))

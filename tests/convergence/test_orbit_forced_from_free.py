@@ -76,7 +76,7 @@ def held(make_system):
 
 def conjugate(flow, whole, pattern):
     """Amplitude of the fundamental of the deflection under the force."""
-    t, weight = gauss_panels(np.append(whole["histories"]["time"].values, whole.duration), flow.fastest)
+    t, weight = gauss_panels(np.append(whole.time, whole.duration), flow.fastest)
     q = flow.states_at(whole, t)[:, :6] @ pattern
     return abs(2 / whole.duration * np.sum(weight * np.exp(-2j * np.pi * t / whole.duration) * q))
 

@@ -94,11 +94,11 @@ def test_the_loss_in_histories_is_that_of_the_dampers():
     """Histories follow from the work and the stored energy; here against integrals of the dissipated power."""
     scenario = light_chain(0.3)
     run = {"duration": 20.0, "sample_rate": 50.0, "convergence": "off"}
-    energy = beamsim.run(scenario.model_copy(update={"run": Run.model_validate(run)})).energy
+    histories = beamsim.run(scenario.model_copy(update={"run": Run.model_validate(run)}))["histories"]
     motion = motion_of(scenario, 20.0)
     lost, work = motion.product_integrals(np.arange(1001) / 50.0, *power_factors(motion.flow)).T
-    np.testing.assert_allclose(energy.dissipated, lost, rtol=0, atol=1e-12 * lost[-1])
-    np.testing.assert_allclose(energy.work_in, work, rtol=0, atol=1e-12 * lost[-1])
+    np.testing.assert_allclose(histories["energy_dissipated"].values, lost, rtol=0, atol=1e-12 * lost[-1])
+    np.testing.assert_allclose(histories["energy_work_in"].values, work, rtol=0, atol=1e-12 * lost[-1])
 
 
 STOP = {"name": "stop", "mass": 1, "side": "below", "stiffness": 300.0, "gap": 0.01}

@@ -8,7 +8,7 @@ import pytest
 import pyuff
 
 from beamsim.analyses.identify.records import sweeps_of
-from beamsim.analyses.pad.analysis import pad
+from beamsim.analyses.pad.analysis import KnownPad, pad
 from beamsim.errors import InputFileError, MethodError, ScenarioError
 from beamsim.inputs.measured import read_record, target_curve
 from beamsim.measurements.tables import read_csv
@@ -218,7 +218,8 @@ def test_two_deflections_are_asked_for_and_chosen(tmp_path):
     deflection, force, _ = read_forces(tmp_path / "pad.csv", ["extensometer"])
     np.testing.assert_allclose(deflection, [0, 1e-3, 2e-3])
     np.testing.assert_allclose(force, [0, 1104e3, 2208e3])
-    assert pad(curve=tmp_path / "pad.csv", segments=1, columns=("crosshead",)).stiffness == pytest.approx(736e6)
+    known = KnownPad(curve=tmp_path / "pad.csv", segments=1, columns=("crosshead",))
+    assert pad(known).stiffness == pytest.approx(736e6)
 
 
 def test_columns_over_other_times_make_no_curve(tmp_path):

@@ -69,7 +69,7 @@ def expansion_path(
             return of_mode.expand(factor, order, uniform=uniform)
 
     linear = expand(0.0, 0)
-    chosen = _into_reach(linear.reach, largest) if factors is None else factors
+    chosen = _into_reach(linear.reach, largest) if factors is None else np.asarray(factors, dtype=float)
     frequency, shape, uniform = _at_factors(expand, chosen, structure.dynamics.size)
     return ExpansionPath(
         mode=mode,
