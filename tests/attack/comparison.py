@@ -10,6 +10,7 @@ import time as clock
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from own_laws import Bent, Pad
@@ -219,7 +220,7 @@ def _against_package(finding, case, own):
         finding.differences.append(f"energy error {error:.3g}")
     finding.events = int(np.sum(own.motion.event_time < end))
     finding.differences += [
-        *_events(own, result, end),
+        *_events(own, _found_events(result), end),
         *_states(own, result, slack, finding.finer),
         *_peaks(own, result, slack[-1]),
     ]
@@ -318,14 +319,30 @@ def _changed(node, rng, changing=False):
     return node * (1 + SMALL * rng.choice([-1.0, 1.0])) if changing and isinstance(node, float) else node
 
 
-def _events(own, result, end):
+class _Events(NamedTuple):
+    """Contact events of the package, and how often bends of a law were passed."""
+
+    names: list[str]  # of the snubbers
+    snubber: np.ndarray  # (n,) number of each event
+    time: np.ndarray  # (n,)
+    closing: np.ndarray  # (n,)
+    bends: int
+
+
+def _found_events(result):
+    events = result["events"]
+    columns = (events[name].values for name in ("snubber", "time", "closing"))
+    return _Events(result["histories"].labels("snubber"), *columns, result.summary.get("breakpoints_passed", 0))
+
+
+def _events(own, found_events, end):
     """Contacts and times of the snubbers' events, and the number of bends passed; those at t = 0 do not count."""
     found = []
     slack = 5 * own.apart[own.outputs[-1]] + RESOLUTION
     names = [c.name for c in own.equations.model.contacts]
     edge, begin = end * (1 - 1e-9), BEGIN * end
     for j, name in enumerate(names):
-        if name not in result["histories"].labels("snubber"):
+        if name not in found_events.names:
             continue
         t, begins = _contacts(own, own.motion, j)
         keep = (t > begin) & (t < edge)
@@ -333,12 +350,12 @@ def _events(own, result, end):
         others = [_contacts(own, m, j)[0] for m in own.others]
         late = [np.abs(o[: keep.size][keep[: o.size]] - t[: o.size][keep[: o.size]]) for o in others]
         t, begins = t[keep], begins[keep]
-        mine = result["events"]["snubber"].values == result["histories"].labels("snubber").index(name)
-        early = mine & (result["events"]["time"].values <= begin)
-        if early.sum() > 1 and np.sum(early & ~result["events"]["closing"].values) > short:
+        mine = found_events.snubber == found_events.names.index(name)
+        early = mine & (found_events.time <= begin)
+        if early.sum() > 1 and np.sum(early & ~found_events.closing) > short:
             found.append(f"{name}: begins and ends at the start")
-        mine &= (result["events"]["time"].values > begin) & (result["events"]["time"].values < edge)
-        theirs, closing = result["events"]["time"].values[mine], result["events"]["closing"].values[mine]
+        mine &= (found_events.time > begin) & (found_events.time < edge)
+        theirs, closing = found_events.time[mine], found_events.closing[mine]
         if t.size == theirs.size and np.array_equal(begins, closing):
             allowed = np.maximum.accumulate(5 * np.max(late, axis=0, initial=0.0) + 1e-7 * end)
             if np.any(np.abs(t - theirs) > allowed):
@@ -350,7 +367,7 @@ def _events(own, result, end):
             )
     bends = [j for j, c in enumerate(own.equations.model.contacts) if isinstance(c.of, Bent)]
     passed = np.isin(own.motion.event_contact, bends) & (own.motion.event_time < edge)
-    listed = result.summary.get("breakpoints_passed", 0)
+    listed = found_events.bends
     if passed.sum() != listed and not any(_at_a_bend(own, j, end, slack) for j in bends):
         found.append(f"{passed.sum()} bends passed, {listed} by the package")
     return found
@@ -476,18 +493,16 @@ def caught(seeds, folder, most_steps=6000):
             bare = _Bare(case, float(own.motion.time[own.outputs[-1]]), own)
         except Exception as error:
             return f"seed {seed}: {type(error).__name__}: {error}"
-        found = [*_events(own, bare, bare.end), *bare.states(5 * own.apart[own.outputs] + 1e-7)]
+        found = [*_events(own, bare.events, bare.end), *bare.states(5 * own.apart[own.outputs] + 1e-7)]
         if found:
             return f"seed {seed}: {found[0]}"
     return ""
 
 
 class _Bare:
-    """A motion of the package with what `_events` asks a result for."""
+    """A motion of the package without its evaluation: its events and displacement."""
 
     def __init__(self, case, end, own):
-        from types import SimpleNamespace
-
         import beamsim
         from beamsim.analyses.run.exact_motion import exact_flow
         from beamsim.flow.transient import simulate
@@ -501,13 +516,13 @@ class _Bare:
         self.end, self.own = end, own
         count = len(system.snubbers)
         real = trajectory.event_contact < count
-        self.snubbers = [s.name for s in system.snubbers]
-        self.events = SimpleNamespace(
-            snubber=trajectory.event_contact[real],
-            time=trajectory.event_time[real],
-            closing=trajectory.event_closing[real],
+        self.events = _Events(
+            [snubber.name for snubber in system.snubbers],
+            trajectory.event_contact[real],
+            trajectory.event_time[real],
+            trajectory.event_closing[real],
+            int(np.sum(~real)),
         )
-        self.summary = {"breakpoints_passed": int(np.sum(~real))}
         self.displacement = trajectory.states_at(own.motion.time[own.outputs])[:, : system.probes[0].shape.size]
         self.displacement = self.displacement @ system.probes[0].shape
 

@@ -44,8 +44,8 @@ SEEDED = {
     ),
     "only the first contact is watched": (
         KERNELS,
-        "    step, hit = reach - tau, NO_EVENT\n    for j in range(guards.count):",
-        "    step, hit = reach - tau, NO_EVENT\n    for j in range(min(1, guards.count)):",
+        "    step, hit, put_below = reach - tau, NO_EVENT, False\n    for j in range(guards.count):",
+        "    step, hit, put_below = reach - tau, NO_EVENT, False\n    for j in range(min(1, guards.count)):",
     ),
     "released faces start from the wrong side": (
         KERNELS,
@@ -54,13 +54,13 @@ SEEDED = {
     ),
     "segments outlast their series": (
         KERNELS,
-        "            whole = tables.horizon[state] >= H",
-        "            whole = True",
+        "            H = min(stop - t, tables.horizon[state])",
+        "            H = stop - t",
     ),
     "breaks of the input are run over": (
         KERNELS,
-        "                stop = inputs.start[piece + 1]",
-        "                pass",
+        "return piece, min(end, inputs.start[piece + 1]) if piece < last else end",
+        "return piece, end",
     ),
     "the curvature is taken for that of the first term": (
         KERNELS,
