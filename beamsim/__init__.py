@@ -1,7 +1,7 @@
 """beamsim: exact simulation of structures that vibrate against one-sided elastic stops.
 
 One function a command, each with a frozen result: `run`, `sweep`, `continuation`, `coexisting`, `design_study`,
-`ensemble`, `identify_stiffness`, `nnm`, `compare`, `compare_modes`. `write_result` and `open_result` write and read a
+`ensemble`, `identify_stiffness`, `nnm`, `compare`, `compare_modes`. `write_result` and `load` write and read a
 result of any kind, `export_result` writes it in another format.
 
 >>> import beamsim
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from beamsim.measurements.channels import read_tests
     from beamsim.scenario import Scenario, load_scenario
     from beamsim.store.export import export_result
-    from beamsim.store.results import open_result, write_result
+    from beamsim.store.results import load, write_result
     from beamsim.store.studies import ensemble
     from beamsim.trust.checked import coexisting, continuation, nnm, sweep
     from beamsim.trust.runs import run
@@ -58,7 +58,7 @@ _NAMES = {
     "beamsim.measurements.channels": ("read_tests",),
     "beamsim.analyses.compare.analysis": ("ChannelChoice", "pair_channels"),
     "beamsim.analyses.compare_modes.analysis": ("read_shapes",),
-    "beamsim.store.results": ("open_result", "write_result"),
+    "beamsim.store.results": ("load", "write_result"),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 for _kind in KINDS.values():  # the function and the class of each
@@ -93,9 +93,9 @@ __all__ = [
     "ensemble",
     "export_result",
     "identify_stiffness",
+    "load",
     "load_scenario",
     "nnm",
-    "open_result",
     "pair_channels",
     "plan_designs",
     "read_shapes",

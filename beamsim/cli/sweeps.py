@@ -29,7 +29,7 @@ from beamsim.scenario.base import plain
 from beamsim.store.results import (
     holds,
     keep_result,
-    open_result,
+    load,
     refusing_damage,
     write_result,
 )
@@ -129,7 +129,7 @@ def _earlier(path: Path, scenario: Scenario) -> SweepResult | None:
         if not file.exists():
             continue
         try:
-            stored: SweepResult = open_result(file, "sweep", whole=True)
+            stored: SweepResult = load(file, "sweep", whole=True)
         except ResultFileError as error:
             errors.append(error)
             continue
@@ -161,7 +161,7 @@ def continue_motions(
     BeamsimError
         As `concluded`.
     """
-    stored = [(path, open_result(path, "sweep", whole=True)) for path in overlay]
+    stored = [(path, load(path, "sweep", whole=True)) for path in overlay]
 
     def followed(progress: Progress, stop: Interruption) -> ContinuationResult:
         result = checked.continuation(scenario, progress, stop)
@@ -252,7 +252,7 @@ def _finished(kind: str, target: Path, given: Given, **same: object) -> bool:
     """Whether the file has everything that was asked for, with fields that are the same; it is then printed."""
     if journal_path(target).exists() or not holds(target, kind):
         return False
-    stored: Any = open_result(target, kind)
+    stored: Any = load(target, kind)
     if not stored.outcome.usable or stored.beamsim_version != __version__:
         return False
     if any(getattr(stored, name) != value for name, value in same.items()):

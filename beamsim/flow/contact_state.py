@@ -527,7 +527,7 @@ def _residual(forced: Complexes, equations: StateEquations, sources: Sources) ->
 
     That is a polynomial times ``e^{nu tau}``.
     """
-    of, F, degrees, power = equations.equations, np.arange(sources.count), sources.power.max() + 1, sources.power
+    of, F, degrees, power = equations.equations, np.arange(sources.count), int(sources.power.max()) + 1, sources.power
     response = _with_powers(forced, degrees + 1)
     y = response[:, :degrees]
     z = np.zeros((F.size, degrees, of.width), dtype=complex)

@@ -232,7 +232,7 @@ def _nan_for_null(value: Any) -> Any:
 # --- Reading ---------------------------------------------------------------------------------------------------------
 
 
-def open_result(path: Path | str, kind: str = "", *, whole: bool = False, open_files: bool = True) -> Any:
+def load(path: Path | str, kind: str = "", *, whole: bool = False, open_files: bool = True) -> Any:
     """Read a result file of one of `KINDS` (of any kind without `kind`).
 
     The file is closed again. Arrays larger than 1 MiB are checked by their declarations now, and their values read when
@@ -256,7 +256,7 @@ def open_result(path: Path | str, kind: str = "", *, whole: bool = False, open_f
 def open_with_items(
     path: Path | str, kind: str = "", *, whole: bool = False, open_files: bool = False
 ) -> tuple[Any, Items]:
-    """A result as by `open_result`, and the items of its file."""
+    """A result as by `load`, and the items of its file."""
     with opened(path, KINDS[kind].command if kind else "run") as file:
         actual = _kind(file, path)
         if kind and actual != kind:
@@ -625,16 +625,16 @@ def refusing_damage(path: Path | str, fault: str = _CONTRADICTION) -> Iterator[N
 
 @contextmanager
 def stored_result(path: Path | str, kind: str = "", *, open_files: bool = False) -> Iterator[Any]:
-    """A result that is read by `open_result` and shown in the block, inside the boundary for damaged files.
+    """A result that is read by `load` and shown in the block, inside the boundary for damaged files.
 
     No file that its scenario names is opened meanwhile, unless ``open_files`` says so.
 
     Raises
     ------
     ResultFileError
-        As `open_result`; also if parts of the result contradict each other.
+        As `load`; also if parts of the result contradict each other.
     """
-    result = open_result(path, kind, open_files=open_files)
+    result = load(path, kind, open_files=open_files)
     with refusing_damage(path):
         yield result
 

@@ -205,7 +205,7 @@ def test_a_chaotic_motion_is_named_with_its_exponent_and_peaks(tmp_path):
     assert np.isnan(motion.largest_multiplier)
     assert motion.lyapunov_exponent > 3.0
     assert branch.force["stop"].peak[0] > 0.0
-    stored = beamsim.open_result(beamsim.write_result(result, tmp_path / "chaotic.h5"))
+    stored = beamsim.load(beamsim.write_result(result, tmp_path / "chaotic.h5"))
     assert stored.motions[0].kind == result.motions[0].kind
     assert stored.branches[motion.number - 1].order[1] == 1 / 256  # harmonics of the cycles that are measured
 

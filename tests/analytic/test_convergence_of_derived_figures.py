@@ -66,7 +66,7 @@ def test_a_model_of_too_few_modes_has_doubtful_lines(tmp_path):
     assert any("NOT CONVERGED" in text and "tip absolute acceleration" in text for text in rows)
     assert any("relative change" in text for text in rows)
     assert any(row["relative_change"] > ALLOWED_CHANGE for row in result.summary["spectral_lines"])
-    stored = beamsim.open_result(beamsim.write_result(result, tmp_path / "run.h5"))
+    stored = beamsim.load(beamsim.write_result(result, tmp_path / "run.h5"))
     kept = stored.spectra["tip", "absolute_acceleration"]
     np.testing.assert_array_equal(*([line.relative_change for line in s.lines] for s in (kept, spectrum)))
     assert stored.summary["convergence"] == result.summary["convergence"]

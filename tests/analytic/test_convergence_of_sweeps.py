@@ -50,7 +50,7 @@ def test_a_sweep_with_too_few_modes_is_marked(tmp_path):
     assert result.outcome.all_of("figures_doubtful")
     rows = list(table_rows(result))
     assert any("NOT CONVERGED" in text and " N" in text for _, text in rows)
-    stored = beamsim.open_result(beamsim.write_result(result, tmp_path / "sweep.h5"))
+    stored = beamsim.load(beamsim.write_result(result, tmp_path / "sweep.h5"))
     assert stored.summary["convergence"] == result.summary["convergence"]
     assert stored.outcome == result.outcome
 

@@ -13,7 +13,7 @@ import beamsim
 from beamsim.cli.screens import modes
 from beamsim.cli.tables import table_rows
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 from beamsim.system.build import build_system
 from tests.helpers.independent import Beam
 
@@ -198,7 +198,7 @@ def test_result_files_keep_the_damping_of_all_states(tmp_path):
     del scenario["sweep"]
     result = beamsim.run(load_scenario(scenario))
     write_result(result, tmp_path / "case.h5")
-    again = open_result(tmp_path / "case.h5")
+    again = load(tmp_path / "case.h5")
     for name in ("closed_damping_ratios", "resting_damping_ratios", "resting_frequencies_hz"):
         np.testing.assert_array_equal(getattr(again.modes, name), getattr(result.modes, name))
         assert again.summary[name] == result.summary[name]

@@ -83,7 +83,7 @@ def test_status_table_and_file_say_so(chaotic, tmp_path):
     rows = [text for _, text in table_rows(chaotic)]
     assert any(text.startswith("peak force") and text.endswith(f"{ONE_OF_MANY}, no change") for text in rows)
     assert any(text.startswith("round off parts") and text.endswith(" s") for text in rows)
-    stored = beamsim.open_result(beamsim.write_result(chaotic, tmp_path / "run.h5"))
+    stored = beamsim.load(beamsim.write_result(chaotic, tmp_path / "run.h5"))
     assert stored.outcome == chaotic.outcome
     assert stored.summary["after_parting"] == chaotic.summary["after_parting"]
     assert {"peak_force_n.stop", "peak_displacement_m.stop"} <= set(stored.summary["after_parting"])

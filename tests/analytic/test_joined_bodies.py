@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 from beamsim.structures.assembly import assemble
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
@@ -373,7 +373,7 @@ def test_energies_of_modes_are_those_of_the_bodies_and_of_the_springs_between(sp
         in_spring = spring * reduced[0] ** 2 / structure.mass_scale / omega**2
         assert in_spring[0] > 0.05
         np.testing.assert_allclose(1 - sum(strain.values()), in_spring, atol=1e-9)
-    again = open_result(write_result(result, tmp_path / "r.h5"))
+    again = load(write_result(result, tmp_path / "r.h5"))
     np.testing.assert_array_equal(again.modes.strain_energy_share["b"], strain["b"])
 
 

@@ -11,7 +11,7 @@ from beamsim.errors import ScenarioError
 from beamsim.inputs.measured import limit_curve
 from beamsim.results.values import limits_not_met
 from beamsim.scenario import load_scenario, units
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 
 G = 9.80665
 MASS = """\
@@ -201,7 +201,7 @@ def test_margin_of_the_steps_of_a_sweep_to_a_curve(limit, tmp_path):
     assert np.all(np.isnan(acceleration.limit[f < 250.0]))
     assert result.curves["up_0"].displacement["mass"].limit is None
     write_result(result, tmp_path / "swept.h5")
-    again = open_result(tmp_path / "swept.h5")
+    again = load(tmp_path / "swept.h5")
     np.testing.assert_array_equal(again.curves["down_0"].acceleration["mass"].limit, acceleration.limit[::-1])
     limits = {line.get_label(): line for line in again.plot()["acceleration"].axes[0].lines}
     np.testing.assert_allclose(limits["mass, limit"].get_ydata()[-1], 10.0, rtol=1e-9)

@@ -7,7 +7,7 @@ from sampling import slow_after
 import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 
 BEAM = {"kind": "beam", "length": 0.5, "width": 0.04, "thickness": 0.006, "youngs_modulus": 70e9, "density": 2700.0,
         "elements": 5, "damping": {"kind": "viscous", "coefficient": 20.0}}  # fmt: skip
@@ -92,7 +92,7 @@ def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
         assert followed.summary["peak_output"]["hinge"]["value"] == branch.outputs["hinge"].peak[stable].max()
     for number, result in enumerate((stepped, followed)):
         write_result(result, tmp_path / f"{number}.h5")
-        again = open_result(tmp_path / f"{number}.h5")
+        again = load(tmp_path / f"{number}.h5")
         one, other = (
             (r.curves["up_0"] if hasattr(r, "curves") else r.branches[0]).outputs["hinge"] for r in (result, again)
         )

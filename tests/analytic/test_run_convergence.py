@@ -95,7 +95,7 @@ def test_status_table_file_and_pictures_say_so(damped, tmp_path):
     assert damped.status.startswith("not converged: values change by more than 2 %")
     assert sum(text.count("NOT CONVERGED") for _, text in rows) == len(damped.summary["doubtful"]) > 0
     path = beamsim.write_result(damped, tmp_path / "run.h5")
-    stored = beamsim.open_result(path)
+    stored = beamsim.load(path)
     assert stored.outcome == damped.outcome
     assert stored.summary["convergence"] == damped.summary["convergence"]
     assert stored.summary["convergence"]["peak_displacement_m"]["below_1.2"] < 1e-4

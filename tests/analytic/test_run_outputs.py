@@ -7,7 +7,7 @@ import beamsim
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 from beamsim.structures.places import UPWARDS
 from beamsim.system.build import build_system
 from beamsim.system.parts import reduced_parts
@@ -286,7 +286,7 @@ def test_outputs_come_back_from_the_file_with_spectra_and_densities(tmp_path):
     outputs = [support("force", "left", body="inner"), {"name": "T", "kind": "kinetic_energy", "body": "outer"}]
     result = run(case, outputs, duration=0.5, sample_rate=2000.0)
     write_result(result, tmp_path / "r.h5")
-    read = open_result(tmp_path / "r.h5")
+    read = load(tmp_path / "r.h5")
     for name in ("force_left", "T"):
         np.testing.assert_array_equal(
             read["histories"]["output_value"].sel(output=name).values[:],

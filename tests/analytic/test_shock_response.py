@@ -12,7 +12,7 @@ from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
 from beamsim.scenario.run import ShockSpectrumSettings
 from beamsim.store.export import export_result
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 from beamsim.system.build import build_system
 
 G = 9.80665
@@ -98,7 +98,7 @@ def test_convergence_summary_files_and_pictures(tmp_path):
     assert s["convergence"]["srs"]["input acceleration"] < 1e-9
     assert 0.0 < s["convergence"]["srs"]["middle absolute_acceleration"] < 0.02
     path = write_result(result, tmp_path / "case.h5")
-    read = open_result(path)
+    read = load(path)
     np.testing.assert_array_equal(read.srs.signals[1].maximax, result.srs.signals[1].maximax)
     export_result(path, tmp_path / "tables", "csv")
     header = (tmp_path / "tables" / "srs_by_frequency_hz.csv").read_text(encoding="utf-8").splitlines()[0]

@@ -102,7 +102,7 @@ def test_amplitudes_at_chosen_frequencies(tmp_path):
     assert not any(line.kind == "other" for line in spectrum.lines)
     assert spectrum.frequency_hz[-1] >= 9.0 - 0.2
     assert any("9 Hz" in text for _, text in table_rows(result))
-    stored = beamsim.open_result(beamsim.write_result(result, tmp_path / "run.h5"))
+    stored = beamsim.load(beamsim.write_result(result, tmp_path / "run.h5"))
     kept = stored.spectra[spectrum.probe, "displacement"].lines
     assert [(k.frequency_hz, k.amplitude, k.kind) for k in kept] == [
         (k.frequency_hz, k.amplitude, k.kind) for k in spectrum.lines

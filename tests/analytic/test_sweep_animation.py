@@ -6,7 +6,7 @@ import pytest
 import beamsim
 from beamsim.analyses.sweep.animation import frames_of_sweep
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 from tests.helpers.commands import invoke
 
 PRESSED = """\
@@ -26,7 +26,7 @@ def test_frames_are_those_of_the_cycles_about_the_highest_peak(more, tmp_path):
     """Their extremes are those of these cycles in the result, to 2 % between two of 160 frames, as is the force."""
     scenario = load_scenario(PRESSED, {"sweep": SWEEP | more})
     write_result(beamsim.sweep(scenario), tmp_path / "swept.h5")
-    result = open_result(tmp_path / "swept.h5")
+    result = load(tmp_path / "swept.h5")
     frames = frames_of_sweep(result)
     curve = max(result.curves.values(), key=lambda each: each.displacement["mass"].response.max())
     mass, force = curve.displacement["mass"], curve.force["stop"]
@@ -59,7 +59,7 @@ STEPPED = {"kind": "stepped", "from": "6 Hz", "to": "16 Hz", "points": 11, "conv
 def test_frames_of_a_stepped_sweep_are_whole_periods_of_the_steady_motion(more, tmp_path):
     """At the step with the highest peak: its extremes and its force, and an end that is the beginning."""
     write_result(beamsim.sweep(load_scenario(PRESSED, {"sweep": STEPPED | more})), tmp_path / "stepped.h5")
-    result = open_result(tmp_path / "stepped.h5")
+    result = load(tmp_path / "stepped.h5")
     frames = frames_of_sweep(result)
     curve = max(result.curves.values(), key=lambda each: each.displacement["mass"].response.max())
     mass = curve.displacement["mass"]

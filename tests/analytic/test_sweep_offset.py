@@ -6,7 +6,7 @@ import pytest
 import beamsim
 from beamsim.cli.motions import at_frequency
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 
 G = 9.80665
 MASS = """\
@@ -42,7 +42,7 @@ def test_the_offset_is_named_and_stored(heavy, tmp_path):
     assert at_frequency(curve, "displacement", "mass").endswith(" from equilibrium at -2.452 mm)")
     assert "from equilibrium at -2.452 mm)" in str(heavy)
     write_result(heavy, tmp_path / "heavy.h5")
-    (again,) = open_result(tmp_path / "heavy.h5").curves.values()
+    (again,) = load(tmp_path / "heavy.h5").curves.values()
     assert again.displacement["mass"].at_rest == curve.displacement["mass"].at_rest
 
 

@@ -792,7 +792,7 @@ def stored(tree, folder):
     for compute, read in ((beamsim.run, histories), (followed, of_curves)):
         if compute is beamsim.run or scenario.sweep is not None:
             result = compute(scenario)
-            opened = beamsim.open_result(beamsim.write_result(result, folder / "stored.h5"))
+            opened = beamsim.load(beamsim.write_result(result, folder / "stored.h5"))
             for name, values in read(result).items():
                 np.testing.assert_array_equal(read(opened)[name], values)
             again |= read(compute(opened.scenario))

@@ -108,7 +108,7 @@ def test_the_command_prints_one_table_and_json(tmp_path):
     done = invoke("run", case, *short, "--against", "reference", "--json")
     values = json.loads(done.stdout)["against"]
     assert values["figures"]["peak_displacement"]["tip"]["exact"] > 0
-    kept = beamsim.open_result(tmp_path / "a.h5")
+    kept = beamsim.load(tmp_path / "a.h5")
     assert kept.against.method == "reference (DOP853, rtol 1e-08)"
     assert {"peak displacement", "contacts"} < {figure.figure for figure in kept.against.figures}
 

@@ -82,7 +82,7 @@ def test_run_leaves_result_and_plots_and_prints_the_summary(here, solved):
                  "fundamental", "3e-13", "51.8", "static vectors", "case.h5"):  # fmt: skip
         assert text in done.stdout, text
     assert done.stderr == "beamsim: warning: a fabricated warning\n"
-    assert beamsim.open_result("case.h5").complete
+    assert beamsim.load("case.h5").complete
 
 
 def test_overrides_reach_the_scenario(solved):
@@ -221,7 +221,7 @@ def test_partial_result_is_saved_and_ends_with_3(here, solved, fabricated_run):
     assert "max_events" in done.stderr
     assert "partial result is in case.h5" in done.stderr
     assert "9 contact events" in done.stdout
-    assert not beamsim.open_result("case.h5").complete
+    assert not beamsim.load("case.h5").complete
     assert invoke("info", "case.h5").exit_code == 0
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray
 
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
 CASE = """
@@ -130,9 +130,9 @@ def test_profile_and_notch(here):
 
 def test_resume_of_what_is_complete_and_of_another_scenario(here):
     assert call("case.yaml", "--no-plots", "-o", "a.h5").exit_code == 0
-    first = open_result("a.h5")
+    first = load("a.h5")
     assert call("case.yaml", "--no-plots", "-o", "a.h5", "--resume").exit_code == 0
-    assert open_result("a.h5").work == first.work  # nothing was computed again
+    assert load("a.h5").work == first.work  # nothing was computed again
     done = call("case.yaml", "--no-plots", "-o", "a.h5", "--resume", "--set", "sweep.to=0.3")
     assert done.exit_code == 2
     assert "another scenario" in done.stderr
@@ -152,7 +152,7 @@ def test_a_killed_sweep_is_resumed_to_the_same_datasets(here):
         time.sleep(np.random.default_rng(seed).uniform(0.0, 0.5))
         process.send_signal(signal.SIGKILL)
         process.wait()
-        assert 1 <= len(open_result("killed.h5").levels) <= 8
+        assert 1 <= len(load("killed.h5").levels) <= 8
         assert call(*arguments, "-o", "killed.h5", "--resume").exit_code == 0
         same("whole.h5", "killed.h5")
         leftovers = [name for name in os.listdir() if name.startswith(".beamsim-")]

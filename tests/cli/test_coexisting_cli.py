@@ -56,7 +56,7 @@ def same_results(whole):
             datasets = {}
             file.visititems(lambda name, item, kept=datasets: kept.update({name: item[()]} if item.shape != () else {})
                             if isinstance(item, h5py.Dataset) else None)  # fmt: skip
-        found.append((datasets, beamsim.open_result(path).summary))
+        found.append((datasets, beamsim.load(path).summary))
     (one, summary), (other, resumed) = found
     assert one.keys() == other.keys()
     for name, values in one.items():
@@ -81,7 +81,7 @@ def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch, heede
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
     assert done.exit_code == 130, done.output
     assert f"{last - 1} starts and disturbances are kept; --resume computes the others" in done.output
-    part = beamsim.open_result("case.h5")
+    part = beamsim.load("case.h5")
     assert part.outcome.interrupted
     assert np.count_nonzero(part.cycles) == min(last - 1, 16)
     again = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--resume")

@@ -72,7 +72,7 @@ def test_own_shapes_scaled_and_in_another_order_are_found_again(tmp_path):
     for pair in summary["pairs"]:
         assert pair["mac"] == pytest.approx(1.0, abs=1e-12)
         assert pair["difference"] == pytest.approx(1 / 1.05 - 1, rel=1e-9)
-    stored = beamsim.open_result(tmp_path / "case_modes.h5")
+    stored = beamsim.load(tmp_path / "case_modes.h5")
     assert stored.mac.shape == (3, stored.predicted_hz.size)
     assert stored.paired.tolist() == [3, 1, 2]
     assert (tmp_path / "case_modes_mac.png").stat().st_size > 5000

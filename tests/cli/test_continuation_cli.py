@@ -9,7 +9,7 @@ from beamsim.analyses.continuation.analysis import continuation, with_overlay
 from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -107,7 +107,7 @@ def test_too_few_harmonics_are_not_trusted(tmp_path):
     done = sweep(CHAIN, "-o", tmp_path, "--set", few, "--no-plots")
     assert done.exit_code == 3
     assert "raise sweep.method.harmonics above " in done.stderr
-    stored = open_result(tmp_path / "chain_two_dof.h5")
+    stored = load(tmp_path / "chain_two_dof.h5")
     assert stored.summary["neglected_harmonics"] == stored.branches[0].neglected_harmonics.max() > 0.01
     assert not stored.complete
     many = continuation(load_scenario(CHAIN, ["sweep.method={kind: harmonic_balance, harmonics: 21}"]))
@@ -131,7 +131,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     assert ["level", "2", "g", "2", "g", "2", "g"] in rows
     assert ["source", "swept.h5", "swept.h5", "stepped.h5"] in rows
     assert ["stepped", "no", "no", "yes"] in rows
-    stored = open_result(tmp_path / "curve.h5")
+    stored = load(tmp_path / "curve.h5")
     assert list(stored.overlay) == ["up_0", "down_0", "up_1"]
     assert [o.source for o in stored.overlay.values()] == ["swept.h5", "swept.h5", "stepped.h5"]
     steady = stored.overlay["up_1"]
@@ -142,7 +142,7 @@ def test_a_stored_sweep_is_laid_over_a_curve(tmp_path):
     # nothing in common
     other = continuation(load_scenario(CHAIN, ["sweep.longest_period=1", "sweep.to=0.78 rad/s"]))
     with pytest.raises(ScenarioError, match="a probe of the same name"):
-        with_overlay(other, open_result(tmp_path / "swept.h5"), "swept.h5")
+        with_overlay(other, load(tmp_path / "swept.h5"), "swept.h5")
     assert sweep(BEAM, "--set", rate, *laid[:2]).exit_code == 2
     assert sweep(CHAIN, "--overlay", tmp_path / "none.h5").exit_code == 2
     assert sweep(CHAIN, "--resume").exit_code == 2
@@ -169,9 +169,9 @@ def test_a_study_of_continuations(tmp_path):
     )
     done = sweep(case, "-o", tmp_path, "--workers", 1, "--no-plots", "--json")
     assert done.exit_code == 0, done.output
-    from beamsim.store.results import open_result
+    from beamsim.store.results import load
 
-    stored = open_result(tmp_path / "study.h5")
+    stored = load(tmp_path / "study.h5")
     peak = stored.responses["stable_0/probes/first/peak_displacement"].values
     single = continuation(load_scenario(CHAIN))
     assert peak[0] == max(float(b.displacement["first"].peak[b.stable].max()) for b in single.branches)

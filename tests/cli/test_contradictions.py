@@ -91,7 +91,7 @@ run: {duration: 0.05 s, sample_rate: 5 kHz, start: {mode: 2, amplitude: 1 mm}, c
     target = tmp_path / "case.h5"
     done = invoke("run", tmp_path / "case.yaml", "--no-plots", "-o", target)
     assert done.exit_code == 0, done.output
-    result = beamsim.open_result(target)
+    result = beamsim.load(target)
     assert result.summary["peak_displacement_m"]["mid"] == 0.0
     for command in [["info"], *COMMANDS]:
         done = invoke(*command, target, *([] if command == ["info"] else ["-o", tmp_path]))
@@ -130,4 +130,4 @@ def test_the_python_function_refuses_it_too(folder, tmp_path):
     damaged = Path(shutil.copy(result_of("run", folder), tmp_path / "case.h5"))
     flip_a_bit(damaged, "histories/displacement")
     with pytest.raises(ResultFileError, match="/histories/displacement cannot be read"):
-        beamsim.open_result(damaged)
+        beamsim.load(damaged)

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
 CASE = """\
@@ -64,7 +64,7 @@ def test_a_study_leaves_its_file_and_maps_and_prints_margins(here):
                  ", tip stiffness 200 kN/m",
                  "tip peak force", "case_maps.png"):  # fmt: skip
         assert text in done.stdout, text
-    assert open_result("case.h5").outcome.usable
+    assert load("case.h5").outcome.usable
 
 
 def test_the_best_of_the_cases_that_meet_every_limit(here):
@@ -72,7 +72,7 @@ def test_the_best_of_the_cases_that_meet_every_limit(here):
     arguments = ("sweep", "case.yaml", "--workers", 1, "--json", "--no-plots")
     done = invoke(*arguments, "--set", "limits.peak_force=17 N", "--set", "vary.minimise=peak_displacement")
     summary = json.loads(done.stdout)
-    result = open_result("case.h5")
+    result = load("case.h5")
     displacement = result.responses["probes/tip/peak_displacement"].values.ravel()
     passing = result.responses["snubbers/tip/peak_force"].values.ravel() <= 17.0
     assert 0 < summary["passing"] == passing.sum() < 6
@@ -210,7 +210,7 @@ def test_failed_cases_are_saved_around_and_end_with_3(here):
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
     assert done.exit_code == 3
     assert "6 of 12 cases failed; the first is case 1:" in done.stderr
-    result = open_result("case.h5")
+    result = load("case.h5")
     assert result.solved.sum() == 6
     assert not result.solved[..., 0].any()
 
@@ -240,7 +240,7 @@ def test_beginning_anew_moves_the_journal_aside(here, monkeypatch):
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-q")
     assert done.exit_code == 0
     assert (here / "case.h5.partial.1").read_bytes().count(b"\n") == 2  # the study and its case
-    assert open_result("case.h5").responses["bending_stress"].values.min() > 1.0
+    assert load("case.h5").responses["bending_stress"].values.min() > 1.0
 
 
 def start(*arguments):

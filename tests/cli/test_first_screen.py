@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from beamsim.cli.app import app
 from beamsim.kinds import KINDS, named
 from beamsim.plots.style import shown_in
-from beamsim.store.results import kind_of, open_result
+from beamsim.store.results import kind_of, load
 
 STORED = Path(__file__).parents[1] / "data" / "results"
 
@@ -104,7 +104,7 @@ SHOWN = {
 def test_every_kind_says_first_what_is_decided_by(name, tmp_path):
     path = tmp_path / f"{name}.h5"
     path.write_bytes(gzip.decompress((STORED / f"{name}.h5.gz").read_bytes()))
-    result = open_result(path)
+    result = load(path)
     with shown_in(result.scenario.display_scales):
         text = named(KINDS[kind_of(path)].screen)(result).text(result, [f"{name}.h5", "picture.png"])
     for words in SHOWN[name]:

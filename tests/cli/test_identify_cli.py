@@ -156,7 +156,7 @@ def test_compare_asks_where_a_single_channel_was_measured(tmp_path):
         "probes: [{name: mass_1, mass: 1}, {name: mass_2, mass: 2}]\nrun: {duration: 60 s}\n"
     )
     assert invoke("run", case, "-q", "--no-plots", "-o", tmp_path / "run.h5").exit_code == 0
-    result = beamsim.open_result(tmp_path / "run.h5")
+    result = beamsim.load(tmp_path / "run.h5")
     rows = np.stack(
         [result["histories"]["time"].values, result["histories"]["displacement"].sel(probe="mass_2").values], axis=1
     )

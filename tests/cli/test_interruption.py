@@ -19,7 +19,7 @@ from beamsim.measurements.channels import read_tests
 from beamsim.outcomes import COMPLETE, asked_by, exit_code
 from beamsim.scenario import load_scenario
 from beamsim.store import results as result_files
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -88,7 +88,7 @@ def test_a_run_stopped_at_any_stage_keeps_its_motion(stage, left_out, monkeypatc
     assert part.status == part.summary["status"] == left_out
     whole = beamsim.run(scenario, stop=lambda: False)
     assert whole.outcome.complete
-    for kept in (part, beamsim.open_result(beamsim.write_result(part, tmp_path / "part.h5"))):
+    for kept in (part, beamsim.load(beamsim.write_result(part, tmp_path / "part.h5"))):
         np.testing.assert_array_equal(kept["histories"]["time"].values, whole["histories"]["time"].values)
         np.testing.assert_array_equal(
             kept["histories"]["displacement"].sel(probe="tip").values,
@@ -172,8 +172,8 @@ def under_way(tmp_path):
 @pytest.mark.parametrize(
     ("command", "path", "read", "number", "code"),
     [
-        ("nnm", MODE, open_result, signal.SIGINT, 130),
-        pytest.param("sweep", RESPONSE, open_result, signal.SIGTERM, 143, marks=pytest.mark.slow),
+        ("nnm", MODE, load, signal.SIGINT, 130),
+        pytest.param("sweep", RESPONSE, load, signal.SIGTERM, 143, marks=pytest.mark.slow),
     ],
 )
 def test_a_signal_keeps_what_was_found(command, path, read, number, code, under_way, tmp_path):
@@ -225,7 +225,7 @@ def test_a_signal_during_a_comparison_keeps_the_result(heeded, monkeypatch, tmp_
     target = tmp_path / "case.h5"
     done = invoke("run", CONFIGS / "one_sided_65hz.yaml", *options, "-o", target)
     assert done.exit_code == 130, done.output
-    assert beamsim.open_result(target).status == "interrupted during the comparison with the reference integrator"
+    assert beamsim.load(target).status == "interrupted during the comparison with the reference integrator"
 
 
 def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkeypatch, tmp_path):
@@ -250,11 +250,11 @@ def test_a_signal_ends_a_study_within_the_case_and_resume_goes_on(heeded, monkey
     assert len(solved) == 2
     assert "1 of 5 cases are kept in" in done.output
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    assert beamsim.open_result(target).status == "1 of 5 cases computed"
+    assert beamsim.load(target).status == "1 of 5 cases computed"
     again = invoke("sweep", CONFIGS / "design_tolerances.yaml", *sets, "--resume", "-o", target)
     assert again.exit_code == 0, again.output
     assert len(solved) == 6
-    assert beamsim.open_result(target).complete
+    assert beamsim.load(target).complete
 
 
 # --- while a result is written and drawn ------------------------------------------------------------------------------
@@ -309,7 +309,7 @@ def test_a_signal_while_the_file_is_written_waits_for_it(name, plots, invoked, m
     done = invoked(name, *([] if plots else ["--no-plots"]))
     assert "; press again to stop at once" in done.output
     assert os.listdir() == ["case.h5"]
-    assert beamsim.open_result("case.h5").complete
+    assert beamsim.load("case.h5").complete
     if plots:  # which are left out
         assert done.exit_code == 143, done.output
         assert "the whole result is in case.h5; `beamsim plot case.h5` plots it" in done.output
@@ -350,7 +350,7 @@ def test_a_signal_while_a_picture_is_written_keeps_it_and_leaves_out_the_others(
     listed = json.loads(done.stdout)["files"]
     assert len(listed) == 3
     assert sorted(listed) == sorted(os.listdir())
-    assert beamsim.open_result("case.h5").complete
+    assert beamsim.load("case.h5").complete
 
 
 @pytest.mark.parametrize("form", ["csv", "mat", "uff"])
@@ -430,10 +430,10 @@ def test_a_signal_in_the_evaluation_keeps_the_motion(excited, module, function, 
     assert done.exit_code == 143, done.output
     assert sorted(os.listdir()) == ["case.h5", "case.yaml", "case_partial.h5"]
     assert Path("case.h5").read_bytes() == complete
-    kept = beamsim.open_result("case_partial.h5")
+    kept = beamsim.load("case_partial.h5")
     assert kept.status.startswith(f"interrupted {missing}")
     assert kept["histories"]["time"].values[-1] == pytest.approx(1.0)
-    whole = beamsim.open_result("case.h5")
+    whole = beamsim.load("case.h5")
     assert kept.summary["peak_force_n"] == whole.summary["peak_force_n"]
     # which are finished if that takes less than a second
     if function not in ("energies_of_segments", "sampled_stored_energy"):

@@ -13,7 +13,7 @@ from beamsim.analyses.nnm.paths import mode_path
 from beamsim.cli.branches import nnm_screen
 from beamsim.cli.tables import table_rows
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -76,7 +76,7 @@ def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
     assert "stopped at stiffness factor 0.1" in done.stderr
     assert ": the functional of relaxed minimisation is" in done.stderr
     assert "nnm.method." in done.stderr
-    stored = open_result(tmp_path / "nnm_thesis_mode_1.h5")
+    stored = load(tmp_path / "nnm_thesis_mode_1.h5")
     assert not stored.complete
     assert not stored.relaxed.reached[-1]
     assert stored.relaxed.reached[:-1].all()
@@ -89,7 +89,7 @@ def test_expansion_writes_a_file(tmp_path):
     done = invoke("nnm", CHAIN, "--set", "nnm.method=multiple_scales", "-o", tmp_path, "--no-plots", "-v")
     assert done.exit_code == 0
     assert "observed order frequency" in done.stdout
-    stored = open_result(tmp_path / "nnm_chain_mass_5.h5")
+    stored = load(tmp_path / "nnm_chain_mass_5.h5")
     assert stored.method == "multiple_scales"
     exact = stored.expansion.exact.frequency_hz
     np.testing.assert_allclose(
@@ -173,7 +173,7 @@ def test_a_range_of_many_decades_is_covered(tmp_path):
     )
     done = invoke("nnm", case, "-o", tmp_path, "--no-plots")
     assert done.exit_code == 0
-    backbone = open_result(tmp_path / "mass.h5").backbone
+    backbone = load(tmp_path / "mass.h5").backbone
     exact = 1 / (np.pi + np.pi / np.sqrt(1 + backbone.parameter))
     np.testing.assert_allclose(backbone.frequency_hz, exact, rtol=1e-9)
     assert np.all(np.diff(backbone.parameter) <= 0.25 * np.maximum(1, backbone.parameter[1:]))

@@ -92,7 +92,7 @@ def test_a_forgotten_resume_keeps_the_cases(text, change, here, monkeypatch, cap
     after = contents()
     assert after["case.h5.partial.1"] == before["case.h5.partial"]
     assert "case.h5.partial held the cases solved before; it is kept in case.h5.partial.1" in caplog.text
-    assert not beamsim.open_result("case.h5").outcome.cut_short
+    assert not beamsim.load("case.h5").outcome.cut_short
     # and the cases can still be used
     os.rename("case.h5.partial.1", "case.h5.partial")
     os.unlink("case.h5")
@@ -114,7 +114,7 @@ def test_a_partial_sweep_is_moved_aside_unless_the_new_one_has_all_of_it(change,
     Path("case.yaml").write_text(change + SWEPT)
     done = invoke("sweep", "case.yaml", "--no-plots")
     assert done.exit_code == 0, done.output
-    assert beamsim.open_result("case.h5").complete
+    assert beamsim.load("case.h5").complete
     assert set(contents()) == {"case.yaml", "case.h5", *(["case.h5.1"] if change else [])}
     if change:
         assert Path("case.h5.1").read_bytes() == before
@@ -174,7 +174,7 @@ EDITS = {
 
 @pytest.mark.parametrize("edit", EDITS.values(), ids=EDITS)
 def test_a_resumed_sweep_whose_file_contradicts_itself_is_refused(edit, half_swept):
-    part = beamsim.open_result(half_swept)
+    part = beamsim.load(half_swept)
     (name, curve), *_ = part.curves.items()
     with protecting([]):
         beamsim.write_result(replace(part, curves={**part.curves, name: edit(curve)}), half_swept)
@@ -200,7 +200,7 @@ def test_a_second_signal_leaves_a_complete_result_and_keeps_the_cases(here, monk
     assert done.exit_code == 130, done.output
     assert Path("case.h5").read_bytes() == before
     assert len(cases_in("case.h5.partial")) == 2
-    assert beamsim.open_result("case_partial.h5").outcome.cut_short
+    assert beamsim.load("case_partial.h5").outcome.cut_short
     assert set(contents()) == {"case.yaml", "case.h5", "case.h5.partial", "case_partial.h5"}
 
 
@@ -278,7 +278,7 @@ def test_a_full_disk_under_a_journal(room, here):
     again = sweep("--resume")
     assert again.returncode == 0, again.stderr
     assert (f"{len(whole)} of 40 cases are already computed" in again.stderr) == bool(whole)
-    result = beamsim.open_result("case.h5")
+    result = beamsim.load("case.h5")
     assert result.complete
     assert np.isfinite(result.responses["snubbers/stop/peak_force"].values).all()
     assert set(contents()) == {"case.yaml", "case.h5"}
@@ -304,4 +304,4 @@ def test_a_disk_that_fails_under_the_result_of_a_study(code, here, monkeypatch):
     interrupted_after(monkeypatch, 0)  # any case that is solved again is an interruption
     again = invoke("sweep", "case.yaml", *OPTIONS, "--resume")
     assert again.exit_code == 0, again.output
-    assert beamsim.open_result("case.h5").complete
+    assert beamsim.load("case.h5").complete

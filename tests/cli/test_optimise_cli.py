@@ -38,7 +38,7 @@ def here(tmp_path, monkeypatch):
 
 
 def same_tables(one, other):
-    one, other = (beamsim.open_result(path) for path in (one, other))
+    one, other = (beamsim.load(path) for path in (one, other))
     assert one.table.keys() == other.table.keys()
     for name, column in one.table.items():
         np.testing.assert_array_equal(column, other.table[name], err_msg=name)
@@ -57,7 +57,7 @@ def test_the_best_design_is_written_as_a_scenario_and_drawn():
     force, displacement = alone["peak_force_n"]["stop"], max(alone["peak_displacement_m"].values())
     assert force / 60.0 + displacement / 10e-3 == pytest.approx(best["value"], rel=1e-6)
     assert alone["margins"]["peak_force"]["verdict"] == summary["margins"]["peak_force"]["verdict"] == "ok"
-    stored = beamsim.open_result("case.h5")
+    stored = beamsim.load("case.h5")
     assert stored.runs.keys() == {"best", "as_it_is"}
     assert stored.runs["best"].force.max() == pytest.approx(force, rel=1e-2)  # between samples
     shown = invoke("info", "case.h5").stdout
@@ -71,14 +71,12 @@ def test_two_workers_find_what_one_finds():
     same_tables("one.h5", "two.h5")
     other = invoke("sweep", "case.yaml", "--workers", 1, "--set", "optimise.seed=1", "--no-plots", "-o", "other.h5")
     assert other.exit_code == 0
-    assert not np.array_equal(
-        *(beamsim.open_result(f"{name}.h5").coordinates[0].values[:20] for name in ("one", "other"))
-    )
+    assert not np.array_equal(*(beamsim.load(f"{name}.h5").coordinates[0].values[:20] for name in ("one", "other")))
 
 
 def test_an_interrupted_search_goes_on_where_it_was(monkeypatch, heeded):
     assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "-o", "whole.h5").exit_code == 0
-    solved, whole = [], beamsim.open_result("whole.h5").cases
+    solved, whole = [], beamsim.load("whole.h5").cases
 
     def solve(self, case, real=CaseSolver.__call__):
         if not case.compared:
@@ -92,7 +90,7 @@ def test_an_interrupted_search_goes_on_where_it_was(monkeypatch, heeded):
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots")
     assert done.exit_code == 130, done.output
     assert "24 of at most 60 cases are kept in case.h5.partial; --resume computes the others" in done.output
-    assert "has tried 24 of at most 60 designs" in beamsim.open_result("case.h5").status
+    assert "has tried 24 of at most 60 designs" in beamsim.load("case.h5").status
     again = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--resume")
     assert again.exit_code == 0, again.output
     assert sorted(solved) == sorted([24, *range(whole)])  # only the one that was under way is solved twice

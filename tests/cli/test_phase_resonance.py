@@ -15,7 +15,7 @@ from beamsim.cli.tables import table_rows
 from beamsim.errors import ScenarioError
 from beamsim.orbits.continuation import BranchStep
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -237,7 +237,7 @@ def test_command(tmp_path):
         assert predicted["level"].attrs["units"] == "m/s^2"
         assert predicted["level"].dims[0][0] == predicted["point"]
         assert (held := file["phase_resonance_levels_held_instants"])["shapes"].dims[1][0] == held["position"]
-    m = open_result(tmp_path / "nnm_forced_backbone.h5").phase_resonance.motions[0]
+    m = load(tmp_path / "nnm_forced_backbone.h5").phase_resonance.motions[0]
     assert m.frequency_hz == level["frequency_hz"]
     assert m.curve.stable.dtype == bool
     assert m.held.displacement["tip"].size == m.held.time.size

@@ -74,7 +74,7 @@ def test_the_probability_the_picture_and_the_design_point_as_a_case():
     assert of["reliability_index"] == pytest.approx(-norm.ppf(of["probability"]))
     alone = json.loads(invoke("run", "case_design_point.yaml", "--json", "--no-plots").stdout)
     assert alone["peak_force_n"]["stop"] == pytest.approx(130.0, rel=1e-3)
-    stored = beamsim.open_result("case.h5")
+    stored = beamsim.load("case.h5")
     assert stored.summary["reliability"] == of
     assert [n.design for n in stored.random_numbers] == list(of["design_point"].values())
     assert stored.rounds[-1].probability == of["probability"]
@@ -88,7 +88,7 @@ def test_the_first_order_has_no_interval_and_says_so():
     done = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--set", "vary.method=form")
     assert done.exit_code == 0, done.output
     assert "irst-order approximation, which has no interval" in done.stdout
-    of = beamsim.open_result("case.h5").summary["reliability"]
+    of = beamsim.load("case.h5").summary["reliability"]
     assert of["probability"] == pytest.approx(in_closed_form(130.0), rel=0.15)
     assert of["histories"] < 60
 
@@ -108,7 +108,7 @@ def test_a_history_just_beyond_the_limit_under_noise_is_a_case():
     assert of["method"] == "subset"
     assert "*" in of["design_point"]["excitation.seed"]
     alone = json.loads(invoke("run", "noise_design_point.yaml", "--json", "--no-plots").stdout)
-    values = beamsim.open_result("noise.h5").table["snubbers/stop/peak_force"]
+    values = beamsim.load("noise.h5").table["snubbers/stop/peak_force"]
     assert alone["peak_force_n"]["stop"] == pytest.approx(values[values >= 60.0].min(), rel=1e-6)
 
 
@@ -127,7 +127,7 @@ def test_an_interrupted_study_goes_on_where_it_was(monkeypatch):
     assert journal_path(Path("case.h5")).exists()
     monkeypatch.setattr(CaseSolver, "__call__", real)
     assert invoke("sweep", "case.yaml", "--workers", 2, "--no-plots", "--resume").exit_code == 0
-    one, other = (beamsim.open_result(path) for path in ("whole.h5", "case.h5"))
+    one, other = (beamsim.load(path) for path in ("whole.h5", "case.h5"))
     assert one.summary["reliability"] == other.summary["reliability"]
     for name, column in one.table.items():
         np.testing.assert_array_equal(column, other.table[name], err_msg=name)

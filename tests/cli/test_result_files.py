@@ -89,7 +89,7 @@ def test_info_and_plot(name, files, tmp_path):
     path = files(name)
     said = invoke("info", path)
     assert said.exit_code == 0, said.output
-    title = beamsim.open_result(path).title
+    title = beamsim.load(path).title
     assert said.stdout.splitlines()[0] == (f"{path}: {title}" if title else str(path))
     assert "by beamsim " in said.stdout
     told = invoke("info", path, "--json")
@@ -106,7 +106,7 @@ def test_info_and_plot(name, files, tmp_path):
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_result_opens_whatever_it_is(name, files):
-    result = beamsim.open_result(files(name))
+    result = beamsim.load(files(name))
     assert result.complete
     with h5py.File(files(name)) as file:
         assert result.scenario.to_yaml() == file.attrs["scenario"]
@@ -142,7 +142,7 @@ def test_csv_holds_every_number(name, files, tmp_path):
                 wrong = np.where(np.isfinite(column), column * (1 + 4e-16) + 1e-300, column)
                 assert not any(same(cells, wrong) for cells in own), place
     scenario = beamsim.load_scenario(tmp_path / f"{name}_csv" / "scenario.yaml")
-    assert scenario.title == beamsim.open_result(path).title
+    assert scenario.title == beamsim.load(path).title
 
 
 def lookup(struct, path):
@@ -160,7 +160,7 @@ def test_mat_holds_every_number(name, files, tmp_path):
     done = invoke("export", path, "--format", "mat", "-o", tmp_path)
     assert done.exit_code == 0, done.output
     mat = loadmat(tmp_path / f"{name}.mat", simplify_cells=True)
-    assert mat["info"]["title"] == beamsim.open_result(path).title
+    assert mat["info"]["title"] == beamsim.load(path).title
     for place, values in stored_datasets(path).items():
         stem, part = place, np.asarray
         for suffix, taken in (("_real", np.real), ("_imag", np.imag)):

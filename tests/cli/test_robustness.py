@@ -86,7 +86,7 @@ def test_a_result_without_room_is_written_elsewhere(here, full, monkeypatch):
     assert [len(files) for files in written] == [0, int(full == 1), int(full == 2)]
     elsewhere = written[full][0]
     assert f"mv {elsewhere} {places[0] / 'case.h5'}" in done.stderr
-    assert beamsim.open_result(elsewhere).complete
+    assert beamsim.load(elsewhere).complete
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")

@@ -11,7 +11,7 @@ import beamsim
 from beamsim.analyses.continuation.forced_expansion import compare_forced_expansion
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from tests.helpers.commands import invoke
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -104,7 +104,7 @@ def test_command(tmp_path):
     assert {"ms_forced_oscillator_multiple_scales_mass.png", "ms_forced_oscillator_multiple_scales_orders.png"} <= names
     with h5py.File(tmp_path / "ms_forced_oscillator.h5") as file:
         assert file["multiple_scales_factor/difference"].dims[0][0] == file["multiple_scales_factor/sample"]
-    (stored,) = open_result(tmp_path / "ms_forced_oscillator.h5").expansion
+    (stored,) = load(tmp_path / "ms_forced_oscillator.h5").expansion
     assert stored.first["mass"].max() == level["largest_first_order_m"]["mass"]
     assert stored.stability_agrees.all()
 

@@ -19,7 +19,7 @@ import numpy as np
 from beamsim.errors import BeamsimError
 from beamsim.hdf5 import seal
 from beamsim.labelled import Item, parent
-from beamsim.store.results import CHECKSUM, JSON_ENCODED, checksum, open_result, read_items, write_items
+from beamsim.store.results import CHECKSUM, JSON_ENCODED, checksum, load, read_items, write_items
 from tests.helpers.commands import invoke
 
 SOUND = sorted((Path(__file__).parents[1] / "data" / "results").glob("*.h5.gz"))
@@ -286,7 +286,7 @@ def outcomes(number, folder):
         return {}
     chosen = commands(path, folder)
     try:
-        open_result(path)
+        load(path)
     except BeamsimError:
         names = list(chosen)
         chosen = {name: chosen[name] for name in ("info", names[1 + number % (len(names) - 1)])}

@@ -31,7 +31,7 @@ from beamsim.measurements.channels import read_signals
 from beamsim.measurements.read import read_file
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.files import CurveFile
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from beamsim.structures.named_matrices import read_dof_table
 from beamsim.system.force_tables import force_tables
 from tests.helpers.universal_files import function, nodes_2411, shapes_55, units
@@ -226,7 +226,7 @@ FORMATS = {
     "dofs": (".csv", _text(DOFS), read_dof_table),
     "op2": (".op2", _op2, read_matrices),
     "netcdf": (".nc", _netcdf, read_signals),
-    "result": (".h5", _result, open_result),
+    "result": (".h5", _result, load),
     "uff binary": (".uff", _uff_binary, read_file),
     "uff shapes": (".uff", _uff_shapes, lambda path: read_shapes(path, _beam())),
     "shapes": (".csv", _text(SHAPES), lambda path: read_shapes(path, _beam())),

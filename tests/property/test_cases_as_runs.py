@@ -152,7 +152,7 @@ def test_a_study_with_a_case_that_is_not_reliable_is_not_reliable(workers, tmp_p
     assert {*study.verdicts["peak_force"].values.tolist()} == {"not reliable"}
     assert "best" not in study.summary
     path = beamsim.write_result(study, tmp_path / "study.h5")
-    stored = beamsim.open_result(path)
+    stored = beamsim.load(path)
     for name in ("case_outcomes", "case_warnings", "compared"):
         assert getattr(stored, name).tolist() == getattr(study, name).tolist()
     assert stored.verdicts["gap"].values.tolist() == study.verdicts["gap"].values.tolist()

@@ -12,7 +12,7 @@ from scipy.stats import kstest, truncnorm
 from beamsim.analyses.designs.plan import check_cases, plan_designs
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from beamsim.trust import studies
 from beamsim.trust.studies import design_study
 from tests.helpers.commands import invoke
@@ -134,7 +134,7 @@ def test_a_cluster_makes_no_difference(grid, tmp_path):
     assert_same(grid, result)
     assert_same(*searched)
     assert done.exit_code == 0, done.output
-    assert_same(grid, open_result(tmp_path / "case.h5"))
+    assert_same(grid, load(tmp_path / "case.h5"))
 
 
 def test_nobody_at_the_address(monkeypatch):

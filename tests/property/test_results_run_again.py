@@ -67,7 +67,7 @@ def apart(one, other):
 def test_a_result_that_is_written_read_and_computed_again(name, tmp_path):
     case = CASE if name != "nnm" else CASE.replace("damping: {kind: ratio, ratio: 4 %}", "").replace("gravity: 1 g", "")
     result = computed(beamsim.load_scenario(f"{case}\n{SECTIONS[name]}\n"), name)
-    opened = beamsim.open_result(beamsim.write_result(result, tmp_path / "result.h5"))
+    opened = beamsim.load(beamsim.write_result(result, tmp_path / "result.h5"))
     assert len(flat(result.summary)) > 10
     assert apart(opened.summary, result.summary) == []
     assert apart(computed(opened.scenario, name).summary, result.summary) == []

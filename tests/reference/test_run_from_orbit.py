@@ -99,7 +99,7 @@ def test_what_was_followed_is_taken_over(folder, sweep, changes):
 def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
     """At the point's frequency and second parameter; at a fold the state returns, but slowly where it is disturbed."""
     path, _ = continued(folder, "folds", f"from: 78 Hz, to: 88 Hz, side_branches: none, follow_folds_in: {second}")
-    (curve, *_) = beamsim.open_result(path).fold_curves
+    (curve, *_) = beamsim.load(path).fold_curves
     k = curve.parameter.size // 2
     frequency = float(curve.frequency_hz[k])
     rate = f"run.sample_rate={1000 * frequency!r}"
@@ -122,7 +122,7 @@ def test_harmonic_balance_states_are_close(folder):
 
 def test_states_survive_the_file(in_frequency):
     path, branch = in_frequency
-    (read, *_) = beamsim.open_result(path).branches
+    (read, *_) = beamsim.load(path).branches
     np.testing.assert_array_equal(read.coordinates, branch.coordinates)
     np.testing.assert_array_equal(read.coordinate_velocities, branch.coordinate_velocities)
 

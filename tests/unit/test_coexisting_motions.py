@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from beamsim.cli.branches import continuation_screen
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 
 STORED = Path(__file__).parents[1] / "data" / "results" / "continuation.h5.gz"
 
@@ -16,7 +16,7 @@ STORED = Path(__file__).parents[1] / "data" / "results" / "continuation.h5.gz"
 @pytest.fixture
 def result(tmp_path):
     (tmp_path / "stored.h5").write_bytes(gzip.decompress(STORED.read_bytes()))
-    return open_result(tmp_path / "stored.h5")
+    return load(tmp_path / "stored.h5")
 
 
 def folded(result, stable=(True, False, True), level=None):

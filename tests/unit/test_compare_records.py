@@ -128,9 +128,9 @@ def test_table_json_file_and_picture(tmp_path, shaken):
     assert "1.25    1.25 \u00b1 " in table
     done = invoke("compare", path, tmp_path / "lab.csv", "--json", "-o", tmp_path)
     assert '"peak_ratio": 1.25' in done.stdout
-    (kept,) = beamsim.open_result(tmp_path / "shock_compare.h5").channels
+    (kept,) = beamsim.load(tmp_path / "shock_compare.h5").channels
     assert kept.record.scale == pytest.approx(1.25)
-    figures = comparison_figures(beamsim.open_result(tmp_path / "shock_compare.h5"))
+    figures = comparison_figures(beamsim.load(tmp_path / "shock_compare.h5"))
     assert len(figures["mass_absolute_acceleration"].panels) == 3
 
 

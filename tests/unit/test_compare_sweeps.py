@@ -15,7 +15,7 @@ from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario import load_scenario
 from beamsim.signals.assurance import assurance
 from beamsim.signals.quality import peaks_of
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 from tests.helpers.commands import invoke
 from tests.helpers.universal_files import function
 
@@ -154,7 +154,7 @@ def test_time_histories_of_a_test(swept, tmp_path):
     done = invoke(*arguments, *options)
     assert done.exit_code == 0, done.output
     assert any(line.split()[:2] == ["bandwidth", "0.25"] for line in done.output.splitlines())
-    (channel,) = open_result(tmp_path / "c.h5", "compare").sweeps
+    (channel,) = load(tmp_path / "c.h5", "compare").sweeps
     assert channel.begin_s == pytest.approx(0.3, abs=2e-3)
     assert channel.has_phase
     assert channel.frac > 1 - 1e-4
@@ -170,7 +170,7 @@ def test_the_unit_of_a_heading_says_what_was_measured(swept, tmp_path, heading):
     arguments = ("compare", str(tmp_path / "sweep.h5"), str(tmp_path / "test.csv"), "--no-plots", "-o", str(tmp_path))
     done = invoke(*arguments, "--reference", "base")
     assert done.exit_code == 0, done.output
-    (channel,) = open_result(tmp_path / "sweep_compare.h5", "compare").sweeps
+    (channel,) = load(tmp_path / "sweep_compare.h5", "compare").sweeps
     assert (channel.place, channel.quantity, channel.unit) == ("second", "displacement", "m")
     # what a name and its unit contradict is still refused, and so is another quantity that is asked for
     (tmp_path / "test.csv").write_text("time (s),base (mm),second acceleration (mm)\n" + rows)
@@ -233,7 +233,7 @@ def test_csv_files_of_laboratories(swept, tmp_path, kind):
     assert done.exit_code == 0, done.output
     assert "FRAC" in done.output
     assert "FDAC" in done.output
-    stored = open_result(tmp_path / "sweep_compare.h5", "compare")
+    stored = load(tmp_path / "sweep_compare.h5", "compare")
     assert [channel.place for channel in stored.sweeps] == ["first", "second"]
     assert min(channel.frac for channel in stored.sweeps) > 1 - 1e-9
 
@@ -248,7 +248,7 @@ def test_stored_and_drawn(swept, tmp_path):
     pairs = [(place, "absolute_acceleration", measured(swept, place, 1.1, 1.02)) for place in ("first", "second")]
     comparison = compare_sweep(swept, pairs)
     write_result(comparison, tmp_path / "c.h5")
-    stored = open_result(tmp_path / "c.h5", "compare")
+    stored = load(tmp_path / "c.h5", "compare")
     np.testing.assert_array_equal(stored.assurance.fdac, comparison.assurance.fdac)
     qualities = [[peak.measured_q for peak in each.sweeps[0].peaks] for each in (stored, comparison)]
     assert np.isfinite(qualities[1][0])
@@ -287,7 +287,7 @@ def test_a_frequency_response_times_its_level_is_compared_with_the_sweep(stored,
     assert "a structure with stops responds differently at each level; give" in without.stderr
     assert f"--level '2 {unit}'" in without.stderr
     assert invoke("compare", stored, tmp_path / "a.uff", "--level", "1 g", *output).exit_code == 0
-    result = open_result(tmp_path / "c.h5")
+    result = load(tmp_path / "c.h5")
     (channel,) = result.sweeps
     assert channel.frac == pytest.approx(1.0, abs=1e-4)
     assert channel.peaks[0].difference_db == pytest.approx(0.0, abs=0.05)
@@ -298,7 +298,7 @@ def test_a_frequency_response_times_its_level_is_compared_with_the_sweep(stored,
 def test_a_response_at_another_level_is_warned_of_and_one_to_a_force_refused(stored, swept, tmp_path):
     (tmp_path / "a.uff").write_text(response(swept, over=(12, "", "g"), level=G))
     assert invoke("compare", stored, tmp_path / "a.uff", "--level", "2 g", "-o", tmp_path / "c.h5").exit_code == 0
-    (warning,) = open_result(tmp_path / "c.h5").warnings
+    (warning,) = load(tmp_path / "c.h5").warnings
     assert "second was measured at 19.61 m/s^2, and the sweep is computed at 9.807 m/s^2" in warning
     (tmp_path / "a.uff").write_text(response(swept, over=(13, "", "N")))
     refused = invoke("compare", stored, tmp_path / "a.uff", "--level", "2 N")
@@ -319,7 +319,7 @@ def test_channels_that_cannot_be_compared_are_left_out_where_others_can(stored, 
     coherence = response(swept, over=(0, "", "NONE"), kind=6).replace("second", "second absolute acceleration")
     (tmp_path / "a.uff").write_text(coherence + response(swept, over=(0, "", "NONE"), kind=12))
     assert invoke("compare", stored, tmp_path / "a.uff", "-o", tmp_path / "c.h5").exit_code == 0
-    assert open_result(tmp_path / "c.h5").sweeps[0].frac == pytest.approx(1.0, abs=1e-4)
+    assert load(tmp_path / "c.h5").sweeps[0].frac == pytest.approx(1.0, abs=1e-4)
 
 
 @pytest.mark.parametrize("unit", ["g/N", "g^2/Hz"])

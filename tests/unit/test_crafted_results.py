@@ -17,7 +17,7 @@ from beamsim.hdf5 import seal
 from beamsim.kinds import KINDS, named
 from beamsim.report.page import embedded
 from beamsim.scenario import load_scenario
-from beamsim.store.results import CHECKSUM, checksum, open_result, read_items, write_result
+from beamsim.store.results import CHECKSUM, checksum, load, read_items, write_result
 from tests.helpers.commands import invoke
 from tests.helpers.crafted_results import commands, outcome, outcomes, write_crafted
 
@@ -27,7 +27,7 @@ VALUES = (7.0, -1, "text", "", "null", '[1, {"a": null}]', np.nan, np.zeros(3), 
 @pytest.fixture
 def whole(fabricated_run, tmp_path):
     path = write_result(fabricated_run(), tmp_path / "whole.h5")
-    assert open_result(path).complete
+    assert load(path).complete
     return path
 
 
@@ -63,7 +63,7 @@ def test_a_result_as_it_was_written_is_read_by_this_process_alone(whole, monkeyp
         raise OSError(11, "examined")
 
     monkeypatch.setattr("subprocess.run", refuse)
-    assert open_result(whole).complete
+    assert load(whole).complete
     raw = whole.read_bytes()
     for number, content in enumerate(
         (raw[:-1], raw[:-81], raw + b" ", raw[:5000] + bytes([raw[5000] ^ 1]) + raw[5001:])
@@ -71,7 +71,7 @@ def test_a_result_as_it_was_written_is_read_by_this_process_alone(whole, monkeyp
         path = whole.with_name(f"{number}.h5")
         path.write_bytes(content)
         with pytest.raises(ResultFileError, match=rf"{number}\.h5.*examined"):
-            open_result(path)
+            load(path)
 
 
 @pytest.mark.parametrize("count", [2, pytest.param(60, marks=pytest.mark.slow)])
@@ -89,12 +89,12 @@ def test_edited_results_are_refused(whole, count):
             file[place].attrs[name] = value
 
         with pytest.raises(ResultFileError, match=r"edited\.h5"):
-            open_result(edited(whole, edit))
+            load(edited(whole, edit))
         tried += 1
     owners = places(whole)[1:]
     for place in owners[:: max(len(owners) // count, 1)]:
         with pytest.raises(ResultFileError, match=r"edited\.h5"):
-            open_result(edited(whole, lambda file, place=place: file.__delitem__(place)))
+            load(edited(whole, lambda file, place=place: file.__delitem__(place)))
         tried += 1
     assert tried >= 2 * count or tried > len(owners)
 
@@ -106,7 +106,7 @@ def test_declared_types_hold_with_a_right_checksum(whole):
             file.attrs[name] = value
 
         with pytest.raises(ResultFileError, match="damaged"):
-            open_result(edited(whole, edit, sealed=True))
+            load(edited(whole, edit, sealed=True))
 
 
 def test_summary_entries_that_repeat_a_field_have_its_form(whole):
@@ -119,7 +119,7 @@ def test_summary_entries_that_repeat_a_field_have_its_form(whole):
             summary[name] = value
 
         with pytest.raises(ResultFileError, match=rf"damaged \(summary: {name} is"):
-            open_result(edited(whole, edit, sealed=True))
+            load(edited(whole, edit, sealed=True))
 
 
 def test_other_summary_entries_have_the_declared_type(whole):
@@ -139,7 +139,7 @@ def test_other_summary_entries_have_the_declared_type(whole):
             summary[name] = value
 
         with pytest.raises(ResultFileError, match=rf"damaged \(summary: {at}"):
-            open_result(edited(whole, edit, sealed=True))
+            load(edited(whole, edit, sealed=True))
 
 
 def test_every_summary_entry_has_a_type():
@@ -185,7 +185,7 @@ def test_the_scenario_in_a_result_opens_no_file(whole, tmp_path):
             file.attrs["scenario"] = text
 
         with pytest.raises(ResultFileError) as refused:
-            open_result(edited(whole, edit, sealed=True))
+            load(edited(whole, edit, sealed=True))
         assert "secret" not in str(refused.value).replace(str(tmp_path / "secret.yaml"), "")
 
 
@@ -213,7 +213,7 @@ def test_datasets_that_are_not_as_written_are_refused(whole, tmp_path):
         replaced(data=np.zeros(5, dtype=[("a", "f8")])),
     ):
         with pytest.raises(ResultFileError, match=r"edited\.h5"):
-            open_result(edited(whole, edit))
+            load(edited(whole, edit))
 
 
 def test_an_older_layout_is_named(whole):
@@ -222,7 +222,7 @@ def test_an_older_layout_is_named(whole):
         del file["histories/time"]
 
     with pytest.raises(ResultFileError, match=r"schema_version 2, written by beamsim .* run its scenario again"):
-        open_result(edited(whole, edit))
+        load(edited(whole, edit))
 
 
 def test_control_characters_are_printed_as_escapes(capsys):

@@ -19,7 +19,7 @@ from beamsim.hdf5 import open_hdf5, read_array
 from beamsim.matrix_files import read_matrices
 from beamsim.measurements.read import read_file
 from beamsim.sparse_parts import from_columns, from_diagonals, from_rows
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from tests.helpers.universal_files import function
 
 pytestmark = pytest.mark.quick
@@ -292,7 +292,7 @@ def test_a_file_that_ends_the_process_of_hdf5_is_refused(end, message, tmp_path,
     if not message:
         assert len(read_file(path)) == 2
         return
-    for read, error in ((read_file, InputFileError), (open_result, ResultFileError)):
+    for read, error in ((read_file, InputFileError), (load, ResultFileError)):
         with pytest.raises(error, match=message):
             read(path)
 

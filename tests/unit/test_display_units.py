@@ -127,9 +127,9 @@ def test_run_info_and_plots_use_them_and_json_does_not(tmp_path, monkeypatch):
     assert 1e-4 < peak < 1.0
     assert f"{1e6 * peak:.4g} um" in row
 
-    from beamsim.store.results import open_result
+    from beamsim.store.results import load
 
-    result = open_result(tmp_path / "case.h5")
+    result = load(tmp_path / "case.h5")
     above = result.plot()["displacement"].axes[0]
     assert above.get_ylabel() == "Relative displacement (um)"
     assert np.abs(above.lines[0].get_ydata()).max() == pytest.approx(1e6 * peak, rel=1e-3)

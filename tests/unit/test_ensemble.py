@@ -118,7 +118,7 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(scenario, whole, tmp_path,
     result = beamsim.ensemble(scenario, DRAWS, file=file, workers=1, progress=fractions.append)
     assert fractions == [0.5, 0.75, 1.0]
     assert not journal_path(file).exists()
-    stored = beamsim.open_result(file)
+    stored = beamsim.load(file)
     for name, column in whole.table.items():
         np.testing.assert_array_equal(result.table[name], column, err_msg=name)
         np.testing.assert_array_equal(stored.table[name], column, err_msg=name)

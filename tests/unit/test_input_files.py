@@ -15,7 +15,7 @@ from beamsim.cli.html_report import sketched
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.scenario.scenario import named_files
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke
 
@@ -45,7 +45,7 @@ def test_files_are_found_where_they_were_beside_the_result_and_in_the_current_fo
         shutil.copytree(matrices, folder / "matrices")
     shutil.copy(written, file)
     monkeypatch.chdir(tmp_path)
-    scenario = open_result(file).scenario
+    scenario = load(file).scenario
     assert load_scenario(result.scenario, ["run.duration=2 ms"]).folder_of(*KEYS[0]) == matrices.parent
     assert load_scenario(scenario, ["run.duration=2 ms"]).folder_of(*KEYS[0]).absolute() == tmp_path
     for folder in (tmp_path, file.parent, matrices.parent):
@@ -63,17 +63,17 @@ def test_a_file_with_another_content_is_refused_and_a_missing_one_says_where_it_
     kept = matrices.rename(matrices.parent / "kept")
     try:
         with pytest.raises(ScenarioError) as caught:
-            build_system(open_result(file).scenario)
+            build_system(load(file).scenario)
         assert "bodies.panel.mass.file = matrices/strip.op4 is not found" in str(caught.value)
         assert all(str(folder) in str(caught.value) for folder in (tmp_path, file.parent, matrices.parent))
-        sketch = sketched(open_result(file), None)  # from the result's own numbers
+        sketch = sketched(load(file), None)  # from the result's own numbers
         np.testing.assert_array_equal(sketch.stations.points, result.modes.stations.points)
         assert sketch.stops["corner"].gap == result["histories"]["snubber_gap"].sel(snubber="corner").item()
         shutil.copytree(kept, tmp_path / "matrices")
         matrix = tmp_path / "matrices" / "strip.op4"
         matrix.write_text(matrix.read_text().replace("1", "2", 1))  # as long as it was
         with pytest.raises(ScenarioError, match=r"strip\.op4 in the current folder, .*: its content is another"):
-            build_system(open_result(file).scenario)
+            build_system(load(file).scenario)
     finally:
         kept.rename(matrices)
 
@@ -85,9 +85,9 @@ def test_a_file_that_was_changed_during_the_run_is_not_taken_for_the_one_that_wa
     table = (matrices / "strip_dofs.csv").rename(matrices / "gone.csv")
     beamsim.write_result(result, tmp_path / "without.h5")
     table.rename(matrices / "strip_dofs.csv")
-    scenario = open_result(tmp_path / "again.h5").scenario
+    scenario = load(tmp_path / "again.h5").scenario
     assert scenario.folder_of(*KEYS[2]) == matrices.parent
-    for key, of in ((KEYS[0], scenario), (KEYS[2], open_result(tmp_path / "without.h5").scenario)):
+    for key, of in ((KEYS[0], scenario), (KEYS[2], load(tmp_path / "without.h5").scenario)):
         with pytest.raises(ScenarioError, match="was changed or removed while the case was solved"):
             of.folder_of(*key)
 
@@ -115,14 +115,14 @@ run: {duration: 1 ms, convergence: off}
     result = beamsim.run(load_scenario(tmp_path / "case.yaml"))
     digest = hashlib.sha256((tmp_path / "pad.csv").read_bytes()).hexdigest()
     assert [record["sha256"] for record in result.input_files.values()] == [digest]
-    stored = open_result(beamsim.write_result(result, tmp_path / "case.h5"))
+    stored = load(beamsim.write_result(result, tmp_path / "case.h5"))
     assert stored.created.startswith(clock)
     build_system(stored.scenario)
     (tmp_path / "pad.csv").write_text("deflection (mm),force (N)\n0,0\n1,6\n")  # as long as it was
     os.utime(tmp_path / "pad.csv", (stamp + 1.0, stamp + 1.0))
     assert [record.get("sha256") for record in result.input_files.values()] == [None]
     with pytest.raises(ScenarioError, match="its content is another"):
-        build_system(open_result(tmp_path / "case.h5").scenario)
+        build_system(load(tmp_path / "case.h5").scenario)
 
 
 def test_every_form_of_naming_a_file_is_known():
@@ -154,7 +154,7 @@ vary: {kind: grid, parameters: [{path: snubbers.stop.gap, values: [0.1, 0.2]}]}
 
 def test_files_that_a_result_names_are_not_opened_to_show_it(solved, tmp_path):
     _, file, _ = solved
-    scenario = open_result(file, open_files=False).scenario
+    scenario = load(file, open_files=False).scenario
     with pytest.raises(
         ScenarioError, match=r"mass\.file = matrices/strip\.op4 is a file that the result names.*--open-files"
     ):

@@ -25,7 +25,7 @@ from beamsim.kinds import KINDS, named
 from beamsim.store.datasets import Reader, items_of
 from beamsim.store.export import tables_of
 from beamsim.store.layout import by_name, places_in, root_place, spot
-from beamsim.store.results import open_result, read_items, write_items, write_result
+from beamsim.store.results import load, read_items, write_items, write_result
 
 pytestmark = pytest.mark.quick
 
@@ -36,7 +36,7 @@ def test_any_name_is_a_value_of_a_coordinate(fabricated_run, tmp_path):
     xarray = pytest.importorskip("xarray")
     run = fabricated_run(probes=NAMES)
     path = write_result(run, tmp_path / "case.h5")
-    read = open_result(path)
+    read = load(path)
     assert read["histories"].labels("probe") == list(NAMES)
     with xarray.open_datatree(path, engine="h5netcdf") as tree:
         for name in NAMES:
@@ -89,7 +89,7 @@ def test_a_file_that_xarray_has_open_is_replaced(fabricated_run, tmp_path):
     with xarray.open_datatree(path, engine="h5netcdf") as tree:
         write_result(dataclasses.replace(fabricated_run(), wall_time_s=3.0), path)
         assert tree["histories"].displacement.load().size
-    assert open_result(path).wall_time_s == 3.0
+    assert load(path).wall_time_s == 3.0
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -13,7 +13,7 @@ from beamsim.labelled import LabelledArray
 from beamsim.store import results
 from beamsim.store.datasets import items_of
 from beamsim.store.export import export_result
-from beamsim.store.results import StoredArray, open_result, open_with_items, write_result
+from beamsim.store.results import StoredArray, load, open_with_items, write_result
 
 SAMPLES = 4001
 LARGE = 20_000  # bytes of an array, in place of 1 MiB
@@ -51,7 +51,7 @@ def large(counted):
 
 def test_values_are_read_once_when_they_are_used(long_run, read_bytes):
     path, run = long_run
-    result = open_result(path)
+    result = load(path)
     assert large(read_bytes) == {}
     for _ in range(2):
         np.testing.assert_array_equal(
@@ -63,14 +63,14 @@ def test_values_are_read_once_when_they_are_used(long_run, read_bytes):
 
 
 def test_info_reads_no_large_array(long_run, read_bytes):
-    result = open_result(long_run[0])
+    result = load(long_run[0])
     assert "peak" in str(result)
     assert large(read_bytes).keys() <= {"/histories/time"}
 
 
 def test_plots_read_what_they_draw(long_run, read_bytes):
     path, run = long_run
-    result = open_result(path)
+    result = load(path)
     pictures = named(KINDS["run"].figures)(result)
     read = large(read_bytes)
     assert "displacement" in pictures
@@ -107,7 +107,7 @@ def same(one, other):
 
 def test_results_are_the_same_whichever_arrays_are_large(fabricated_run, tmp_path, monkeypatch):
     path = write_result(fabricated_run(), tmp_path / "case.h5")
-    read_at_once = open_result(path)
+    read_at_once = load(path)
     monkeypatch.setattr(results, "CHUNK_BYTES", 200)
     path = write_result(fabricated_run(), tmp_path / "case.h5")
     result, items = open_with_items(path)
@@ -133,7 +133,7 @@ def test_exports_are_the_same_whichever_arrays_are_large(fabricated_run, tmp_pat
 
 def test_a_file_that_was_replaced_is_not_read_any_more(long_run, fabricated_run):
     path, run = long_run
-    whole, result = open_result(path, whole=True), open_result(path)
+    whole, result = load(path, whole=True), load(path)
     force = result["histories"]["snubber_force"].sel(snubber="tip").values
     write_result(fabricated_run(), path)
     assert result["histories"]["snubber_force"].sel(snubber="tip").values is force
@@ -149,9 +149,9 @@ def test_a_file_that_was_replaced_is_not_read_any_more(long_run, fabricated_run)
 
 def test_a_result_is_written_over_its_own_file(long_run):
     path, run = long_run
-    result = open_result(path)
+    result = load(path)
     write_result(replace(result, wall_time_s=3.0), path)
-    again = open_result(path)
+    again = load(path)
     assert again.wall_time_s == 3.0
     for each in (again, result):
         np.testing.assert_array_equal(
@@ -166,7 +166,7 @@ def test_damage_in_a_large_array_is_found_where_it_is_used(long_run):
     data = bytearray(path.read_bytes())
     data[at + 1000] ^= 1
     path.write_bytes(data)
-    result = open_result(path)
+    result = load(path)
     np.testing.assert_array_equal(
         result["histories"]["displacement"].sel(probe="tip").values,
         run["histories"]["displacement"].sel(probe="tip").values,

@@ -13,7 +13,7 @@ from beamsim.cli.tables import all_rows
 from beamsim.errors import ScenarioError
 from beamsim.inputs.excitation import base_motion
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 from beamsim.system.build import build_system
 
 G = 9.80665
@@ -96,7 +96,7 @@ def test_the_curve_of_a_result_is_that_which_was_solved(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "elsewhere")
     result = beamsim.run(load_scenario(tmp_path / "case" / "case.yaml"))
     write_result(result, tmp_path / "results" / "case.h5")
-    again = build_system(open_result(tmp_path / "results" / "case.h5").scenario)
+    again = build_system(load(tmp_path / "results" / "case.h5").scenario)
     np.testing.assert_array_equal(
         again.base_acceleration(result["histories"]["time"].values), result["histories"]["base_acceleration"].values
     )

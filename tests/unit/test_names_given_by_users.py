@@ -47,7 +47,7 @@ def test_a_choice_called_as_a_response_is_refused_before_anything_is_computed(na
 def test_any_other_choice_is_stored_as_it_was_given(name, tmp_path):
     found = beamsim.design_study(study(name))
     beamsim.write_result(found, tmp_path / "study.h5")
-    read = beamsim.open_result(tmp_path / "study.h5")
+    read = beamsim.load(tmp_path / "study.h5")
     assert read.coordinates[0].path == name
     assert read.coordinates[0].values.tolist() == ["hard", "soft"]
     assert read.solved.tolist() == [True, True]
@@ -75,7 +75,7 @@ def test_any_name_of_a_probe_and_a_snubber_can_have_statistics(name, tmp_path):
     }  # fmt: skip
     found = beamsim.run(load_scenario(CASE | more))
     beamsim.write_result(found, tmp_path / "run.h5")
-    read = beamsim.open_result(tmp_path / "run.h5")
+    read = beamsim.load(tmp_path / "run.h5")
     assert [(s.name, s.quantity) for s in read.random.recorded] == [
         (s.name, s.quantity) for s in found.random.recorded
     ]  # fmt: skip

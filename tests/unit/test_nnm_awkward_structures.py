@@ -6,7 +6,7 @@ import pytest
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.paths import mode_path
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 
 
 @pytest.mark.slow
@@ -149,7 +149,7 @@ def test_points_at_energies_and_frequencies(tmp_path):
         k = p["point"] - 1
         assert result.backbone.energy[k] == p["energy_j"]
         assert result.backbone.residual[k] < 1e-9
-    stored = open_result(write_result(result, tmp_path / "mode.h5"))
+    stored = load(write_result(result, tmp_path / "mode.h5"))
     assert stored.summary["requested_points"] == result.summary["requested_points"]
     missed = followed(0.1, frequencies=[0.1])
     assert missed.outcome.code == "values_not_passed"

@@ -9,7 +9,7 @@ import beamsim
 from beamsim.analyses.run.animation import frames_of_run
 from beamsim.plots.model import model_figure
 from beamsim.plots.sketch import Sketch
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 from beamsim.system.build import build_system
 
 GRID = np.array([(x, y, 0.0) for y in (0.0, 0.3, 0.6) for x in (0.0, 0.5, 1.0)])  # of 2 x 2 elements
@@ -75,7 +75,7 @@ def test_animations_move_nodes_with_their_edges(tmp_path):
     )
     drawn = frames.deflection[:, [k for k, number in enumerate(ends) if number == 8]]
     np.testing.assert_allclose(drawn, expected[:, None] * np.ones(drawn.shape[1]), atol=2e-2 * np.abs(expected).max())
-    stored = open_result(write_result(result, tmp_path / "run.h5"))
+    stored = load(write_result(result, tmp_path / "run.h5"))
     np.testing.assert_array_equal(stored.modes.stations.lines, result.modes.stations.lines)
 
 

@@ -9,7 +9,7 @@ import pytest
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.cli.motions import in_gravities, notch_texts
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 from tests.helpers.commands import invoke
 
 G = 9.80665
@@ -90,7 +90,7 @@ def test_which_limit_governs_where_is_told(notched):
 def test_the_saved_level_gives_the_same_response_as_a_given_profile(notched, tmp_path):
     """Through the result file and its CSV export, number by number."""
     write_result(notched, tmp_path / "notched.h5")
-    stored = open_result(tmp_path / "notched.h5").curves["up_0"].notching
+    stored = load(tmp_path / "notched.h5").curves["up_0"].notching
     np.testing.assert_array_equal(stored.level, notched.curves["up_0"].notching.level)
     assert [limit.name for limit in stored.limits] == list(SWEEP["notch_to"])
     done = invoke("export", tmp_path / "notched.h5", "--format", "csv", "-o", tmp_path)

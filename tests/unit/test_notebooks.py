@@ -53,7 +53,7 @@ def test_data_frames_and_trees_hold_the_same_bits(result):
 
 
 def test_a_result_read_from_its_file_shows_the_same(result, tmp_path):
-    read = beamsim.open_result(beamsim.write_result(result, tmp_path / "case.h5"))
+    read = beamsim.load(beamsim.write_result(result, tmp_path / "case.h5"))
     assert read._repr_html_() == result._repr_html_()
     assert read.plot().keys() == result.plot().keys()
     pytest.importorskip("pandas")
@@ -80,5 +80,5 @@ def test_the_table_of_a_result_file_is_that_of_the_run(changes, tmp_path):
         "excitation": CHAIN["excitation"] | {"level": 0.05, "applied_to": "base", "quantity": "acceleration"}
     }
     run = beamsim.run(beamsim.load_scenario(case | changes))
-    stored = beamsim.open_result(beamsim.write_result(run, tmp_path / "case.h5"))
+    stored = beamsim.load(beamsim.write_result(run, tmp_path / "case.h5"))
     assert list(table_rows(stored)) == list(table_rows(run))

@@ -48,6 +48,7 @@ def opening_calls(source):
     own = {
         each.asname or each.name for node in imports if (node.module or "").startswith("beamsim") for each in node.names
     }
+    own |= {node.name for node in ast.iter_child_nodes(tree) if isinstance(node, ast.FunctionDef)}
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue

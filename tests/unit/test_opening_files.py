@@ -15,7 +15,7 @@ from beamsim.matrix_files import FORMATS, read_matrices
 from beamsim.measurements.channels import read_signals
 from beamsim.measurements.read import TEXT
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result
+from beamsim.store.results import load
 from beamsim.store.studies import opened_journal
 from beamsim.structures.named_matrices import read_dof_table
 from beamsim.system.build import build_system
@@ -77,7 +77,7 @@ def readers():
     """By name, with the ending of its files, every reader of a file."""
     yield "scenario", ".yaml", load_scenario
     yield "extends", ".yaml", lambda path: load_scenario({"extends": str(path)})
-    yield "result", ".h5", open_result
+    yield "result", ".h5", load
     for ending in (*TEXT, ".h5", ".nc", ".mat", ".uff"):
         yield "record", ending, read_signals
     for ending in FORMATS:
@@ -142,6 +142,6 @@ def test_an_hdf5_file_links_to_no_other_file(tmp_path):
     open_hdf5(tmp_path / "linked.h5").close()
     with h5py.File(tmp_path / "linked.h5", "a") as file:
         file["group/a"] = h5py.ExternalLink("other.h5", "a")
-    for read in (open_hdf5, open_result, read_signals):
+    for read in (open_hdf5, load, read_signals):
         with pytest.raises(BeamsimError, match="has group/a in another file"):
             read(tmp_path / "linked.h5")

@@ -9,7 +9,7 @@ from beamsim.plots.drawing import save_figures
 from beamsim.plots.run import run_figures
 from beamsim.plots.sketch import stops_of
 from beamsim.scenario import load_scenario
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 
 BEAM = {"kind": "beam", "width": 0.05, "thickness": 0.008, "youngs_modulus": 70e9, "density": 2700.0, "elements": 6}
 PLATE = {"kind": "plate", "length": 0.5, "width": 0.3, "thickness": 0.003, "youngs_modulus": 70e9,
@@ -61,7 +61,7 @@ def test_instant_of_the_largest_contact_force(result, tmp_path):
     penetration = {"below": -at.gap - end, "above": end - at.gap}[at.side]
     assert at.stiffness * penetration == pytest.approx(contact.force, rel=1e-6)
     write_result(result, tmp_path / "r.h5")
-    np.testing.assert_array_equal(open_result(tmp_path / "r.h5").contact.deflection(result.modes), shape)
+    np.testing.assert_array_equal(load(tmp_path / "r.h5").contact.deflection(result.modes), shape)
 
 
 def test_sketch_puts_bodies_joints_and_stops_in_place(result):

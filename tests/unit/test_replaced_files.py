@@ -14,7 +14,7 @@ from beamsim.errors import NotWrittenError, ResultFileError
 from beamsim.files import Content, destination, protect, protecting, replacing
 from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.store import results
-from beamsim.store.results import keep_result, open_result, write_result
+from beamsim.store.results import keep_result, load, write_result
 from tests.fabricated import FabricatedScenario
 
 PARTIAL = Outcome.of(OutcomeKind.INTERRUPTED, "interrupted", "interrupted")
@@ -66,7 +66,7 @@ def test_a_complete_result_stays_where_a_partial_one_is_written(whole, part, tmp
     with protecting([]):
         assert write_result(part, path) == write_result(part, path) == tmp_path / "case_partial.h5"
         assert path.read_bytes() == before
-        assert open_result(tmp_path / "case_partial.h5").outcome.cut_short
+        assert load(tmp_path / "case_partial.h5").outcome.cut_short
         assert write_result(whole, path) == path
     assert list(contents(tmp_path)) == ["case.h5"]  # the partial one of the same command is contained in it
 
@@ -136,7 +136,7 @@ def test_what_is_no_result_of_this_version_is_moved_aside(change, outcome, whole
     written(part if outcome else whole, path)
     assert (tmp_path / "case.h5.1").read_bytes() == before
     assert "cannot be read as a result or a journal of this version; it is kept in" in caplog.text
-    assert open_result(path).outcome.cut_short == bool(outcome)
+    assert load(path).outcome.cut_short == bool(outcome)
 
 
 def test_a_complete_result_with_damaged_arrays_still_counts_as_complete(whole, part, tmp_path):
@@ -147,7 +147,7 @@ def test_a_complete_result_with_damaged_arrays_still_counts_as_complete(whole, p
     content[at : at + 8] = b"\xff" * 8
     path.write_bytes(content)
     with pytest.raises(ResultFileError, match="damaged"):
-        open_result(path)
+        load(path)
     assert written(part, path) == tmp_path / "case_partial.h5"
     assert path.read_bytes() == content
 
@@ -182,15 +182,15 @@ def test_two_commands_on_one_file_lose_nothing(whole, part, tmp_path):
         for _ in range(3):
             for k in (0, 1):
                 save(k, own[k])
-        kept = [open_result(file).wall_time_s for file in tmp_path.iterdir()]
+        kept = [load(file).wall_time_s for file in tmp_path.iterdir()]
         save(1, whole)  # which contains what its own command saved before
         last = save(0, own[0])
         for thread, scope in zip(threads, scopes, strict=True):
             thread.submit(scope.__exit__, None, None, None).result()
     assert sorted(kept) == [1.0, 1.0, 2.0]  # the first file of one was moved aside by the other
     assert last != path
-    assert open_result(path).complete
-    assert open_result(last).wall_time_s == 1.0
+    assert load(path).complete
+    assert load(last).wall_time_s == 1.0
 
 
 @pytest.mark.parametrize("old", [PARTIAL, None])
@@ -245,12 +245,12 @@ def test_an_output_that_became_a_folder_is_written_elsewhere(whole, tmp_path, mo
     (tmp_path / "case.h5").mkdir()
     with pytest.raises(NotWrittenError, match="it is a folder") as raised:
         keep_result(whole, tmp_path / "case.h5")
-    assert open_result(re.search(r"is in (\S+\.h5)", str(raised.value))[1]).complete
+    assert load(re.search(r"is in (\S+\.h5)", str(raised.value))[1]).complete
     assert raised.value.exit_code == 5
 
 
 def test_an_output_folder_that_vanished_is_made_again(whole, tmp_path):
-    assert open_result(keep_result(whole, tmp_path / "gone" / "deep" / "case.h5")).complete
+    assert load(keep_result(whole, tmp_path / "gone" / "deep" / "case.h5")).complete
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")

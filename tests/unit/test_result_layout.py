@@ -49,7 +49,7 @@ def kept(request, tmp_path_factory):
     """The path of a kept file, its result, and the path of the file that is written from it now."""
     folder = tmp_path_factory.mktemp("kept")
     path = unpacked(request.param, folder)
-    result = beamsim.open_result(path)
+    result = beamsim.load(path)
     return path, result, beamsim.write_result(result, folder / "again.h5")
 
 

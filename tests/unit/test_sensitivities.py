@@ -12,7 +12,7 @@ from beamsim.cli.motions import run_screen
 from beamsim.plots.run import run_figures
 from beamsim.scenario.parameters import with_values
 from beamsim.scenario.studies import resolve_parameter
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 
 STOP = {"name": "stop", "mass": 1, "side": "below", "stiffness": 3e4, "gap": 1e-3}
 OSCILLATOR = {
@@ -268,7 +268,7 @@ def test_the_result_file_has_them(tmp_path):
         asked(OSCILLATOR, {"path": "chain.snubbers.stop.gap", "tolerance": "0.1 mm"}, "chain.masses[0]")
     )
     write_result(result, tmp_path / "case.h5")
-    again = open_result(tmp_path / "case.h5")
+    again = load(tmp_path / "case.h5")
     assert again.sensitivities == result.sensitivities
     row = again.gradients()["probes/mass/min_displacement"]["chain.snubbers.stop.gap"]
     assert row["change"] == row["derivative"] * row["tolerance"] == pytest.approx(row["derivative"] * 1e-4)

@@ -8,7 +8,7 @@ import pytest
 
 from beamsim.errors import ResultFileError
 from beamsim.files import check_writable, replacing
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 
 pytestmark = pytest.mark.quick
 
@@ -23,17 +23,17 @@ def test_long_scenario_fits(fabricated_run, tmp_path):
     path = write_result(dataclasses.replace(fabricated, scenario=Long()), tmp_path / "long.h5")
     with h5py.File(path) as file:
         assert len(file.attrs["scenario"]) > 2_000_000
-    assert open_result(path).scenario.title == fabricated.title
+    assert load(path).scenario.title == fabricated.title
 
 
 def test_a_result_that_was_read_is_one_like_any_other(fabricated_run, tmp_path):
     """It has its class, and what is replaced in it leaves the rest."""
     made = fabricated_run()
-    read = open_result(write_result(made, tmp_path / "case.h5"))
+    read = load(write_result(made, tmp_path / "case.h5"))
     assert type(read) is type(made)
     replaced = dataclasses.replace(read, wall_time_s=2.0)
     assert (replaced.title, replaced.scenario, replaced.beamsim_version) == (made.title, read.scenario, "0.1.0")
-    again = open_result(write_result(replaced, tmp_path / "again.h5"))
+    again = load(write_result(replaced, tmp_path / "again.h5"))
     assert (again.title, again.beamsim_version, again.wall_time_s) == (made.title, "0.1.0", 2.0)
 
 
@@ -42,7 +42,7 @@ def test_a_scenario_of_another_version_is_told_with_its_writer(fabricated_run, t
     with h5py.File(path, "r+") as file:
         file.attrs["scenario"] = file.attrs["scenario"] + "colour: red\n"
     with pytest.raises(ResultFileError, match=r"case\.h5: its scenario, written by beamsim 0\.1\.0, .*colour"):
-        open_result(path)
+        load(path)
 
 
 def test_write_replaces_through_a_link_and_makes_the_folder(fabricated_run, tmp_path):
@@ -52,7 +52,7 @@ def test_write_replaces_through_a_link_and_makes_the_folder(fabricated_run, tmp_
     write_result(fabricated_run(), link)
     assert link.is_symlink()
     assert real.stat().st_size > 0
-    assert open_result(link).complete
+    assert load(link).complete
 
 
 def test_places_that_cannot_be_written(tmp_path, monkeypatch):

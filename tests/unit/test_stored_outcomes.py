@@ -4,7 +4,7 @@ import h5py
 import pytest
 
 from beamsim.outcomes import Outcome, OutcomeKind, Where
-from beamsim.store.results import open_result, write_result
+from beamsim.store.results import load, write_result
 
 pytestmark = pytest.mark.quick
 
@@ -17,4 +17,4 @@ def test_a_file_holds_text_code_and_numbers(fabricated_run, tmp_path):
         assert file.attrs["status"] == stopped.text == "stopped at 0.2 s: too many; none from 1 to 2 Hz"
         assert file.attrs["outcome"] == "event_limit"
         assert json.loads(file.attrs["outcome_numbers"])["numbers"] == {"events": 9}
-    assert open_result(path).outcome == stopped
+    assert load(path).outcome == stopped

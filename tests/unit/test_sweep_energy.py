@@ -103,4 +103,4 @@ def test_a_level_has_the_unit_of_what_is_prescribed(tmp_path, level, sweep, unit
         curves = file["curves"]
         assert curves["level"][0] == pytest.approx(result.curves["up_0"].level)
         assert (curves["level_unit"].asstr()[0], found[0].attrs["units"]) == units
-    assert beamsim.open_result(tmp_path / "sweep.h5").curves["up_0"].level_unit == units[0]
+    assert beamsim.load(tmp_path / "sweep.h5").curves["up_0"].level_unit == units[0]
