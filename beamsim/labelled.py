@@ -35,11 +35,27 @@ NAMES = "names"
 _KINDS = {float: "f", int: "iu", bool: "b", str: "O"}  # of NumPy, by the type of the values of a variable
 
 
+class Described:
+    """What attributes say of the values that are with them."""
+
+    attributes: Mapping[str, Any]
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the values, "1" without one."""
+        return str(self.attributes.get("units", ""))
+
+    @property
+    def meaning(self) -> str:
+        """What the values are."""
+        return str(self.attributes.get("long_name", ""))
+
+
 # --- As a file stores it ---------------------------------------------------------------------------------------------
 
 
 @dataclass
-class Item:
+class Item(Described):
     """A group, or an array with its axes."""
 
     attributes: dict[str, Any] = field(default_factory=dict)
@@ -52,16 +68,6 @@ class Item:
     def values(self) -> Any:
         """The values of the array, which are read from its file if they were not; None of a group."""
         return None if self.array is None else np.asarray(self.array)
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return str(self.attributes.get("units", ""))
-
-    @property
-    def meaning(self) -> str:
-        """What the values are."""
-        return str(self.attributes.get("long_name", ""))
 
     @property
     def absent(self) -> frozenset[int]:
@@ -122,7 +128,7 @@ def flagged(flags: tuple[str, str]) -> dict[str, Any]:
 
 
 @dataclass(eq=False)
-class LabelledArray:
+class LabelledArray(Described):
     """A variable of a dataset, or a part of it."""
 
     name: str
@@ -136,16 +142,6 @@ class LabelledArray:
     def values(self) -> NDArray[Any]:
         """The values, in SI units; those of a file are read once, when they are first used."""
         return np.asarray(self.array)
-
-    @property
-    def unit(self) -> str:
-        """SI unit of the values, "1" without one."""
-        return str(self.attributes.get("units", ""))
-
-    @property
-    def meaning(self) -> str:
-        """What the values are."""
-        return str(self.attributes.get("long_name", ""))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return np.asarray(self.values, dtype=dtype)
