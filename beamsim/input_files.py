@@ -24,6 +24,8 @@ from beamsim.errors import BeamsimError, InputFileError
 
 MOST_BYTES_OF_TEXT = 1_000_000_000
 """Largest text file that is read, in bytes."""
+ALWAYS_TRIED = 10_000_000
+"""Bytes of memory that are asked for without a look at what is free."""
 _EXPORT_LESS = "export fewer channels or samples, or split the file"
 _KINDS = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"),
           (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"))  # fmt: skip
@@ -162,7 +164,8 @@ def read_input(
     """
     with open_input(path, most_bytes, remedy) as file:
         size = os.fstat(file.fileno()).st_size
-        demand_memory(path, memory * size, f"to be read from {bytes_text(size)}")
+        if memory * size > ALWAYS_TRIED:
+            demand_memory(path, memory * size, f"to be read from {bytes_text(size)}")
         try:
             raw = file.read(size + 1) or b""
         except OSError as error:
@@ -222,10 +225,6 @@ def free_memory() -> float:
         if most >= 0:
             free = min(free, most - process.memory_info().vms)
     return max(free, 0.0)
-
-
-ALWAYS_TRIED = 10_000_000
-"""Bytes of memory that are asked for without a look at what is free."""
 
 
 def demand_memory(path: Path | str, needed: float, why: str, remedy: str = _EXPORT_LESS) -> None:

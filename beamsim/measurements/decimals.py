@@ -22,15 +22,15 @@ _NAMES = {".": "point", ",": "comma"}
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 
 
-def _pattern(decimal: str) -> re.Pattern[str]:
-    """Numbers with this decimal mark; thousands are grouped by one kind of mark, and not before an exponent."""
-    mark, grouping = re.escape(decimal), f"[{re.escape(_OTHER[decimal] + _GROUPING)}]"
-    grouped = rf"[1-9][0-9]{{0,2}}(?P<mark>{grouping})[0-9]{{3}}(?:(?P=mark)[0-9]{{3}})*(?:{mark}[0-9]*)?"
-    plain = rf"(?:[0-9]+(?:{mark}[0-9]*)?|{mark}[0-9]+)(?:[eEdD][+-]?[0-9]+)?"
-    return re.compile(rf"[+-]?(?:{plain}|{grouped})")
-
-
-_PATTERNS = {mark: _pattern(mark) for mark in _OTHER}
+_PATTERNS = {
+    mark: re.compile(
+        rf"[+-]?(?:(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)(?:[eEdD][+-]?[0-9]+)?"  # without marks between thousands
+        rf"|[1-9][0-9]{{0,2}}(?P<mark>{grouping})[0-9]{{3}}(?:(?P=mark)[0-9]{{3}})*(?:{point}[0-9]*)?)"
+    )
+    for mark, other in _OTHER.items()
+    for point, grouping in [(re.escape(mark), f"[{re.escape(other + _GROUPING)}]")]
+}
+"""By decimal mark the numbers; thousands are grouped by one kind of mark, and not before an exponent."""
 _PLAIN = {
     mark: str.maketrans({other: None, **dict.fromkeys(_GROUPING), mark: ".", "d": "e", "D": "e"})
     for mark, other in _OTHER.items()

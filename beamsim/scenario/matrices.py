@@ -26,23 +26,19 @@ class UnitSizes(NamedTuple):
     time: float  # s
 
 
-def _consistent(length: float, mass: float, time: float) -> UnitSizes:
-    """With the force that gives a unit of mass a unit of acceleration."""
-    return UnitSizes(length, mass, mass * length / time**2, time)
-
-
 UnitSystem = Literal["SI", "mm-t-s", "mm-kg-ms", "mm-g-ms", "mm-kg-s", "cm-g-s", "in-lbf-s", "ft-lbf-s"]
 SYSTEMS: dict[str, UnitSizes] = {
-    "SI": _consistent(1.0, 1.0, 1.0),
-    "mm-t-s": _consistent(1e-3, 1e3, 1.0),
-    "mm-kg-ms": _consistent(1e-3, 1.0, 1e-3),
-    "mm-g-ms": _consistent(1e-3, 1e-3, 1e-3),
-    "mm-kg-s": _consistent(1e-3, 1.0, 1.0),
-    "cm-g-s": _consistent(1e-2, 1e-3, 1.0),
-    "in-lbf-s": _consistent(_INCH, _POUND_FORCE / _INCH, 1.0),
-    "ft-lbf-s": _consistent(_FOOT, _POUND_FORCE / _FOOT, 1.0),
+    "SI": UnitSizes(1.0, 1.0, 1.0, 1.0),
+    "mm-t-s": UnitSizes(1e-3, 1e3, 1.0, 1.0),
+    "mm-kg-ms": UnitSizes(1e-3, 1.0, 1e3, 1e-3),
+    "mm-g-ms": UnitSizes(1e-3, 1e-3, 1.0, 1e-3),
+    "mm-kg-s": UnitSizes(1e-3, 1.0, 1e-3, 1.0),
+    "cm-g-s": UnitSizes(1e-2, 1e-3, 1e-5, 1.0),
+    "in-lbf-s": UnitSizes(_INCH, _POUND_FORCE / _INCH, _POUND_FORCE, 1.0),
+    "ft-lbf-s": UnitSizes(_FOOT, _POUND_FORCE / _FOOT, _POUND_FORCE, 1.0),
 }
-"""Consistent systems: length, mass and time in their names; of the last two length, force and time."""
+"""Consistent systems, whose force gives a unit of mass a unit of acceleration: length, mass and time in their names; of
+the last two length, force and time."""
 assert set(SYSTEMS) == set(get_args(UnitSystem))
 
 

@@ -150,8 +150,8 @@ class Quantity(Bounded):
 
     def read(self, value: Any) -> float:
         """Return the SI number."""
-        number = self.bounded(units.read_quantity(value, self.dimension, any_size=True))
-        return units.in_range(number, (self.dimension,), f"write for example {self.example}")
+        number, _ = units.read_level(value, (self.dimension,), any_size=True)
+        return units.in_range(self.bounded(number), (self.dimension,), f"write for example {self.dimension.example}")
 
     def json_schema(self) -> JsonSchemaValue:
         """Return number-or-string, with the SI unit under ``x-unit``."""
@@ -309,7 +309,8 @@ class LevelType(Bounded):
     @property
     def range(self) -> tuple[float, float]:
         """That of all quantities together, since a bare number may be any of them."""
-        return units.range_of(dimension for _, dimension in self.quantities)
+        dimensions = [dimension for _, dimension in self.quantities]
+        return min(each.smallest for each in dimensions), max(each.largest for each in dimensions)
 
     def read(self, value: Any) -> LevelValue:
         """Return the SI number with the quantity it is."""
@@ -548,14 +549,6 @@ class FileType(TextType):
     """Name of a file, relative to the folder of the scenario."""
 
 
-def _positive(dimension: Dimension) -> Quantity:
-    return Quantity(dimension, above=0.0)
-
-
-def _not_negative(dimension: Dimension) -> Quantity:
-    return Quantity(dimension, minimum=0.0)
-
-
 Text = Annotated[str, TextType()]
 FileName = Annotated[str, FileType()]
 Name = Annotated[str, TextType(name=True)]
@@ -569,59 +562,59 @@ PlateElements = tuple[Annotated[int, Whole(1, 500)], Annotated[int, Whole(1, 500
 SteppedCount = Annotated[int, Whole(2, 100_000)]
 
 Coefficient = Annotated[float, Quantity(units.NUMBER)]
-PositiveNumber = Annotated[float, _positive(units.NUMBER)]
-Factor = Annotated[float, _not_negative(replace(units.NUMBER, name="factor"))]
-Ratio = Annotated[float, _not_negative(units.RATIO)]
-Length = Annotated[float, _positive(units.LENGTH)]
+PositiveNumber = Annotated[float, Quantity(units.NUMBER, above=0.0)]
+Factor = Annotated[float, Quantity(replace(units.NUMBER, name="factor"), minimum=0.0)]
+Ratio = Annotated[float, Quantity(units.RATIO, minimum=0.0)]
+Length = Annotated[float, Quantity(units.LENGTH, above=0.0)]
 Amplitude = Annotated[float, Quantity(replace(units.LENGTH, example="1 mm"))]
 PositionOrShare = Annotated[float | Share, PositionType(replace(units.LENGTH, name="position"), minimum=0.0)]
 Gap = Annotated[float, Quantity(replace(units.LENGTH, example="0.1 mm"))]
-Area = Annotated[float, _positive(units.AREA)]
-SecondMoment = Annotated[float, _positive(units.SECOND_MOMENT)]
-Mass = Annotated[float, _positive(units.MASS)]
-PointMassValue = Annotated[float, _not_negative(units.MASS)]
-Density = Annotated[float, _positive(units.DENSITY)]
-Modulus = Annotated[float, _positive(units.PRESSURE)]
-NonNegativeModulus = Annotated[float, _not_negative(units.PRESSURE)]
-BendingStiffness = Annotated[float, _positive(units.BENDING_STIFFNESS)]
-PlateStiffness = Annotated[float, _positive(units.PLATE_STIFFNESS)]
-TorsionalStiffness = Annotated[float, _not_negative(units.TORSIONAL_STIFFNESS)]
-MassPerArea = Annotated[float, _positive(units.MASS_PER_AREA)]
-SectionModulusPerLength = Annotated[float, _positive(units.SECTION_MODULUS_PER_LENGTH)]
+Area = Annotated[float, Quantity(units.AREA, above=0.0)]
+SecondMoment = Annotated[float, Quantity(units.SECOND_MOMENT, above=0.0)]
+Mass = Annotated[float, Quantity(units.MASS, above=0.0)]
+PointMassValue = Annotated[float, Quantity(units.MASS, minimum=0.0)]
+Density = Annotated[float, Quantity(units.DENSITY, above=0.0)]
+Modulus = Annotated[float, Quantity(units.PRESSURE, above=0.0)]
+NonNegativeModulus = Annotated[float, Quantity(units.PRESSURE, minimum=0.0)]
+BendingStiffness = Annotated[float, Quantity(units.BENDING_STIFFNESS, above=0.0)]
+PlateStiffness = Annotated[float, Quantity(units.PLATE_STIFFNESS, above=0.0)]
+TorsionalStiffness = Annotated[float, Quantity(units.TORSIONAL_STIFFNESS, minimum=0.0)]
+MassPerArea = Annotated[float, Quantity(units.MASS_PER_AREA, above=0.0)]
+SectionModulusPerLength = Annotated[float, Quantity(units.SECTION_MODULUS_PER_LENGTH, above=0.0)]
 PoissonsRatio = Annotated[
     float, Quantity(replace(units.NUMBER, name="Poisson's ratio", example="0.33"), above=-1.0, below=1.0)
 ]
 Quantile = Annotated[float, Quantity(replace(units.RATIO, example="95 %"), minimum=0.5, maximum=1.0)]
 Grading = Annotated[float, Quantity(replace(units.NUMBER, name="grading", example="2"), minimum=1.0, maximum=4.0)]
-MassPerLength = Annotated[float, _positive(units.MASS_PER_LENGTH)]
-NonNegativeMassPerLength = Annotated[float, _not_negative(units.MASS_PER_LENGTH)]
-RotaryInertia = Annotated[float, _not_negative(units.ROTARY_INERTIA)]
-Stiffness = Annotated[float, _positive(units.STIFFNESS)]
-NonNegativeStiffness = Annotated[float, _not_negative(units.STIFFNESS)]
+MassPerLength = Annotated[float, Quantity(units.MASS_PER_LENGTH, above=0.0)]
+NonNegativeMassPerLength = Annotated[float, Quantity(units.MASS_PER_LENGTH, minimum=0.0)]
+RotaryInertia = Annotated[float, Quantity(units.ROTARY_INERTIA, minimum=0.0)]
+Stiffness = Annotated[float, Quantity(units.STIFFNESS, above=0.0)]
+NonNegativeStiffness = Annotated[float, Quantity(units.STIFFNESS, minimum=0.0)]
 CubicStiffness = Annotated[float, Quantity(units.CUBIC_STIFFNESS)]
-Dashpot = Annotated[float, _not_negative(units.DASHPOT)]
-RotationalStiffness = Annotated[float, _not_negative(units.ROTATIONAL_STIFFNESS)]
-RotationalDashpot = Annotated[float, _not_negative(units.ROTATIONAL_DASHPOT)]
-ViscousPerLength = Annotated[float, _not_negative(units.VISCOUS_PER_LENGTH)]
-PerTime = Annotated[float, _not_negative(units.PER_TIME)]
-Duration = Annotated[float, _positive(units.TIME)]
-Time = Annotated[float, _not_negative(units.TIME)]
-Frequency = Annotated[float, _positive(units.FREQUENCY)]
+Dashpot = Annotated[float, Quantity(units.DASHPOT, minimum=0.0)]
+RotationalStiffness = Annotated[float, Quantity(units.ROTATIONAL_STIFFNESS, minimum=0.0)]
+RotationalDashpot = Annotated[float, Quantity(units.ROTATIONAL_DASHPOT, minimum=0.0)]
+ViscousPerLength = Annotated[float, Quantity(units.VISCOUS_PER_LENGTH, minimum=0.0)]
+PerTime = Annotated[float, Quantity(units.PER_TIME, minimum=0.0)]
+Duration = Annotated[float, Quantity(units.TIME, above=0.0)]
+Time = Annotated[float, Quantity(units.TIME, minimum=0.0)]
+Frequency = Annotated[float, Quantity(units.FREQUENCY, above=0.0)]
 Angle = Annotated[float, Quantity(units.ANGLE)]
-FreePlay = Annotated[float, _not_negative(units.ANGLE)]
+FreePlay = Annotated[float, Quantity(units.ANGLE, minimum=0.0)]
 Coordinate = Annotated[float, Quantity(replace(units.LENGTH, name="coordinate"))]
 Force = Annotated[float, Quantity(units.FORCE)]
 ForcePerLength = Annotated[float, Quantity(units.FORCE_PER_LENGTH)]
 Pressure = Annotated[float, Quantity(replace(units.PRESSURE, name="pressure", example="200 Pa"))]
-PositiveForce = Annotated[float, _positive(units.FORCE)]
+PositiveForce = Annotated[float, Quantity(units.FORCE, above=0.0)]
 Moment = Annotated[float, Quantity(units.MOMENT)]
-PositiveMoment = Annotated[float, _positive(units.MOMENT)]
+PositiveMoment = Annotated[float, Quantity(units.MOMENT, above=0.0)]
 Memory = Annotated[float, Quantity(units.MEMORY, minimum=64e6)]
-Energy = Annotated[float, _positive(units.ENERGY)]
+Energy = Annotated[float, Quantity(units.ENERGY, above=0.0)]
 Gravity = Annotated[float, Quantity(replace(units.ACCELERATION, example="1 g"))]
-PositiveAcceleration = Annotated[float, _positive(replace(units.ACCELERATION, example="20 g"))]
+PositiveAcceleration = Annotated[float, Quantity(replace(units.ACCELERATION, example="20 g"), above=0.0)]
 Quality = Annotated[float, Quantity(replace(units.NUMBER, example="10"), above=0.5)]
-Speed = Annotated[float, _positive(units.VELOCITY)]
+Speed = Annotated[float, Quantity(units.VELOCITY, above=0.0)]
 AnyValue = Annotated[float | str, NumberOrText(words=True)]
 GravityVector = tuple[Gravity, Gravity, Gravity]
 Level = Annotated[float, LevelType()]
@@ -659,12 +652,11 @@ SHAPE_VELOCITIES = (
 )
 
 
-def _of_powers(dimensions: tuple[Dimension, ...]) -> LevelType:
-    """A number of a shape: its quantity is the power of x whose coefficient has the unit."""
-    example = dimensions[0].example
-    return LevelType(tuple((str(power), each) for power, each in enumerate(dimensions)), example, (example,))
-
-
-ShapeDisplacement = Annotated[float, _of_powers(SHAPE_DISPLACEMENTS)]
-ShapeVelocity = Annotated[float, _of_powers(SHAPE_VELOCITIES)]
+# A number of a shape: its quantity is the power of x whose coefficient has the unit.
+ShapeDisplacement = Annotated[
+    float, LevelType(tuple((str(power), each) for power, each in enumerate(SHAPE_DISPLACEMENTS)), "1 mm", ("1 mm",))
+]
+ShapeVelocity = Annotated[
+    float, LevelType(tuple((str(power), each) for power, each in enumerate(SHAPE_VELOCITIES)), "0.2 m/s", ("0.2 m/s",))
+]
 """Numbers of a shape to start from: of each mass of a chain, or coefficients of a polynomial in x along a beam."""

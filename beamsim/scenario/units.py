@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -140,11 +140,12 @@ Powers = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as its SI size, ``factor`` times pi to the power ``pi``, and its base units."""
+    """A unit as its SI size, ``factor`` times pi to the power ``pi``, its base units, and the power of the radian."""
 
     factor: Fraction = Fraction(1)
     pi: int = 0
     powers: Powers = ()
+    radians: int = 0
 
     def times(self, other: Unit, power: int = 1) -> Unit:
         """The product with a power of another unit."""
@@ -152,19 +153,14 @@ class Unit:
         for base, of in other.powers:
             powers[base] += power * of
         left = tuple(sorted((base, of) for base, of in powers.items() if of))
-        return Unit(self.factor * other.factor**power, self.pi + power * other.pi, left)
-
-    @property
-    def dimension(self) -> tuple[Powers, int]:
-        """The base units but the radian, and the power of that."""
-        return tuple(item for item in self.powers if item[0] != "rad"), dict(self.powers).get("rad", 0)
+        radians = self.radians + power * other.radians
+        return Unit(self.factor * other.factor**power, self.pi + power * other.pi, left, radians)
 
 
 _PREFIXES = {
     "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "d": -1, "c": -2, "m": -3, "u": -6, "µ": -6, "μ": -6, "n": -9, "p": -12,
     "giga": 9, "mega": 6, "kilo": 3, "centi": -2, "milli": -3, "micro": -6, "nano": -9,
 }  # fmt: skip
-_BASES = ("m", "kg", "s", "rad", "byte", "V", "A", "K", "mol", "cd", "degC", "degF", "dB", "oct")
 _TAKE_PREFIX = (
     "m", "g", "s", "N", "Pa", "J", "W", "Hz", "rad", "bar", "l", "L", "B", "C", "byte", "V", "A", "K", "mol", "cd",
 )  # fmt: skip
@@ -183,12 +179,18 @@ _DEFINED = {
     "dec": ("3.3219280948873623479", "oct"), "rpm": ("1", "turn/min"), "rps": ("1", "turn/s"),
 }  # fmt: skip
 """Units by what they are: a number of others."""
-_TURN = Unit(Fraction(2), 1, (("rad", 1),))  # 2 pi
 _OF_TURN = {
     **dict.fromkeys(("turn", "rev", "revolution", "cycle"), 1), **dict.fromkeys(("deg", "degree"), 360),
     "arcmin": 21600, "arcsec": 1296000, "grade": 400, "gon": 400, "mil": 6400,
 }  # fmt: skip
 """Angles, by how many of them make a turn."""
+_SIMPLE = {
+    "rad": Unit(radians=1),
+    **{name: Unit(Fraction(2, count), pi=1, radians=1) for name, count in _OF_TURN.items()},
+    **{name: Unit(powers=((name, 1),)) for name in
+       ("m", "kg", "s", "byte", "V", "A", "K", "mol", "cd", "degC", "degF", "dB", "oct")},
+}  # fmt: skip
+"""Angles and base units."""
 _SPELT_OUT = {
     "meter": "m", "metre": "m", "gram": "g", "second": "s", "sec": "s", "newton": "N", "pascal": "Pa", "joule": "J",
     "watt": "W", "hertz": "Hz", "radian": "rad", "minute": "min", "inch": "in", "inches": "in", "foot": "ft",
@@ -202,24 +204,18 @@ def _named(symbol: str, gravity: bool) -> Unit | None:
     if gravity and symbol in ("g", "mg"):
         return Unit(Fraction("0.001" if symbol == "mg" else 1)).times(_unit("gravity", False))
     for name in (symbol, symbol.removesuffix("s")):
-        if (unit := _without_prefix(_SPELT_OUT.get(name, name))) is not None:
-            return unit
+        known = _SPELT_OUT.get(name, name)
+        if known in _SIMPLE:
+            return _SIMPLE[known]
+        if known in _DEFINED:
+            number, of = _DEFINED[known]
+            return Unit(Fraction(number)).times(_unit(of, False) if of else Unit())
         for prefix, power in _PREFIXES.items():
             rest = name.removeprefix(prefix)
             rest = _SPELT_OUT.get(rest, rest) if len(prefix) > 1 else rest
             if rest != name and rest in _TAKE_PREFIX:
                 return Unit(Fraction(10) ** power).times(_unit(rest, False))
     return None
-
-
-def _without_prefix(name: str) -> Unit | None:
-    """A base unit, an angle, or what is defined by other units."""
-    if name in _BASES:
-        return Unit(powers=((name, 1),))
-    if name in _OF_TURN:
-        return Unit(Fraction(1, _OF_TURN[name])).times(_TURN)
-    number, of = _DEFINED.get(name, ("", ""))
-    return Unit(Fraction(number)).times(_unit(of, False) if of else Unit()) if number else None
 
 
 _SUPERSCRIPTS = str.maketrans("²³⁴¹⁻", "2341-")
@@ -279,7 +275,8 @@ def _product(text: str, gravity: bool) -> tuple[Unit | None, str]:
 def _to_power(unit: Unit, power: int) -> Unit | None:
     """A power of a unit; None where that is no physical unit but a number too large to compute with."""
     digits = max(math.log10(unit.factor.numerator), math.log10(unit.factor.denominator))
-    large = abs(power) * digits > _MOST_DIGITS or any(abs(power * of) > _MOST_DIGITS for _, of in unit.powers)
+    powers = (unit.radians, *(of for _, of in unit.powers))
+    large = abs(power) * digits > _MOST_DIGITS or any(abs(power * of) > _MOST_DIGITS for of in powers)
     return None if large else Unit().times(unit, power)
 
 
@@ -332,14 +329,23 @@ def read_level(
     dimensions : that it may have.
     """
     remedy = _example_of(dimensions)
-    given, unit = _split(value, remedy)
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise UnitError("must be a number", remedy)
+    unit, dimension, size = "", None, Unit()
+    if isinstance(value, str):
+        match = _NUMBER.fullmatch(value)
+        if match is None:
+            what = "is empty" if not value.strip() else "is not a number, or a number with a unit"
+            raise UnitError(what, remedy)
+        value, unit = match[1].replace("_", ""), match[2]
+    if unit.startswith(","):
+        raise UnitError("is not a number with a unit", "write decimals with a point, as in 5.2 mm")
     if unit:
+        unit = _PLAIN_POWER.sub(r"^\1", unit)
         size, dimension = _size(unit, *dimensions)
-        number = _scaled(given, size, remedy)
-        if (units_counted := _written.get()) is not None:
-            units_counted[dimension, unit] += 1
-    else:
-        number, dimension = _finite(given, remedy), None
+    number = _scaled(value, size, remedy)
+    if dimension is not None and (units_counted := _written.get()) is not None:
+        units_counted[dimension, unit] += 1
     if not any_size:
         in_range(number, dimensions if dimension is None else (dimension,), remedy)
     return number, dimension
@@ -350,33 +356,6 @@ def is_in_gravities(unit: str) -> bool:
     return _GRAVITY.search(unit) is not None
 
 
-def _split(value: object, remedy: str) -> tuple[str | float, str]:
-    """Return the number (as text if it was text) and the unit."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise UnitError("must be a number", remedy)
-    unit = ""
-    if isinstance(value, str):
-        match = _NUMBER.fullmatch(value)
-        if match is None:
-            what = "is empty" if not value.strip() else "is not a number, or a number with a unit"
-            raise UnitError(what, remedy)
-        value, unit = match[1].replace("_", ""), match[2]
-        if unit[:1] == ",":
-            raise UnitError("is not a number with a unit", "write decimals with a point, as in 5.2 mm")
-        unit = _PLAIN_POWER.sub(r"^\1", unit)
-    return (value if isinstance(value, str) else _finite(value, remedy)), unit
-
-
-def _finite(value: str | float, remedy: str) -> float:
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise UnitError("must be finite", remedy)
-    return number
-
-
 def demand_in_range(value: float, of: Dimension, remedy: str) -> None:
     """Refuse what follows from numbers and is outside the range of its dimension; raises `Unfit`."""
     if not of.smallest <= value <= of.largest:
@@ -384,15 +363,9 @@ def demand_in_range(value: float, of: Dimension, remedy: str) -> None:
         raise Unfit(comes_to, remedy)
 
 
-def range_of(dimensions: Iterable[Dimension]) -> tuple[float, float]:
-    """Smallest size, other than zero, and largest size of a number that may be in any of the dimensions, SI."""
-    dimensions = list(dimensions)
-    return min(each.smallest for each in dimensions), max(each.largest for each in dimensions)
-
-
 def in_range(number: float, dimensions: tuple[Dimension, ...], remedy: str) -> float:
     """The number, if its size is in the range of one of the dimensions."""
-    smallest, largest = range_of(dimensions)
+    smallest, largest = min(each.smallest for each in dimensions), max(each.largest for each in dimensions)
     if number != 0.0 and not smallest <= abs(number) <= largest:
         of = dimensions[0]
         raise UnitError(
@@ -406,13 +379,15 @@ def _scaled(given: str | float, size: Unit, remedy: str) -> float:
 
     So 7 mm and 0.7 cm are the same number, and 4.2 g is the float nearest to 0.0042 kg.
     """
-    number = _finite(given, remedy)
-    if number == 0.0 or size == Unit(powers=size.powers):
-        return number
     try:
-        return _finite(float(Fraction(given) * size.factor) * math.pi**size.pi, remedy)
+        number = float(given)
+        if number != 0.0 and math.isfinite(number) and (size.factor != 1 or size.pi != 0):
+            number = float(Fraction(given) * size.factor) * math.pi**size.pi
     except OverflowError:
-        return _finite(math.inf, remedy)
+        number = math.inf
+    if not math.isfinite(number):
+        raise UnitError("must be finite", remedy)
+    return number
 
 
 def _respelled(text: str, dimensions: tuple[Dimension, ...]) -> str:
@@ -423,7 +398,7 @@ def _respelled(text: str, dimensions: tuple[Dimension, ...]) -> str:
 
 def _fits(text: str, dimension: Dimension) -> bool:
     try:
-        return _measured(_unit(text, dimension.gravity), dimension) is not None
+        return bool(_size(text, dimension))
     except UnitError:
         return False
 
@@ -435,12 +410,19 @@ def _example_of(dimensions: tuple[Dimension, ...]) -> str:
 
 @lru_cache(maxsize=1024)
 def _size(text: str, *dimensions: Dimension) -> tuple[Unit, Dimension]:
-    """How many SI units one of a unit is, and of which one of the dimensions."""
+    """How many SI units one of a unit is, and of which one of the dimensions.
+
+    What is per radian may be per one. A frequency given by an angle is in turns.
+    """
     try:
         for dimension in dimensions:
-            size = _measured(_unit(text, dimension.gravity), dimension)
-            if size is not None:
-                return size, dimension
+            unit, own = _unit(text, dimension.gravity), _unit(dimension.unit, False) if dimension.unit else Unit()
+            if unit.powers != own.powers or dimension.plain:
+                continue
+            if unit.radians == own.radians or (unit.radians == 0 and own.radians == -1):
+                return unit.times(own, -1), dimension
+            if dimension.unit in ("Hz", "Hz/s") and unit.radians == 1:
+                return unit.times(own, -1).times(Unit(Fraction(2), 1), -1), dimension
         message = _another_dimension(text, dimensions)
     except UnitError as error:
         message = error.message
@@ -461,29 +443,12 @@ def _what_to_write(text: str, dimensions: tuple[Dimension, ...]) -> str:
     return _respelled(text, dimensions) or _example_of(dimensions)
 
 
-def _measured(unit: Unit, dimension: Dimension) -> Unit | None:
-    """The unit in units of a dimension's own; None where it measures something else.
-
-    What is per radian may be per one. A frequency given by an angle is in turns.
-    """
-    target = _unit(dimension.unit, False) if dimension.unit else Unit()
-    (powers, angle), (wanted, angle_wanted) = unit.dimension, target.dimension
-    if powers != wanted or dimension.plain:
-        return None
-    size = unit.times(target, -1)
-    if angle == angle_wanted or (angle == 0 and angle_wanted == -1):
-        return size
-    in_turns = dimension.unit in ("Hz", "Hz/s") and angle == 1
-    return size.times(Unit(Fraction(2), 1), -1) if in_turns else None
-
-
 def _given(unit: Unit, text: str) -> str:
     """Name the dimension that was given."""
-    powers, angle = unit.dimension
-    if not powers:
-        return (ANGLE if angle else RATIO).with_article
+    if not unit.powers:
+        return (ANGLE if unit.radians else RATIO).with_article
     for dimension in _NAMED:
-        if powers == _unit(dimension.unit, False).dimension[0]:
+        if unit.powers == _unit(dimension.unit, False).powers:
             return dimension.with_article
     return f"a quantity in {text}"
 
