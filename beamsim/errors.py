@@ -137,12 +137,8 @@ class NotWrittenError(ResultFileError):
 
 MOST_HOURS = 1000.0
 """Longest time that a computation may be estimated to take, h, where nothing else is allowed."""
-_allowed_hours = ContextVar("allowed_hours", default=MOST_HOURS)
-
-
-def allowed_hours() -> float:
-    """Longest time that a computation may be estimated to take, h."""
-    return _allowed_hours.get()
+allowed_hours = ContextVar("allowed_hours", default=MOST_HOURS)
+"""Longest time that a computation may be estimated to take, h; set by `allowing_hours`."""
 
 
 @contextmanager
@@ -159,11 +155,11 @@ def allowing_hours(hours: float) -> Iterator[None]:
     >>> with beamsim.allowing_hours(5000.0):
     ...     pass  # beamsim.design_study(scenario)
     """
-    token = _allowed_hours.set(hours)
+    token = allowed_hours.set(hours)
     try:
         yield
     finally:
-        _allowed_hours.reset(token)
+        allowed_hours.reset(token)
 
 
 class TooLongError(BeamsimError):
@@ -184,7 +180,7 @@ class TooLongError(BeamsimError):
         lower = f"lower {' or '.join(keys)}" if keys else "check the numbers of the scenario"
         rounded = f"{hours:,.0f}" if hours >= 10.0 else f"{hours:.2g}"
         super().__init__(
-            f"{estimate} {rounded} h, more than the {allowed_hours():,g} h that are allowed; {lower}, or allow it: "
+            f"{estimate} {rounded} h, more than the {allowed_hours.get():,g} h that are allowed; {lower}, or allow it: "
             f"--allow-hours {enough:g}, in Python beamsim.allowing_hours({enough:g})"
         )
 

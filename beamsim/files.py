@@ -52,11 +52,7 @@ class Placement:
     path: Path  # as the user gave it, or its `partial_file`
     target: Path  # the same without symbolic links
     found: Content  # of the file there; ``OUTPUT`` where there is none
-
-    @property
-    def moves_aside(self) -> bool:
-        """Whether the file there gets another name first, instead of being replaced."""
-        return self.found in _MOVED_ASIDE
+    moves_aside: bool  # whether that file gets another name first, instead of being replaced
 
 
 def destination(
@@ -95,29 +91,25 @@ def destination(
     ResultFileError
         If nothing can be written there.
     """
-    target = _resolved(path)
-    if target.exists() and not target.is_file():
+    target, access, found, there = _resolved(path), _ACCESS.get(), Content.OUTPUT, None
+    with suppress(OSError):  # nothing is there, or not any more
+        there = target.stat()
+    if there is not None and not target.is_file():
         kind = "a folder" if target.is_dir() else "not a regular file"
         raise ResultFileError(f"cannot write {path}: it is {kind}; choose another path with -o")
-    access = _ACCESS.get()
-    if target.exists() and any(_same_file(target, file) for file in access.read):
-        raise ResultFileError(f"cannot write {path}: this command reads that file; choose another path with -o")
-    try:
-        there = target.stat()
-    except OSError:  # nothing is there, or not any more
-        return Placement(Path(path), target, Content.OUTPUT)
-    if there.st_size == 0:
-        return Placement(Path(path), target, Content.OUTPUT)
-    own = access.written.get(target)
-    found = Content.OUTPUT
-    if own == state_of(there):
-        found = Content.CONTAINED
-    elif examine is not None:
-        found = examine(target)
-    occupied = found is Content.RESULT or (own is not None and found is Content.PARTIAL)
-    if new is Content.PARTIAL and occupied:
-        return destination(partial_file(Path(path)), new, examine)
-    return Placement(Path(path), target, found)
+    for file in () if there is None else access.read:
+        with suppress(OSError):
+            if target.samefile(file):
+                raise ResultFileError(f"cannot write {path}: this command reads that file; choose another path with -o")
+    if there is not None and there.st_size:
+        own = access.written.get(target)
+        if own == state_of(there):
+            found = Content.CONTAINED
+        elif examine is not None:
+            found = examine(target)
+        if new is Content.PARTIAL and (found is Content.RESULT or (own is not None and found is Content.PARTIAL)):
+            return destination(partial_file(Path(path)), new, examine)
+    return Placement(Path(path), target, found, moves_aside=found in _MOVED_ASIDE)
 
 
 def partial_file(path: Path) -> Path:
@@ -152,12 +144,6 @@ def protect(path: Path) -> None:
     access = _ACCESS.get()
     if access is not _OUTSIDE:
         access.read = (*access.read, path.absolute())
-
-
-def _same_file(target: Path, file: Path) -> bool:
-    with suppress(OSError):
-        return target.samefile(file)
-    return False
 
 
 def _resolved(path: Path | str) -> Path:
@@ -218,12 +204,16 @@ def temporary_file(path: Path | str) -> Iterator[Path]:
     ResultFileError, NotWrittenError
         As `replacing`.
     """
-    check_writable(path)
-    target = _resolved(path)
-    temporary = _temporary_in(target.parent)
-    _remove_abandoned(target.parent)
+    temporary = check_writable(path)
+    folder = temporary.parent
+    if sys.platform != "win32":  # which has no harmless way to ask for a process
+        with suppress(OSError):  # what processes of this machine left that were killed
+            for abandoned in folder.glob(f".beamsim-{_machine()}-*-*.tmp"):
+                process = abandoned.name.split("-")[2]
+                if process.isdecimal() and not _runs(int(process)):
+                    _remove(abandoned)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         yield temporary
     except OSError as error:
         raise NotWrittenError(path, error.strerror or str(error)) from error
@@ -243,7 +233,14 @@ def put_in_place(temporary: Path, place: Placement) -> None:
         os.fsync(written.fileno())
     aside = _with_second_name(place.target) if place.moves_aside else None
     try:
-        _replace(temporary, place.target)
+        for k, pause in enumerate((0.0, *PAUSES_S)):  # Windows refuses it while another program reads what is there
+            time.sleep(pause)
+            try:
+                os.replace(temporary, place.target)
+                break
+            except PermissionError:
+                if sys.platform != "win32" or k == len(PAUSES_S):
+                    raise
     except BaseException:
         if aside is not None and place.target.exists():  # under both names
             _remove(aside)
@@ -308,25 +305,10 @@ def _with_second_name(path: Path) -> Path:
 @cache
 def _machine() -> str:
     """An identifier of this machine, or this container, among those that write to the same folder."""
+    name = platform.node()
     with suppress(OSError):  # process numbers are those of a container
-        return sha256(f"{platform.node()} {os.readlink('/proc/self/ns/pid')}".encode()).hexdigest()[:12]
-    return sha256(platform.node().encode()).hexdigest()[:12]
-
-
-def _temporary_in(folder: Path) -> Path:
-    """A name for a temporary file, which says which process of which machine writes it."""
-    return folder / f".beamsim-{_machine()}-{os.getpid()}-{secrets.token_hex(6)}.tmp"
-
-
-def _remove_abandoned(folder: Path) -> None:
-    """Remove the temporary files of processes of this machine that were killed; those of other machines stay."""
-    if sys.platform == "win32":  # which has no harmless way to ask for a process
-        return
-    with suppress(OSError):
-        for path in folder.glob(f".beamsim-{_machine()}-*-*.tmp"):
-            process = path.name.split("-")[2]
-            if process.isdecimal() and not _runs(int(process)):
-                _remove(path)
+        name = f"{name} {os.readlink('/proc/self/ns/pid')}"
+    return sha256(name.encode()).hexdigest()[:12]
 
 
 def _runs(process: int) -> bool:
@@ -346,33 +328,25 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _replace(temporary: Path, target: Path) -> None:
-    """Move a file to its place; Windows refuses that for a moment while another program reads what is there."""
-    for pause in PAUSES_S:
-        try:
-            os.replace(temporary, target)
-            return
-        except PermissionError:
-            if sys.platform != "win32":
-                raise
-            time.sleep(pause)
-    os.replace(temporary, target)
-
-
-def check_writable(path: Path | str) -> None:
+def check_writable(path: Path | str) -> Path:
     """Make sure, before a long computation, that the file could be written afterwards.
+
+    Returns
+    -------
+    Path
+        A name for a temporary file in its folder, which says which process of which machine writes it.
 
     Raises
     ------
     ResultFileError
         When it could not: a folder of that name, a folder without permission, a file where a folder should be.
     """
-    folder = destination(path).target.parent
+    folder = intended = destination(path).target.parent
     while not folder.exists():
         folder = folder.parent
     if not folder.is_dir():
         raise ResultFileError(f"cannot write {path}: {folder} is not a folder; choose another path with -o")
-    probe = _temporary_in(folder)
+    probe = folder / f".beamsim-{_machine()}-{os.getpid()}-{secrets.token_hex(6)}.tmp"
     try:  # permissions alone do not tell (administrators, network drives, read-only mounts)
         probe.touch()
     except OSError as error:
@@ -382,6 +356,7 @@ def check_writable(path: Path | str) -> None:
         ) from error
     finally:
         _remove(probe)
+    return intended / probe.name
 
 
 def output_file(output: Path | None, stem: str, *suffixes: str) -> Path:

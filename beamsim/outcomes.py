@@ -78,13 +78,7 @@ def asked_to_stop() -> bool:
     ...     asked_to_stop()
     True
     """
-    return request_around()()
-
-
-def request_around() -> Stop:
-    """What asks the blocks around to end, for what takes a `Stop` of its own."""
-    stops = _REQUESTS.get().stops
-    return lambda: any(stop() for stop in stops)
+    return any(stop() for stop in _REQUESTS.get().stops)
 
 
 def check_stop() -> None:
@@ -341,27 +335,21 @@ class Outcome:
     @property
     def text(self) -> str:
         """Message and remedy, then those of the parts; ``complete`` where nothing is incomplete or doubtful."""
-        own = self._own_text
+        own = "; ".join(filter(None, (self.message, self.remedy)))
         if self.kind is OutcomeKind.COMPLETE and self.complete:
             own = f"complete: {own}" if own else "complete"
-        return "; ".join(text for text in (own and self._prefix + own, *(part.text for part in self.parts)) if text)
+        own = f"{self.within}: {own}" if own and self.within else own
+        return "; ".join(filter(None, (own, *(part.text for part in self.parts))))
 
     @property
     def statements(self) -> tuple[str, ...]:
         """What `text` says, one text for each outcome, the first one ``complete`` where `text` says so."""
-        complete = self.kind is OutcomeKind.COMPLETE and self.complete
-        own = self._own_text or "complete" * (complete and bool(self._prefix))
-        own = own and self._prefix + own
-        of_parts = [text for part in self.parts for text in part.statements if text != "complete"]
-        return tuple(text for text in ("complete" * complete, own, *of_parts) if text)
-
-    @property
-    def _prefix(self) -> str:
-        return f"{self.within}: " if self.within else ""
-
-    @property
-    def _own_text(self) -> str:
-        return "; ".join(text for text in (self.message, self.remedy) if text)
+        complete = "complete" if self.kind is OutcomeKind.COMPLETE and self.complete else ""
+        own = "; ".join(filter(None, (self.message, self.remedy)))
+        if self.within:
+            own = f"{self.within}: {own or complete}" if own or complete else ""
+        of_parts = (text for part in self.parts for text in part.statements if text != "complete")
+        return tuple(filter(None, (complete, own, *of_parts)))
 
     def __str__(self) -> str:
         return self.text

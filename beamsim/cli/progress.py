@@ -31,7 +31,7 @@ class Progress:
         self._begin = clock.monotonic()
         self._first: tuple[float, float] | None = None  # time and fraction of the first call: what was resumed is known
         self._last = 0.0
-        self._allowed_hours = allowed_hours()
+        self._allowed_hours = allowed_hours.get()
         self._interval = (0.0, 0.0)  # time and fraction where the present one begins
         self._paces: list[float] = []  # s for the whole, at the rate of each interval
 

@@ -68,7 +68,7 @@ class LeastTime:
             With the counts, the time and the keys to change.
         """
         hours = self.seconds / processors / 3600.0
-        if hours > allowed_hours():
+        if hours > allowed_hours.get():
             on = f" on {counted(processors, 'processor')}" if processors > 1 else ""
             counts = " x ".join(map(str, self.counts))
             keys = [key for count in self.counts for key in count.keys if count.number > 1]

@@ -10,6 +10,7 @@ import math
 import time as clock
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
+from contextvars import copy_context
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -25,7 +26,7 @@ from beamsim.analyses.designs.search import search
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import BeamsimError, allowing_hours
-from beamsim.outcomes import Outcome, Progress, Stop, asked_by, asked_to_stop, never, request_around, tell
+from beamsim.outcomes import Outcome, Progress, Stop, asked_by, asked_to_stop, never, tell
 from beamsim.parallel import Cluster, Computation, most_processors, working
 from beamsim.results.result import CONVERGENCE
 from beamsim.results.values import BY_NAME, limited
@@ -60,7 +61,8 @@ def solve_case(
     """
     with allowing_hours(math.inf):  # the study was estimated as a whole, and workers are not told what is allowed
         if analysis == "run":
-            return run(scenario, stop=request_around(), entries=entries, shared=shared)
+            around = copy_context()  # whose requests are asked, not those within the run
+            return run(scenario, stop=lambda: around.run(asked_to_stop), entries=entries, shared=shared)
         return (continuation if analysis == "continuation" else sweep)(scenario)
 
 

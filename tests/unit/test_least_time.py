@@ -112,5 +112,5 @@ def test_less_can_be_allowed_and_more():
         with pytest.raises(TooLongError, match=r"1 levels x 3 frequencies.*; lower sweep\.points, "):
             beamsim.sweep(scenario)
         with allowing_hours(5000.0):
-            assert allowed_hours() == 5000.0
-    assert allowed_hours() == 1000.0
+            assert allowed_hours.get() == 5000.0
+    assert allowed_hours.get() == 1000.0

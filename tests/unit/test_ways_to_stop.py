@@ -1,6 +1,7 @@
 """Computations that stop early say why by a code with its numbers, and keep what they have."""
 
 import traceback
+from contextvars import copy_context
 from pathlib import Path
 
 import numpy as np
@@ -180,7 +181,6 @@ def test_a_request_is_polled_and_ends_only_the_blocks_that_allow_it():
         asked_by,
         asked_to_stop,
         check_stop,
-        request_around,
         stopped_by,
         until_asked,
     )
@@ -190,10 +190,10 @@ def test_a_request_is_polled_and_ends_only_the_blocks_that_allow_it():
         assert asked_to_stop()
         check_stop()
         assert list(until_asked("abc")) == ["a"]
-        around = request_around()
+        around = copy_context()
         with stopped_by(), pytest.raises(Interrupted):
             check_stop()
-    assert around()
+    assert around.run(asked_to_stop)
     assert not asked_to_stop()
 
 
