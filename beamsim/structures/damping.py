@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
-from beamsim.structures.structure import MemberBody, ReducedBasis, Structure
+from beamsim.structures.structure import ReducedBasis, Structure
 from beamsim.structures.symmetric_lu import negative_eigenvalues
 from beamsim.typing import Floats
 
 
 @dataclass(frozen=True)
-class StatedParts:
+class StatedDamping:
     """Damping of a full model: a matrix, and ratios of modes that are known by their bounds (scaled units)."""
 
     known: Any  # (N, N) sparse, dashpots, viscous and Rayleigh damping; None without
@@ -37,7 +37,7 @@ class StatedParts:
         return np.nan
 
 
-def stated_parts(model: Structure, basis: ReducedBasis) -> StatedParts:
+def stated_damping(model: Structure, basis: ReducedBasis) -> StatedDamping:
     """What damps the full model, of which a basis keeps ``basis.modes`` modes."""
     frequency = model.frequency_scale
     known: Any = None if model.damping is None else model.damping / (model.mass_scale * frequency)
@@ -57,7 +57,7 @@ def stated_parts(model: Structure, basis: ReducedBasis) -> StatedParts:
     springs = any(coupling.stiffness for coupling in model.couplings)
     composite = bool(np.any(ratios)) and (not equal or springs)
     lowest, highest = min(float(r.min()) for r in left_out), max(float(r.max()) for r in left_out)
-    return StatedParts(known, lowest, highest, composite)
+    return StatedDamping(known, lowest, highest, composite)
 
 
 def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
@@ -101,7 +101,13 @@ def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) ->
     c = np.diag(2 * ratios[0] * omega)
     in_springs = np.diag(omega**2)
     for member, ratio in zip(structure.members, ratios, strict=True):
-        moving, energy = _energies(member, basis, omega)
+        # mass and stiffness, 1/s^2, of the body in the coordinates, which are modes of a body alone
+        moving, energy = np.eye(omega.size), np.diag(omega**2)
+        if member.expansion is not None:
+            fields = member.field(basis.vectors)
+            bent = np.asarray(member.body.factor @ fields)
+            moving = member.mass_ratio * (fields.T @ (member.body.mass @ fields))
+            energy = (bent.T @ bent) * (member.stiffness_ratio * structure.frequency_scale**2)
         in_springs -= energy
         weight = np.outer(np.sqrt(ratio), np.sqrt(ratio)) - np.outer(common, common)
         c += 2 * weight * energy * np.outer(inverse, inverse)
@@ -114,16 +120,6 @@ def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) ->
     if structure.damping is not None:
         c += basis.vectors.T @ (structure.damping @ basis.vectors) / structure.mass_scale
     return np.asarray((c + c.T) / 2)
-
-
-def _energies(member: MemberBody, basis: ReducedBasis, omega: Floats) -> tuple[Floats, Floats]:
-    """(n, n) mass and stiffness, 1/s^2, of one body in the coordinates, which are modes of the body alone."""
-    if member.expansion is None:
-        return np.eye(omega.size), np.diag(omega**2)
-    fields = member.field(basis.vectors)
-    bent = np.asarray(member.body.factor @ fields)
-    moving = member.mass_ratio * (fields.T @ (member.body.mass @ fields))
-    return moving, (bent.T @ bent) * (member.stiffness_ratio * member.whole.frequency_scale**2)
 
 
 def _modal_ratios(damping: Any, size: int, modes: int) -> Floats:

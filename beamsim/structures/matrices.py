@@ -37,7 +37,7 @@ from beamsim.structures.places import UPWARDS, BaseDirection, Distributed, Place
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.stations import NODES, Recovery
 from beamsim.structures.structure import BodyStructure, Hold, MemberBody, ReducedBasis
-from beamsim.structures.symmetric_lu import SymmetricLU, dissection, held_factors, negative_eigenvalues, pinned_rows
+from beamsim.structures.symmetric_lu import SymmetricLU, dissection, held_factors, negative_eigenvalues
 from beamsim.typing import Floats, Ints
 
 # A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency
@@ -514,7 +514,7 @@ def stiffness_factor(factors: SymmetricLU, rigid: Floats) -> Any:
     It is applied to a motion less the rigid one that the held degrees of freedom have.
     """
     root = csr_array(factors.root)
-    pinned = pinned_rows(rigid)
+    pinned = factors.pinned
     if not pinned.size:
         return root
     bent = np.setdiff1d(np.arange(rigid.shape[0]), root[:, pinned].tocoo().row)

@@ -24,10 +24,6 @@ class Modes:
     omega: Floats  # (k,) scaled natural angular frequencies, ascending
     vectors: Floats  # (N, k) orthonormal in the mass matrix
 
-    def first(self, count: int) -> Modes:
-        """The lowest `count` modes."""
-        return Modes(self.omega[:count], self.vectors[:, :count])
-
 
 def unstretched(motions: Floats, stretch: Floats, length: Floats | float = 1.0) -> Floats:
     """(k, r) combinations of rigid-body motions that what holds the structure allows.
@@ -70,17 +66,6 @@ def orient(vectors: Floats, deflections: Floats) -> Floats:
     last = deflections.shape[0] - 1 - np.argmax(moved[::-1], axis=0)
     sign = np.where(deflections[last, np.arange(vectors.shape[1])] < 0, -1.0, 1.0)
     return np.asarray(vectors * sign)
-
-
-def _dense(model: Structure) -> tuple[Floats, Floats]:
-    """All flexible modes: the singular values of B L^{-T} (M = L L^T) are the frequencies."""
-    lower = np.linalg.cholesky(model.mass.toarray())
-    x = solve_triangular(lower, model.factor.toarray().T, lower=True).T
-    flexible = model.size - model.rigid.shape[1]
-    _, omega, vt = svd(x, full_matrices=False)
-    order = np.arange(flexible)[::-1]
-    vectors = solve_triangular(lower, vt[order].T, lower=True, trans="T")
-    return omega[order], vectors
 
 
 def lowest_eigenpairs(
@@ -151,29 +136,27 @@ def natural_modes(
 
     Notes
     -----
-    Frequencies are singular values of B L^{-T} (or of B on the Ritz vectors), not square roots of eigenvalues of K.
+    Frequencies are singular values of B L^{-T} with M = L L^T (or of B on the Ritz vectors), not square roots of
+    eigenvalues of K.
     Their absolute error is machine precision times the *highest frequency*; for eigenvalues it would be its square.
     """
     if model.parts:
         return _of_parts(model, count, below)
-    rigid = model.rigid.shape[1]
-    needed = model.size
+    size, rigid = model.rigid.shape
+    needed = size
     if count is not None or below is not None:
         up_to = 0 if below is None else model.frequency_count(below) + 1
-        needed = max(count or 0, up_to if most is None else min(up_to, most), rigid)
-    return _lowest(model, needed)
-
-
-def _lowest(model: Structure, needed: int) -> Modes:
-    """At least so many of the lowest modes, rigid-body modes first."""
-    rigid = model.rigid.shape[1]
-    needed = min(needed, model.size)
-    if model.size <= DENSE_LIMIT or needed > model.size // 4:
-        omega, vectors = _dense(model)
+        needed = min(max(count or 0, up_to if most is None else min(up_to, most), rigid), size)
+    if size <= DENSE_LIMIT or needed > size // 4:
+        lower = np.linalg.cholesky(model.mass.toarray())
+        x = solve_triangular(lower, model.factor.toarray().T, lower=True).T
+        _, omega, vt = svd(x, full_matrices=False)
+        order = np.arange(size - rigid)[::-1]
+        omega, vectors = omega[order], solve_triangular(lower, vt[order].T, lower=True, trans="T")
     elif needed > rigid:
         omega, vectors = _sparse(model, needed - rigid)
     else:
-        omega, vectors = np.zeros(0), np.zeros((model.size, 0))
+        omega, vectors = np.zeros(0), np.zeros((size, 0))
     vectors = np.hstack([model.rigid, vectors])
     return Modes(np.concatenate([np.zeros(rigid), omega]), orient(vectors, model.deflections(vectors)))
 

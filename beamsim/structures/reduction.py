@@ -24,16 +24,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
-from beamsim.structures.damping import StatedParts, stated_parts
+from beamsim.structures.damping import StatedDamping, stated_damping
 from beamsim.structures.modes import Modes, natural_modes, orient
 from beamsim.structures.places import BaseDirection, Place
 from beamsim.structures.structure import LoadPattern, Part, ReducedBasis, Structure, UnitMotion
-from beamsim.structures.symmetric_lu import DENSE_COUNT, negative_eigenvalues, pinned_rows
+from beamsim.structures.symmetric_lu import DENSE_COUNT, negative_eigenvalues
 from beamsim.typing import Complexes, Floats
 
 # Modes are kept up to this multiple of the highest frequency of interest.
@@ -57,26 +56,12 @@ def static_deflections(model: Structure, loads: Floats) -> Floats:
         Scaled.
     """
     loads = loads - model.mass @ (model.rigid @ (model.rigid.T @ loads))
-    pinned = pinned_rows(model.rigid)
-    u = np.zeros(loads.shape)
+    factors, u = model.factorised_stiffness, np.zeros(loads.shape)
     for _ in range(3):
         left = loads - model.factor.T @ (model.factor @ u)
-        left[pinned] = 0.0
-        u = u + model.factorised_stiffness.solve(left)
+        left[factors.pinned] = 0.0
+        u = u + factors.solve(left)
     return np.asarray(u - model.rigid @ (model.rigid.T @ (model.mass @ u)))
-
-
-def _independent(energy_vectors: Floats, reference: Floats) -> Floats:
-    """(c, k) coefficients T with orthonormal energy_vectors (p, c) @ T, by a decomposition with pivoting.
-
-    A column is left out if its remaining squared norm is below 1e-12 of its reference (c,).
-    """
-    scale = np.divide(1.0, np.sqrt(reference), out=np.zeros_like(reference), where=reference > 0)
-    r, order = qr(energy_vectors * scale, mode="r", pivoting=True)
-    kept = int(np.sum(np.diag(r) ** 2 > 1e-12))
-    transform = np.zeros((scale.size, kept))
-    transform[order[:kept]] = solve_triangular(r[:kept, :kept], np.diag(np.sign(np.diag(r)[:kept])))
-    return scale[:, None] * transform
 
 
 def _reduced_parts(
@@ -91,7 +76,7 @@ def _reduced_parts(
     """Each part that nothing joins to the others by itself, all in order of frequency; see `reduce_model`."""
     counts: list[int | None] = [None] * len(model.parts)
     if count is not None:  # how many of the lowest modes are each part's own, at least one of each
-        lowest = natural_modes(model, count=count).first(count).vectors
+        lowest = natural_modes(model, count=count).vectors[:, :count]
         counts = [max(1, int(np.any(lowest[part.dofs] != 0, axis=0).sum())) for part in model.parts]
     physical = None if highest_frequency is None else highest_frequency * model.frequency_scale
     of_parts = []
@@ -138,10 +123,10 @@ def reduce_model(
         return _reduced_parts(model, patterns, count, highest_frequency, default=default, least=least)
     rigid = model.rigid.shape[1]
     if default and model.most_modes is None:
-        return _with_static_vectors(model, natural_modes(model), (), None)
+        return _with_static_vectors(model, natural_modes(model), model.size, (), None)
     if count is not None:
         kept = min(max(count, rigid), model.size)
-        modes = natural_modes(model, count=kept).first(kept)
+        modes = natural_modes(model, count=kept)
     elif highest_frequency is not None:
         limit = FREQUENCY_MARGIN * highest_frequency
         least = min(max(rigid + least if default else 1, rigid, mode, 1), model.size)
@@ -151,10 +136,9 @@ def reduce_model(
         if kept == least or (most is not None and kept > most):
             kept = max(least, kept if most is None else min(kept, most))
             highest_frequency = max(float(modes.omega[kept - 1]) / FREQUENCY_MARGIN, 0.0)
-        modes = modes.first(kept)
     else:
-        modes = natural_modes(model)
-    return _with_static_vectors(model, modes, tuple(patterns), highest_frequency)
+        modes, kept = natural_modes(model), model.size
+    return _with_static_vectors(model, modes, kept, tuple(patterns), highest_frequency)
 
 
 def _own_patterns(model: Structure, part: Part, patterns: Sequence[LoadPattern]) -> list[LoadPattern]:
@@ -202,10 +186,9 @@ def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis
 
 
 def _with_static_vectors(
-    model: Structure, modes: Modes, patterns: tuple[LoadPattern, ...], highest_frequency: float | None
+    model: Structure, modes: Modes, kept: int, patterns: tuple[LoadPattern, ...], highest_frequency: float | None
 ) -> ReducedBasis:
-    phi, omega = modes.vectors, modes.omega
-    kept = omega.size
+    phi, omega = modes.vectors[:, :kept], modes.omega[:kept]
     if highest_frequency is None:
         highest_frequency = float(omega[-1]) if kept == model.size else float(omega[-1]) / FREQUENCY_MARGIN
     transform, static = np.zeros((len(patterns), 0)), np.zeros((model.size, 0))
@@ -238,10 +221,19 @@ def _beyond_modes(model: Structure, modes: Floats, loads: Floats) -> Floats:
 
 
 def _static_vectors(model: Structure, phi: Floats, loads: Floats) -> tuple[Floats, Floats]:
-    """What kept modes leave of the deflections under loads (N, m): coefficients (m, k) and vectors (N, k)."""
-    whole = static_deflections(model, loads)
+    """What kept modes leave of the deflections under loads (N, m): coefficients (m, k) and vectors (N, k).
+
+    They are independent by a decomposition with pivoting: a deflection is left out if its remaining squared norm is
+    below 1e-12 of that of the whole deflection.
+    """
+    whole = np.sum(np.asarray(model.factor @ static_deflections(model, loads)) ** 2, axis=0)
     residual = _beyond_modes(model, phi, loads)
-    transform = _independent(np.asarray(model.factor @ residual), np.sum(np.asarray(model.factor @ whole) ** 2, axis=0))
+    scale = np.divide(1.0, np.sqrt(whole), out=np.zeros_like(whole), where=whole > 0)
+    r, order = qr(np.asarray(model.factor @ residual) * scale, mode="r", pivoting=True)
+    kept = int(np.sum(np.diag(r) ** 2 > 1e-12))
+    transform = np.zeros((scale.size, kept))
+    transform[order[:kept]] = solve_triangular(r[:kept, :kept], np.diag(np.sign(np.diag(r)[:kept])))
+    transform = scale[:, None] * transform
     # Orthonormal in K; the eigenvalues of M in this basis are 1 / omega^2.
     basis = residual @ transform
     mu, y = np.linalg.eigh(basis.T @ (model.mass @ basis))
@@ -327,18 +319,21 @@ def receptance_bound(
     acting, known = loads.shape[0], None if not len(probes) else 0.0
     parts = [(part.structure, part.dofs) for part in model.parts] or [(model, slice(None))]
     blocks = basis.blocks or ((basis, np.arange(basis.size)),)
-    truncations = [
-        LeftOut(structure, reduced, damping[np.ix_(columns, columns)], np.vstack([loads, probes])[:, dofs], acting)
-        for (structure, dofs), (reduced, columns) in zip(parts, blocks, strict=True)
-    ]
-    if all(part.complete for part in truncations):
+    if all(reduced.modes == part.size for (part, _), (reduced, _) in zip(parts, blocks, strict=True)):
         return ReceptanceBound(0.0, known)
+    truncations = [
+        LeftOut.of(part, reduced, damping[np.ix_(columns, columns)], np.vstack([loads, probes])[:, dofs], acting)
+        for (part, dofs), (reduced, columns) in zip(parts, blocks, strict=True)
+    ]
     static: Floats = np.asarray(sum(part.compliances / part.model.stiffness_scale for part in truncations))
     moved = static > 0
     if not moved[:acting].any():
         return ReceptanceBound(0.0, known)
+    # up to the highest one, which decides without damping, and resonances
+    highest, kept = basis.highest_frequency, basis.omega[: basis.modes]
+    frequencies = np.unique(np.concatenate([kept[kept < highest], np.linspace(0, highest, 12)]))
     largest = np.zeros(moved.size)  # of each place and any load
-    for frequency in np.concatenate([_frequencies(basis) * model.frequency_scale, omega]):
+    for frequency in np.concatenate([frequencies * model.frequency_scale, omega]):
         errors, present = np.zeros((moved.size, moved.size)), np.zeros(moved.size)
         for part in truncations:
             scaled = frequency / part.model.frequency_scale
@@ -351,12 +346,6 @@ def receptance_bound(
     return ReceptanceBound(float(largest[:acting].max()), float(largest[acting:].max()) if known is not None else None)
 
 
-def _frequencies(basis: ReducedBasis) -> Floats:
-    """Scaled frequencies of the bounds: up to the highest one, which decides without damping, and resonances."""
-    highest, kept = basis.highest_frequency, basis.omega[: basis.modes]
-    return np.unique(np.concatenate([kept[kept < highest], np.linspace(0, highest, 12)]))
-
-
 @dataclass(frozen=True)
 class LeftOut:
     """What a reduced basis leaves out of the response to m loads, in scaled units."""
@@ -366,108 +355,50 @@ class LeftOut:
     damping: Floats  # (n, n) of the reduced model, 1/s
     loads: Floats  # (m, N)
     acting: int  # loads that the static vectors are made for, the first of them
+    shapes: Floats  # (m, n) work of each load for a unit of each coordinate
+    compliances: (
+        Floats  # (m,) static compliance that each load meets, rigid-body motion apart; 0 where it causes only that
+    )
+    stated: StatedDamping  # damping of the full model
+    modal_damping: Floats  # (n, n) what modal ratios give of the reduced model's C, scaled
+    # (p, m + 2 k [+ n]) of what residuals are made of, orthogonally reduced: norms and products are kept. Columns:
+    # deflections under the loads, the static vectors, deflections under their inertia, and under the known damping
+    strains: Floats
+    beyond: float  # certified lower bound of the frequencies left out; infinite if none is
+    known_share: float  # a number c with C <= c K for the known damping in all motion that is left out
+    static_inverse: Floats  # (k, k) S^T A^-1 S of the static vectors S
 
-    @property
-    def complete(self) -> bool:
-        """Whether nothing is left out."""
-        return self.basis.modes == self.model.size
-
-    @cached_property
-    def compliances(self) -> Floats:
-        """(m,) static compliance that each load meets, rigid-body motion apart; 0 where it causes only that."""
-        strain = np.asarray(self.model.factor @ static_deflections(self.model, self.loads.T))
-        compliance = np.sum(strain**2, axis=0)
+    @classmethod
+    def of(cls, model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, acting: int) -> LeftOut:
+        """What a basis leaves out; see the fields."""
+        deflected = np.asarray(model.factor @ static_deflections(model, loads.T))
+        compliance = np.sum(deflected**2, axis=0)
         # a load with less of what its size would give moves the structure as a rigid body
-        return np.where(compliance > 1e-24 * np.sum(self.loads**2, axis=1), compliance, 0.0)
-
-    @cached_property
-    def stated(self) -> StatedParts:
-        """Damping of the full model."""
-        return stated_parts(self.model, self.basis)
-
-    @cached_property
-    def modal_damping(self) -> Floats:
-        """(n, n) what modal ratios give of the reduced model's C, scaled."""
-        known = self.stated.known
-        vectors = self.basis.vectors
-        whole = self.damping / self.model.frequency_scale
-        return whole if known is None else np.asarray(whole - vectors.T @ (known @ vectors))
-
-    def _left_out(self, loads: Floats) -> Floats:
-        return _beyond_modes(self.model, self.basis.vectors[:, : self.basis.modes], loads)
-
-    @cached_property
-    def static(self) -> Floats:
-        """(N, k) static vectors of the basis."""
-        return self.basis.vectors[:, self.basis.modes :]
-
-    @cached_property
-    def flexibility(self) -> Floats:
-        """(N, k) static deflections under the inertia of the static vectors, without the kept modes."""
-        return self._left_out(self.model.mass @ self.static)
-
-    @cached_property
-    def strains(self) -> Floats:
-        """(p, m + 2 k [+ n]) of what residuals are made of, orthogonally reduced: norms and products are kept.
-
-        Columns: deflections under the loads, the static vectors, deflections under their inertia, and under the known
-        damping of each coordinate.
-        """
-        columns = [self._left_out(self.loads.T), self.static, self.flexibility]
-        if self.stated.known is not None:
-            columns.append(self._left_out(self.stated.known @ self.basis.vectors))
-        return np.asarray(np.linalg.qr(np.asarray(self.model.factor @ np.hstack(columns)), mode="r"))
-
-    @cached_property
-    def beyond(self) -> float:
-        """Certified lower bound of the frequencies left out."""
-        trial = np.hstack([self.static, self.flexibility])
-        kept = self.basis.omega[: self.basis.modes]
-        if not trial.shape[1]:
-            trial = self._left_out(self.loads[: self.acting].T)
-        bent = np.asarray(self.model.factor @ trial)
-        moving = np.einsum("ij,ij->j", trial, self.model.mass @ trial)
-        ritz = np.sqrt(np.sum(bent**2, axis=0)[moving > 0] / moving[moving > 0])
-        return frequency_beyond(self.model, kept, float(ritz.min(initial=4 * max(kept[-1:], default=1.0))))
-
-    @cached_property
-    def _known_share(self) -> float:
-        """A number c with C <= c K for the known damping in all motion that is left out."""
-        return 0.0 if self.stated.known is None else self.stated.share_of(self.model, self.beyond)
-
-    @cached_property
-    def _static_range(self) -> tuple[Floats, Floats]:
-        """(k, k) lower and upper bound of S^T A^(1/2) S for the static vectors S, by Jensen's operator inequality."""
-        inverse = self.static.T @ (self.model.mass @ self.flexibility)  # S^T A^-1 S
-        values, vectors = np.linalg.eigh((inverse + inverse.T) / 2)
-        upper = np.diag(self.basis.omega[self.basis.modes :])
-        return (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))) @ vectors.T, upper
-
-    @cached_property
-    def shapes(self) -> Floats:
-        """(m, n) work of each load for a unit of each coordinate."""
-        return np.asarray(self.loads @ self.basis.vectors)
-
-    def errors(self, s: float, y: Complexes) -> Floats:
-        """(m, m) bounds of the error of the receptance between the loads at scaled frequency s; y is the `response`."""
-        if self.complete:
-            return np.zeros((self.loads.shape[0],) * 2)
-        stated, kept, beyond = self.stated, self.basis.modes, self.beyond
-        if beyond <= s:
-            return np.full((self.loads.shape[0],) * 2, np.inf)
-        size = self._residual_sizes(s, y)
-        coupling = self._known_share
-        deviation: Floats | float = 0.0
-        if stated.on_coordinates:
-            within = self.modal_damping[kept:, kept:]
-            coupling += float(np.linalg.norm(within, 2)) / beyond**2 if within.size else 0.0
-        else:
-            size = size + 2 * stated.highest * s * np.linalg.norm(y[kept:], axis=0)
-            deviation = s * self._deviation(y[kept:])
-        open_share, half = 1 - (s / beyond) ** 2, s * coupling / 2
-        # open_share where damping couples nothing; sqrt(open_share^2 + half^2) - half without cancellation
-        divisor = open_share**2 / (np.hypot(open_share, half) + half)
-        return np.asarray(np.outer(size, size) / divisor + deviation)
+        compliances = np.where(compliance > 1e-24 * np.sum(loads**2, axis=1), compliance, 0.0)
+        stated, modal_damping = stated_damping(model, basis), damping / model.frequency_scale
+        if stated.known is not None:
+            modal_damping = modal_damping - basis.vectors.T @ (stated.known @ basis.vectors)
+        modes, static = np.hsplit(basis.vectors, [basis.modes])
+        flexibility = _beyond_modes(model, modes, model.mass @ static)
+        columns = [_beyond_modes(model, modes, loads.T), static, flexibility]
+        kept, beyond, share = basis.omega[: basis.modes], np.inf, 0.0
+        if basis.modes < model.size:
+            trial = np.hstack([static, flexibility])
+            if not trial.shape[1]:
+                trial = _beyond_modes(model, modes, loads[:acting].T)
+            bent = np.asarray(model.factor @ trial)
+            moving = np.einsum("ij,ij->j", trial, model.mass @ trial)
+            ritz = np.sqrt(np.sum(bent**2, axis=0)[moving > 0] / moving[moving > 0])
+            beyond = frequency_beyond(model, kept, float(ritz.min(initial=4 * max(kept[-1:], default=1.0))))
+            if stated.known is not None:
+                columns.append(_beyond_modes(model, modes, stated.known @ basis.vectors))
+                share = stated.share_of(model, beyond)
+        strains = np.asarray(np.linalg.qr(np.asarray(model.factor @ np.hstack(columns)), mode="r"))
+        inverse = static.T @ (model.mass @ flexibility)
+        return cls(
+            model, basis, damping, loads, acting, loads @ basis.vectors, compliances, stated, modal_damping, strains,
+            beyond, share, (inverse + inverse.T) / 2,
+        )  # fmt: skip
 
     def response(self, s: float) -> Complexes:
         """(n, m) of the reduced model to the loads at scaled frequency s, just beside undamped modes' resonances."""
@@ -480,27 +411,41 @@ class LeftOut:
         np.fill_diagonal(impedance, own)
         return np.asarray(np.linalg.solve(impedance, self.shapes.T))
 
-    def _residual_sizes(self, s: float, y: Complexes) -> Floats:
-        """(m,) norms of the strains under the residuals of the loads, from the columns of `strains`."""
-        count, static = self.loads.shape[0], y[self.basis.modes :]
+    def errors(self, s: float, y: Complexes) -> Floats:
+        """(m, m) bounds of the error of the receptance between the loads at scaled frequency s; y is the `response`."""
+        stated, kept, beyond, count = self.stated, self.basis.modes, self.beyond, self.loads.shape[0]
+        if kept == self.model.size or beyond <= s:
+            return np.full((count, count), 0.0 if kept == self.model.size else np.inf)
+        static = y[kept:]
         inertia = s**2 * static
-        if self.stated.on_coordinates:
-            inertia = inertia - 1j * s * (self.modal_damping @ y)[self.basis.modes :]
+        if stated.on_coordinates:
+            inertia = inertia - 1j * s * (self.modal_damping @ y)[kept:]
         rows = [-static, inertia]
-        weights = np.vstack([*rows, -1j * s * y] if self.stated.known is not None else rows)
+        weights = np.vstack([*rows, -1j * s * y] if stated.known is not None else rows)
         # real and imaginary parts of all in one real product: a complex one would take the zeros of the strains as well
-        parts = self.strains[:, count:] @ np.hstack([weights.real, weights.imag])
-        parts[:, :count] += self.strains[:, :count]
-        squares = np.sum(parts**2, axis=0)
-        return np.asarray(np.sqrt(squares[:count] + squares[count:]))
+        residual = self.strains[:, count:] @ np.hstack([weights.real, weights.imag])
+        residual[:, :count] += self.strains[:, :count]
+        squares = np.sum(residual**2, axis=0)
+        size = np.sqrt(squares[:count] + squares[count:])
+        coupling, deviation = self.known_share, np.zeros((count, count))
+        if stated.on_coordinates:
+            within = self.modal_damping[kept:, kept:]
+            coupling += float(np.linalg.norm(within, 2)) / beyond**2 if within.size else 0.0
+        elif static.size and stated.highest != 0.0:
+            size = size + 2 * stated.highest * s * np.linalg.norm(static, axis=0)
+            deviation = s * self._deviation(static)
+        open_share, half = 1 - (s / beyond) ** 2, s * coupling / 2
+        # open_share where damping couples nothing; sqrt(open_share^2 + half^2) - half without cancellation
+        divisor = open_share**2 / (np.hypot(open_share, half) + half)
+        return np.asarray(np.outer(size, size) / divisor + deviation)
 
     def _deviation(self, static: Complexes) -> Floats:
         """(m, m) bound of what the damping of the static vectors differs by from that of the modes they stand for."""
-        kept = self.basis.modes
-        if not static.size or self.stated.highest == 0.0:
-            return np.zeros((static.shape[1],) * 2)
-        lower, upper = self._static_range
-        given = self.modal_damping[kept:, kept:]
+        # S^T A^(1/2) S of the static vectors S lies between these, by Jensen's operator inequality
+        values, vectors = np.linalg.eigh(self.static_inverse)
+        lower = (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))) @ vectors.T
+        upper = np.diag(self.basis.omega[self.basis.modes :])
+        given = self.modal_damping[self.basis.modes :, self.basis.modes :]
         largest, least = given - 2 * self.stated.lowest * lower, given - 2 * self.stated.highest * upper
         middle, radius = (largest + least) / 2, (largest - least) / 2
         both = np.hstack([static.real, static.imag])

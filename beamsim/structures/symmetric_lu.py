@@ -11,7 +11,7 @@ frequencies below :math:`\Omega`, whatever an eigenvalue solver found or missed 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -87,6 +87,8 @@ class SymmetricLU:
     scale: Floats  # (N,) diagonal of D, in the order of A
     matrix: Any  # (N, N) D A D, in the order of the factors
     order: Ints  # (N,) rows of A in the order of the factors
+    # (r,) rows that hold rigid-body motions, as `held_factors` replaces them; none where A is as it was given
+    pinned: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def solve(self, load: Floats) -> Floats:
         """(N,) or (N, k) solution."""
@@ -101,24 +103,6 @@ class SymmetricLU:
         pivots = np.empty(self.scale.size)
         pivots[self.order] = self.lu.U.diagonal()[self.lu.perm_c]
         return pivots
-
-    @property
-    def signs_are_certain(self) -> bool:
-        """Whether as many pivots are negative as eigenvalues: no error of the factors moves one across zero.
-
-        The error, in the Frobenius norm, is far below the smallest eigenvalue. It is known by 8 products with random
-        signs, whose mean square is that of the norm: factors multiplied with each other take many times as long as they
-        do themselves.
-        """
-        if not np.array_equal(self.lu.perm_r, self.lu.perm_c):  # a pivot was taken off the diagonal
-            return False
-
-        lu, entries, size = self.lu, self.matrix.tocoo(), self.scale.size
-        permuted = csc_array((entries.data, (lu.perm_r[entries.row], lu.perm_c[entries.col])), shape=(size, size))
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(size, 8))
-        error = float(np.linalg.norm(lu.L @ (lu.U @ signs) - permuted @ signs) / np.sqrt(signs.shape[1]))
-        inverse = LinearOperator((size, size), matvec=lu.solve, rmatvec=lu.solve, matmat=lu.solve, dtype=float)
-        return bool(error * onenormest(inverse) <= MOST_ERROR)
 
     @property
     def root(self) -> Any:
@@ -162,20 +146,11 @@ def blocks_of(matrix: Any) -> list[Ints]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def pinned_rows(rigid: Floats) -> Ints:
-    """(r,) degrees of freedom that hold rigid-body motions (N, r): those in which they differ most.
-
-    Of equals the first, whatever the scale of the motions: round-off must not choose others where it differs.
-    """
-    count = rigid.shape[1]
-    ranked = rigid * np.linspace(1.0, 1.0 - 1e-6, rigid.shape[0])[:, None]
-    return np.sort(qr(ranked.T, mode="r", pivoting=True)[1][:count]) if count else np.zeros(0, dtype=np.int64)
-
-
 def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> SymmetricLU:
-    """Factors of K with the rows and columns of `pinned_rows` replaced by those of a diagonal matrix.
+    """Factors of K in which a diagonal matrix replaces as many rows and columns as there are rigid-body motions.
 
-    What they solve for a load in equilibrium, zero in these rows, is a deflection of the free structure.
+    They are those in which these motions differ most. What the factors solve for a load in equilibrium, zero in these
+    rows, is a deflection of the free structure.
 
     Parameters
     ----------
@@ -193,14 +168,18 @@ def held_factors(stiffness: Any, rigid: Floats, order: Ints | None = None) -> Sy
     ScenarioError
         If round-off makes it singular.
     """
-    pinned = np.zeros(stiffness.shape[0])
-    pinned[pinned_rows(rigid)] = 1.0
-    if pinned.any():
-        free: Any = diags_array(1.0 - pinned)
-        stiffness = free @ stiffness @ free + diags_array(pinned * stiffness.diagonal())
+    size, count = rigid.shape
+    pinned = np.zeros(0, dtype=np.int64)
+    if count:
+        # of equals the first, whatever the scale of the motions: round-off must not choose others where it differs
+        ranked = rigid * np.linspace(1.0, 1.0 - 1e-6, size)[:, None]
+        pinned = np.sort(qr(ranked.T, mode="r", pivoting=True)[1][:count])
+        held = np.isin(np.arange(size), pinned).astype(float)
+        free: Any = diags_array(1.0 - held)
+        stiffness = free @ stiffness @ free + diags_array(held * stiffness.diagonal())
         stiffness.eliminate_zeros()
     try:
-        return symmetric_lu(stiffness, order)
+        return replace(symmetric_lu(stiffness, order), pinned=pinned)
     except RuntimeError:
         raise ScenarioError.at(
             "bodies", "or joints have stiffnesses that differ by more than 16 digits: round-off makes the stiffness "
@@ -217,16 +196,25 @@ def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
 
     ``order`` may be the rows in the order of elimination.
 
-    The sparse factorisation keeps to the diagonal, so its error is checked; a small matrix for which that fails is
-    factorised densely with pivoting (Bunch and Kaufman).
+    The sparse factorisation keeps to the diagonal. As many of its pivots are negative as eigenvalues if its error, in
+    the Frobenius norm, is far below the smallest eigenvalue. It is known by 8 products with random signs, whose mean
+    square is that of the norm: factors multiplied with each other take many times as long as they do themselves. A
+    small matrix for which that fails is factorised densely with pivoting (Bunch and Kaufman).
     """
+    size = matrix.shape[0]
     try:
         factors = symmetric_lu(matrix, order)
     except RuntimeError:  # exactly singular
         factors = None
-    if factors is not None and factors.signs_are_certain:
-        return int(np.sum(factors.pivots < 0))
-    if matrix.shape[0] > DENSE_COUNT:
+    if factors is not None and np.array_equal(factors.lu.perm_r, factors.lu.perm_c):  # all pivots on the diagonal
+        lu, entries = factors.lu, factors.matrix.tocoo()
+        permuted = csc_array((entries.data, (lu.perm_r[entries.row], lu.perm_c[entries.col])), shape=(size, size))
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(size, 8))
+        error = float(np.linalg.norm(lu.L @ (lu.U @ signs) - permuted @ signs) / np.sqrt(signs.shape[1]))
+        inverse = LinearOperator((size, size), matvec=lu.solve, rmatvec=lu.solve, matmat=lu.solve, dtype=float)
+        if error * onenormest(inverse) <= MOST_ERROR:
+            return int(np.sum(lu.U.diagonal() < 0))
+    if size > DENSE_COUNT:
         return None
 
     _, d, _ = ldl(unit_diagonal(matrix)[0].toarray())

@@ -72,7 +72,7 @@ def truncation(case):
     structure = parts.structure
     loads = np.vstack([structure.rows(parts.snubber_sites), structure.base_load(UPWARDS)[0]])
     places = np.vstack([loads, structure.rows(parts.probe_sites)])
-    return LeftOut(structure, parts.basis, parts.damping, places, len(loads))
+    return LeftOut.of(structure, parts.basis, parts.damping, places, len(loads))
 
 
 def full_receptance(t, s):

@@ -178,8 +178,8 @@ def mode_shapes(scenario: Scenario, snubber: str, count: int, positions: tuple[f
     bodies = scenario.located_snubber(snubber).bodies
     model = assemble(scenario, bodies)
     rigid = model.rigid.shape[1]
-    modes = natural_modes(model, count=count + rigid).first(count + rigid)
-    return np.asarray(model.rows([Place(bodies[0], x) for x in positions]) @ modes.vectors[:, rigid:])
+    modes = natural_modes(model, count=count + rigid)
+    return np.asarray(model.rows([Place(bodies[0], x) for x in positions]) @ modes.vectors[:, rigid : rigid + count])
 
 
 def _mac(scenario: Scenario, section: IdentifyStiffness, given: MeasuredShapes, warnings: list[str]) -> Floats:
