@@ -371,7 +371,7 @@ class Members:
     An attribute of the dataset around them, called as the field, lists their keys in order.
     """
 
-    folder: str  # dataset that has them; that around them where it is empty
+    path: str  # of the dataset that has them; that around them where it is empty
     of: Any  # their class
     dim: str  # the dimension
     prefix: str = ""  # of the names of their variables
@@ -497,13 +497,13 @@ def group(path: str, of: Any, *, prefix: str = "", default: Any = _REQUIRED) -> 
 
 
 def members(
-    folder: str, of: Any, dim: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
+    path: str, of: Any, dim: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
 ) -> Any:
     """Dataclasses of a mapping or a tuple along a dimension; see `Members`.
 
     Parameters
     ----------
-    folder : dataset that has them, after that of the dataclass around them; empty for the same one.
+    path : of the dataset that has them, after that of the dataclass around them; empty for the same one.
     of : class of the dataclasses.
     dim : the dimension.
     default, default_factory : as of `dataclasses.field`.
@@ -513,7 +513,7 @@ def members(
     -------
     dataclasses.Field
     """
-    return _field(Members(folder=folder, of=of, dim=dim, **options), default, default_factory)
+    return _field(Members(path=path, of=of, dim=dim, **options), default, default_factory)
 
 
 def table(path: str, of: Any, rows: Counter | None = None, *, default: Any = _REQUIRED) -> Any:

@@ -44,18 +44,8 @@ from beamsim.labelled import (
     parent,
     part_of,
 )
-from beamsim.store.layout import (
-    Axis,
-    Spot,
-    StoragePlace,
-    by_name,
-    column_spot,
-    group_place,
-    members_place,
-    root_place,
-    spot,
-    table_place,
-)
+from beamsim.store.layout import Axis, Spot, StoragePlace, place_in, root_place, spot
+from beamsim.typing import not_none
 
 ROW = "number of the row"
 """Meaning of the coordinate of rows that belong to several members, one after the other."""
@@ -85,22 +75,14 @@ class InParts(LargeArray):
 
 # --- From a result to items ------------------------------------------------------------------------------------------
 
-_OfAxis = tuple[str, str, str]  # dataset, prefix and name
 Labels = tuple[Any, ...]  # of a member and of those that it belongs to, outermost first
 
 
-class _Instance(NamedTuple):
-    """A dataclass, with its labels."""
-
-    labels: Labels
-    owners: tuple[Any, ...]  # itself and what contains it, the innermost first: they fill ``{field}`` in texts
-
-
 class _Value(NamedTuple):
-    """A value of a field of an instance."""
+    """A value of a field, or a dataclass."""
 
     labels: Labels
-    owners: tuple[Any, ...]
+    owners: tuple[Any, ...]  # what contains it, the innermost first: they fill ``{field}`` in texts
     value: Any
 
 
@@ -115,11 +97,20 @@ class _Variable:
     meanings: list[str] = field(default_factory=list)
 
 
+@dataclass
+class _AxisValues:
+    """The values of an axis by the labels of the members that have them."""
+
+    axis: Axis
+    texts: tuple[str, str] = ("1", "")  # unit and meaning
+    by_labels: dict[Labels, Any] = field(default_factory=dict)
+
+
 def items_of(result: Any) -> Items:
     """The declared fields of a result as items."""
     writer = _Writer(getattr(result, "scenario", None))
     cls = type(result)
-    writer.add(cls, root_place(cls), [_Instance((), (result,))])
+    writer.add(cls, root_place(cls), [_Value((), (), result)])
     writer.finish()
     for each in getattr(result, "datasets", {}).values():
         writer.items |= each.read()
@@ -133,364 +124,304 @@ class _Writer:
         self.items: Items = {"/": Item()}
         self.scenario = scenario
         self.variables: dict[str, _Variable] = {}
-        self.labels: dict[str, dict[Any, None]] = {}  # of members, by path of the coordinate, in order
-        self._indices: dict[str, dict[Any, int]] = {}
-        self.rows: dict[str, dict[Labels, int]] = {}  # of each member, by path of the counts
-        self.values_of_axes: dict[_OfAxis, dict[Labels, Any]] = {}  # of the members that have the axis
-        self.texts_of_axes: dict[_OfAxis, tuple[str, str]] = {}
-        self.shared: dict[_OfAxis, Axis] = {}  # axes that members have the same of, or some of the same values
-        self.coordinates: dict[str, Axis] = {}  # by path, those that variables are along
+        self.numbers: dict[str, dict[Any, int]] = {}  # of members by label, by path of the coordinate
+        self.rows: dict[str, tuple[Axis, dict[Labels, int]]] = {}  # of each member, by path of the axis
+        self.axes: dict[str, _AxisValues] = {}  # by path, those that are no rows of several members
+        self.coordinates: dict[str, _AxisValues] = {}  # the same by path of each coordinate that variables are along
 
-    def item(self, path: str) -> Item:
-        """The item of this path, which may be new, after the group around it."""
-        if path not in self.items:
-            if path != "/":
-                self.item(parent(path))
-            self.items[path] = Item()
-        return self.items[path]
-
-    def add(self, cls: Any, place: StoragePlace, instances: list[_Instance]) -> None:
+    def add(self, cls: Any, place: StoragePlace, instances: Sequence[_Value]) -> None:
         """The declared fields of instances of a class."""
         for member in sorted(members_of(cls), key=_writing_rank):
-            found = [_Value(*each, getattr(each.owners[0], member.name)) for each in instances]
-            known = [each for each in found if each.value is not None]
+            values = [_Value(labels, (of, *owners), getattr(of, member.name)) for labels, owners, of in instances]
+            known = [each for each in values if each.value is not None]
             match member.declaration:
-                case Members() as declared:
-                    self._members(member, declared, place, found)
+                case Members() as declared if known:
+                    self._members(member, declared, place, values)
                 case Group() as declared if known:
-                    self._group(member, declared, place, known)
-                case Table() as declared:
+                    if declared.path:
+                        self.items.setdefault(f"/{place_in(place, member.name, declared).dataset}", Item())
+                    if place.dims:
+                        having = json.dumps([each.labels for each in known], ensure_ascii=False)
+                        self._attributes(place)[place.prefix + member.name] = having
+                    self.add(declared.of, place_in(place, member.name, declared), known)
+                case Table() as declared if any(each.value for each in known):
                     self._table(member, declared, place, known)
-                case Attribute() as declared if known:
+                case Attribute() as declared:
                     self._attribute(member, declared, place, known)
-                case ArrayField(per=str()) as declared:
-                    self._by_name(member, declared, place, known)
                 case ArrayField() as declared if known:
                     self._arrays(member, declared, place, known)
 
-    def _attribute(self, member: Member, declared: Attribute, place: StoragePlace, values: list[_Value]) -> None:
-        name = member.stored_name
+    def _attributes(self, place: StoragePlace) -> dict[str, Any]:
+        """The attributes of the group of a place, which may be new."""
+        return self.items.setdefault(place.attributes, Item()).attributes
+
+    def _attribute(self, member: Member, declared: Attribute, place: StoragePlace, values: Sequence[_Value]) -> None:
+        stored = member.stored_name
         for labels, owners, value in values:
-            coded = {name: value} if declared.codec is None else declared.codec.write(name, value)
+            coded = {stored: value} if declared.codec is None else declared.codec.write(stored, value)
             for key, one in coded.items():
-                if not place.dims:
-                    group = self.item(place.attributes)
-                    if place.prefix + key in group.attributes:
-                        raise TypeError(f"two fields are called {place.attributes}@{place.prefix}{key}")
-                    group.attributes[place.prefix + key] = np.uint8(one) if isinstance(one, bool) else one
+                name = f"{place.prefix}{key}{place.suffix}"
+                if place.dims:
+                    at = Spot(f"/{place.dataset}/{name}", place.dataset, place.dims, ())
+                    array = _array(json.dumps(one) if isinstance(one, (tuple, list)) else one)
+                    more = flagged(("false", "true")) if array.dtype == np.bool_ else {}
+                    self._part(at, labels, array, (filled(declared.unit, owners), declared.meaning), more)
+                elif name in self._attributes(place):
+                    raise TypeError(f"two fields are called {place.attributes}@{name}")
                 else:
-                    one = json.dumps(one) if isinstance(one, (tuple, list)) else one
-                    at = spot(member, place)._replace(name=place.prefix + key + place.suffix)
-                    more = flagged(("false", "true")) if isinstance(one, (bool, np.bool_)) else None
-                    texts = (filled(declared.unit, owners), declared.meaning)
-                    self._part(at, labels, np.asarray(_array(one)), texts, more)
+                    self._attributes(place)[name] = np.uint8(one) if isinstance(one, bool) else one
 
-    def _by_name(self, member: Member, declared: ArrayField, place: StoragePlace, values: list[_Value]) -> None:
-        below = by_name(place, declared)
-        each = [
-            _Value((*labels, name), owners, item) for labels, owners, value in values for name, item in value.items()
-        ]
-        self._arrays(member, declared, below, each)
-        listed = [list(value) for _, _, value in values]
-        self.item(place.attributes).attributes[place.prefix + member.name] = _listed(listed)
-
-    def _group(self, member: Member, declared: Group, place: StoragePlace, values: list[_Value]) -> None:
-        below = group_place(place, declared)
-        self.item(f"/{below.dataset}" if declared.path else place.attributes)
-        if place.dims:
-            having = json.dumps([labels for labels, _, _ in values], ensure_ascii=False)
-            self.item(place.attributes).attributes[place.prefix + member.name] = having
-        self.add(declared.of, below, [_Instance(labels, (value, *owners)) for labels, owners, value in values])
-
-    def _members(self, member: Member, declared: Members, place: StoragePlace, values: list[_Value]) -> None:
-        below, listed, instances = members_place(place, declared), list[Any](), list[tuple[Any, _Instance]]()
+    def _members(self, member: Member, declared: Members, place: StoragePlace, values: Sequence[_Value]) -> None:
+        below, own, listed = place_in(place, member.name, declared), key_of(declared.of), list[Any]()
+        parts: dict[str, list[_Value]] = {}
         for labels, owners, value in values:
-            pairs = None if value is None else _with_keys(declared, value)
-            listed.append(None if pairs is None else [key for key, _ in pairs])
+            pairs: Any = value
+            if isinstance(value, Mapping):
+                pairs = value.items()
+            elif value is not None and declared.by:
+                pairs = [(tuple(getattr(item, name) for name in declared.by), item) for item in value]
+            elif value is not None:
+                pairs = [(getattr(item, own) if own else number, item) for number, item in enumerate(value)]
+            listed.append(None if value is None else [key for key, _ in pairs])
             for key, item in pairs or ():
-                own = (*labels, label_of(declared, key))
-                instances.append((_part_of_key(declared, key), _Instance(own, (item, *owners))))
-        if all(each is None for each in listed):
-            return
-        self.item(place.attributes).attributes[place.prefix + member.name] = _listed(listed)
-        for part in dict.fromkeys(part for part, _ in instances):
-            of_part = [each for which, each in instances if which == part]
-            self.add(declared.of, _ending(below, part), of_part)
-            self._own(declared, below, of_part)
-
-    def _own(self, declared: Members, place: StoragePlace, instances: list[_Instance]) -> None:
-        """What is known of members besides their fields: their labels, and the body of places."""
-        path = f"/{place.dataset}/{declared.dim}"
-        self.labels.setdefault(path, {}).update(dict.fromkeys(each.labels[-1] for each in instances))
-        self._counts_of(place, instances)
+                label, end = label_of(declared, key)
+                parts.setdefault(end, []).append(_Value((*labels, label), owners, item))
+        self._attributes(place)[place.prefix + member.name] = _listed(listed)
         bodies = self.scenario.bodies_of_places.get(f"{declared.dim}s", {}) if self.scenario else {}
-        if len(place.dims) == 1 and any(bodies.get(each.labels[0]) for each in instances):
-            at = Spot(place.dataset, f"{declared.dim}_body", place.dims, ())
-            if at.path not in self.variables:
+        for end, instances in parts.items():
+            self.add(declared.of, replace(below, suffix=end), instances)
+            for each in instances:
+                self._numbers(below.dataset, below.dims, each.labels)
+            at = Spot(f"/{below.dataset}/{declared.dim}_body", below.dataset, below.dims, ())
+            if (
+                len(below.dims) == 1
+                and at.path not in self.variables
+                and any(bodies.get(v.labels[0]) for v in instances)
+            ):
                 for each in instances:
                     body = np.asarray(bodies.get(each.labels[0]) or "", dtype=object)
-                    self._part(at, each.labels, body, ("1", "name of the body"))
+                    self._part(at, each.labels, body, ("1", "name of the body"), {})
 
-    def _counts_of(self, place: StoragePlace, instances: list[_Instance]) -> None:
-        """Labels of the members that a place is in, which rows refer to by their numbers."""
-        for k, dim in enumerate(place.dims):
-            known = self.labels.setdefault(f"/{place.dataset}/{dim}", {})
-            known.update(dict.fromkeys(each.labels[k] for each in instances))
-
-    def _table(self, member: Member, declared: Table, place: StoragePlace, values: list[_Value]) -> None:
-        below = table_place(place, member.name, declared)
-        with_rows = [each for each in values if each.value]
-        self._counts_of(place, [_Instance(labels, owners) for labels, owners, _ in values])
+    def _table(self, member: Member, declared: Table, place: StoragePlace, values: Sequence[_Value]) -> None:
+        below = place_in(place, member.name, declared)
+        for each in values:
+            self._numbers(place.dataset, place.dims, each.labels)
         for column in sorted(members_of(declared.of), key=_writing_rank):
-            at = column_spot(column, below)
-            cells = [(each, [getattr(row, column.name) for row in each.value]) for each in with_rows]
+            cells = [(each, [getattr(row, column.name) for row in each.value]) for each in values if each.value]
             optional = column.default is not None and column.default() is None
             if optional and all(value is None for _, of_rows in cells for value in of_rows):
                 continue
+            kind: Any = object if column.scalar is str else column.scalar or float
             for each, of_rows in cells:
                 texts = (filled(column.declaration.unit, each.owners), filled(column.declaration.meaning, each.owners))
-                self._part(at, each.labels, _cells(of_rows, column), texts, _more_of(column.declaration))
+                array = np.array(of_rows, dtype=kind)
+                self._part(spot(column, below), each.labels, array, texts, _more_of(column.declaration))
 
-    def _arrays(self, member: Member, declared: ArrayField, place: StoragePlace, values: list[_Value]) -> None:
+    def _arrays(self, member: Member, declared: ArrayField, place: StoragePlace, values: Sequence[_Value]) -> None:
         """An array of each of some instances, with the two of complex numbers, words apart from numbers."""
-        arrays = [(each, _array(each.value)) for each in values]
-        mixed = {array.dtype.kind == "O" for _, array in arrays} == {True, False}
-        for each, whole in arrays:
-            array, more = whole, False
+        if declared.per is not None:
+            self._attributes(place)[place.prefix + member.name] = _listed([list(each.value) for each in values])
+            values = [_Value((*v.labels, name), v.owners, item) for v in values for name, item in v.value.items()]
+            place = place_in(place, member.name, declared)
+        arrays = [_array(each.value) for each in values]
+        mixed = {array.dtype.kind == "O" for array in arrays} == {True, False}
+        for (labels, owners, _), whole in zip(values, arrays, strict=True):
+            array, more, suffix = whole, False, ""
             if isinstance(declared.along, Folded):
-                shape = getattr(each.owners[-1], declared.along.shape)
+                shape = getattr(owners[-1], declared.along.shape)
                 more = array.ndim > len(shape)
+                suffix = f"_by_{not_none(declared.along.more).name}" if more else ""
                 array = array.reshape(-1, *array.shape[len(shape) :])
-            unit, meaning = (filled(text, each.owners) for text in (declared.unit, declared.meaning))
-            suffix = _more_suffix(declared, more)
+            unit, meaning = (filled(text, owners) for text in (declared.unit, declared.meaning))
+            parts = [("_text" if mixed and array.dtype.kind == "O" else "", array, meaning)]
             if array.dtype.kind == "c":
-                imaginary = filled(declared.imaginary, each.owners) or f"{meaning}, imaginary part"
+                imaginary = filled(declared.imaginary, owners) or f"{meaning}, imaginary part"
                 real = meaning if declared.imaginary else f"{meaning}, real part"
-                for end, part, text in (("_real", array.real, real), ("_imag", array.imag, imaginary)):
-                    self._part(spot(member, place, more, suffix + end), each.labels, part, (unit, text))
-                continue
-            suffix += "_text" if mixed and array.dtype.kind == "O" else ""
-            self._part(spot(member, place, more, suffix), each.labels, array, (unit, meaning), _more_of(declared))
+                parts = [("_real", array.real, real), ("_imag", array.imag, imaginary)]
+            for end, part, text in parts:
+                self._part(spot(member, place, more, suffix + end), labels, part, (unit, text), _more_of(declared))
 
-    def _part(
-        self, at: Spot, labels: Labels, array: Any, texts: tuple[str, str], more: Mapping[str, Any] | None = None
-    ) -> None:
+    def _part(self, at: Spot, labels: Labels, array: Any, texts: tuple[str, str], more: dict[str, Any]) -> None:
         """The part of a variable that a member has."""
         if array.ndim != len(at.axes):
             raise TypeError(f"{at.path} is declared along {len(at.axes)} axes, not {array.shape}")
         absorbed = len(labels) - len(at.kept)
         for k, axis in enumerate(at.axes):
-            if axis.table and k == at.ragged:
-                self._row_count(axis, labels[:absorbed], array.shape[k])
+            if axis is at.whose:
+                self._numbers(axis.place.dataset, axis.place.dims, labels[:absorbed])
+                rows = self.rows.setdefault(axis.path, (axis, {}))[1]
+                if rows.setdefault(labels[:absorbed], array.shape[k]) != array.shape[k]:
+                    raise TypeError(f"{axis.path}_count of {labels[:absorbed]} is {array.shape[k]}, and is not")
             elif axis.table:
                 raise TypeError(f"{at.path} is along two axes that differ from member to member")
             else:
-                self._own_values(at, axis, labels, array, k)
+                self._values_along(at, k, labels, array, texts)
         if at.scale:
-            self.texts_of_axes.setdefault(_key(at.axes[0]), texts)
             return
-        variable = self.variables.setdefault(at.path, _Variable(at, dict(more or {})))
+        variable = self.variables.setdefault(at.path, _Variable(at, more))
         if at != variable.spot:
             raise TypeError(f"two fields are called {at.path}")
         variable.parts.append((labels, array))
         variable.units.append(texts[0] or "1")
         variable.meanings.append(texts[1])
-        for dim, label in zip(at.kept, labels[absorbed:], strict=True):
-            self.labels.setdefault(f"/{at.dataset}/{dim}", {})[label] = None
+        self._numbers(at.dataset, at.kept, labels[absorbed:])
 
-    def _own_values(self, at: Spot, axis: Axis, labels: Labels, array: Any, k: int) -> None:
+    def _values_along(self, at: Spot, k: int, labels: Labels, array: Any, texts: tuple[str, str]) -> None:
         """Note the values of an axis that a member has, of which an array has as many."""
-        self.shared[_key(axis)] = self.coordinates[f"/{at.dataset}/{axis.name}"] = axis
-        known = self.values_of_axes.setdefault(_key(axis), {})
+        axis, size = at.axes[k], array.shape[k]
+        known = self.axes.setdefault(axis.path, _AxisValues(axis))
+        self.coordinates[f"/{at.dataset}/{axis.name}"] = known
         own = labels[: len(axis.place.dims)]
         if at.scale:
-            known[own] = array
-        elif own not in known and axis.counter is not None:
-            counter, size = axis.counter, array.shape[k]
-            known[own] = _array(counter.labels[:size] if counter.labels else counter.start + np.arange(size))
-            self.texts_of_axes[_key(axis)] = ("1", counter.meaning)
-        if own not in known:
+            known.by_labels[own] = array
+            known.texts = known.texts if known.texts[1] else (texts[0] or "1", texts[1])
+        elif own not in known.by_labels and axis.counter is not None:
+            counter = axis.counter
+            known.by_labels[own] = _array(counter.labels[:size] if counter.labels else counter.start + np.arange(size))
+            known.texts = ("1", counter.meaning)
+        if own not in known.by_labels:
             raise KeyError(f"{at.path} has no axis {axis.name}")
-        if known[own].shape != array.shape[k : k + 1]:
-            raise TypeError(f"{at.path} has {array.shape[k]} values along {axis.name}, which has {known[own].shape}")
+        if known.by_labels[own].shape != (size,):
+            raise TypeError(f"{at.path} has {size} values along {axis.name}, which has {known.by_labels[own].shape}")
 
-    def _row_count(self, axis: Axis, labels: Labels, size: int) -> None:
-        for dim, label in zip(axis.place.dims, labels, strict=True):
-            self.labels.setdefault(f"/{axis.place.dataset}/{dim}", {})[label] = None
-        if self.rows.setdefault(axis.counts, {}).setdefault(labels, size) != size:
-            raise TypeError(f"{axis.counts} of {labels} is {size}, and is not")
+    def _numbers(self, dataset: str, dims: Sequence[str], labels: Labels) -> tuple[int, ...]:
+        """Of labels their numbers along dimensions of a dataset, new ones in order of appearance."""
+        numbers = []
+        for dim, label in zip(dims, labels, strict=True):
+            known = self.numbers.setdefault(f"/{dataset}/{dim}", {})
+            numbers.append(known.setdefault(label, len(known)))
+        return tuple(numbers)
 
     # What is gathered, as items
 
     def finish(self) -> None:
         """Make the items of the variables that are gathered."""
-        for path, known in self.labels.items():
+        for path, known in self.numbers.items():
             values = _array(tuple(known))
             text = "name of the" if values.dtype == object else "number of the"
-            meaning = f"{text} {last(path).replace('_', ' ')}"
-            self._put(path, Item({"units": "1", "long_name": meaning}, values, (), True))
-        for path, axis in self.coordinates.items():
-            unit, meaning = self.texts_of_axes[_key(axis)]
-            texts = {"units": unit or "1", "long_name": meaning}
-            self._put(path, Item(texts, self._all_values(axis), (), True))
-        for axis in self.shared.values():
-            self._known_values(axis)
-        for counts, rows in self.rows.items():
-            self._counted(counts, rows)
+            self._put(path, values, {"units": "1", "long_name": f"{text} {last(path).replace('_', ' ')}"})
+        for path, along in self.coordinates.items():
+            self._put(path, self._all_values(along.axis), {"units": along.texts[0], "long_name": along.texts[1]})
+        for along in self.axes.values():
+            if {each.size for each in along.by_labels.values()} != {self._all_values(along.axis).size}:
+                self._known_values(along)
+        for axis, rows in self.rows.values():
+            self._count_rows(axis, rows)
         for variable in self.variables.values():
             self._assemble(variable)
 
+    def _put(self, path: str, array: Any, attributes: dict[str, Any], axes: tuple[str, ...] | None = None) -> None:
+        """The item of a variable, or of a coordinate if it has no axes."""
+        self.items.setdefault(parent(path), Item())
+        if path in self.items:
+            raise TypeError(f"two fields are called {path}")
+        self.items[path] = Item(attributes, array, axes or (), axes is None)
+
     def _all_values(self, axis: Axis) -> Any:
         """The values of an axis that any member has, in order of appearance; one count of a name is the same axis."""
-        dataset, prefix, name = _key(axis)
-        alike = (
-            own
-            for of, own in self.values_of_axes.items()
-            if of == (dataset, prefix if axis.counter is None else of[1], name)
+        first, *others = (
+            values
+            for path, along in self.axes.items()
+            if path == axis.path
+            or (axis.counter and (along.axis.place.dataset, along.axis.name) == (axis.place.dataset, axis.name))
+            for values in along.by_labels.values()
         )
-        first, *others = (values for own in alike for values in own.values())
         if all(each is first or np.array_equal(each, first) for each in others):
             return first
         return _array(tuple(dict.fromkeys(value for each in (first, *others) for value in each.tolist())))
 
-    def _known_values(self, axis: Axis) -> None:
+    def _known_values(self, along: _AxisValues) -> None:
         """Where members have different values of an axis: which of them each has."""
-        whole, own = self._all_values(axis), self.values_of_axes[_key(axis)]
-        if all(each.size == whole.size for each in own.values()):
-            return
-        dims = axis.place.dims
-        paths = [f"/{axis.place.dataset}/{dim}" for dim in dims]
-        scale = f"/{axis.place.dataset}/{axis.name}"
+        axis, whole = along.axis, self._all_values(along.axis)
+        dataset, dims = axis.place.dataset, axis.place.dims
+        paths, scale = [f"/{dataset}/{dim}" for dim in dims], f"/{dataset}/{axis.name}"
         if scale not in self.items:
-            self._put(scale, Item({"units": "1", "long_name": self.texts_of_axes[_key(axis)][1]}, whole, (), True))
-        known = np.zeros([*(len(self.labels[path]) for path in paths), whole.size], dtype=bool)
-        for labels, values in own.items():
-            known[self._numbers(axis.place.dataset, dims, labels)] = np.isin(whole, values)
+            self._put(scale, whole, {"units": "1", "long_name": along.texts[1]})
+        known = np.zeros([*(len(self.numbers[path]) for path in paths), whole.size], dtype=bool)
+        for labels, values in along.by_labels.items():
+            known[self._numbers(dataset, dims, labels)] = np.isin(whole, values)
         text = {"units": "1", "long_name": f"whether it has this value of {axis.name}"}
-        self._put(axis.known, Item(text | flagged(("no", "yes")), known, (*paths, scale)))
+        self._put(f"{axis.path}_known", known, text | flagged(("no", "yes")), (*paths, scale))
 
     def _in_all_values(self, at: Spot, labels: Labels, array: Any, fill: Any) -> Any:
         """An array along all values of axes of which a member has some."""
         for k, axis in enumerate(at.axes):
-            if axis.table or axis.known not in self.items:
-                continue
-            whole = self._all_values(axis)
-            own = self.values_of_axes[_key(axis)][labels[: len(axis.place.dims)]]
-            shape = list(array.shape)
-            shape[k] = whole.size
-            expanded = np.full(shape, fill, dtype=array.dtype)
-            expanded[(slice(None),) * k + (np.isin(whole, own),)] = array
-            array = expanded
+            if f"{axis.path}_known" in self.items and not axis.table:
+                whole = self._all_values(axis)
+                own = self.axes[axis.path].by_labels[labels[: len(axis.place.dims)]]
+                expanded = np.full((*array.shape[:k], whole.size, *array.shape[k + 1 :]), fill, dtype=array.dtype)
+                expanded[(slice(None),) * k + (np.isin(whole, own),)] = array
+                array = expanded
         return array
 
-    def _put(self, path: str, item: Item) -> None:
-        self.item(path)
-        if self.items[path].array is not None:
-            raise TypeError(f"two fields are called {path}")
-        self.items[path] = item
-
-    def _counted(self, path: str, rows: Mapping[Labels, int]) -> None:
+    def _count_rows(self, axis: Axis, rows: Mapping[Labels, int]) -> None:
         """The number of rows of each member, and in their dataset whose each row is."""
-        axis = self._axis_of(path)
-        dims = axis.place.dims
-        sizes = np.zeros([len(self.labels[f"/{axis.place.dataset}/{dim}"]) for dim in dims], dtype=np.int64)
+        dataset, dims, counter = axis.place.dataset, axis.place.dims, axis.counter
+        paths = tuple(f"/{dataset}/{dim}" for dim in dims)
+        sizes = np.zeros([len(self.numbers[path]) for path in paths], dtype=np.int64)
         for labels, size in rows.items():
-            sizes[self._numbers(axis.place.dataset, dims, labels)] = size
-        along = tuple(f"/{axis.place.dataset}/{dim}" for dim in dims)
+            sizes[self._numbers(dataset, dims, labels)] = size
         text = {"units": "1", "long_name": f"number of rows in {axis.table}", "sample_dimension": axis.dim}
-        self._put(path, Item(text, sizes, along))
-        total = int(sizes.sum())
-        start = axis.counter.start if axis.counter is not None else 0
-        scale = f"/{axis.table}/{axis.dim}"
-        meaning = axis.counter.meaning if axis.counter is not None else "number of the row"
-        of_each = [start + np.arange(size) for size in sizes.ravel()] if axis.counter is not None else []
+        self._put(f"{axis.path}_count", sizes, text, paths)
+        total, scale = int(sizes.sum()), f"/{axis.table}/{axis.dim}"
         if scale not in self.items:
-            self._put(scale, Item({"units": "1", "long_name": ROW}, np.arange(total), (), True))
+            self._put(scale, np.arange(total), {"units": "1", "long_name": ROW})
         elif self.items[scale].array.size != total:
             raise TypeError(f"{scale} has {self.items[scale].array.size} rows, not {total}")
-        if of_each and f"/{axis.table}/{axis.dim}_number" not in self.items:
-            numbers = np.concatenate([np.zeros(0, dtype=np.int32), *of_each]).astype(np.int32)
-            self._put(f"/{axis.table}/{axis.dim}_number", Item({"units": "1", "long_name": meaning}, numbers, (scale,)))
-        for dim, index in zip(dims, np.indices(sizes.shape), strict=True):
-            if f"/{axis.table}/{dim}" in self.items:
-                continue
-            of_rows = np.repeat(index.ravel().astype(np.int32), sizes.ravel())
-            text = {"units": "1", "long_name": f"number of the {dim.replace('_', ' ')}, from 0"}
-            text[NAMES] = f"{axis.place.dataset}/{dim}"
-            self._put(f"/{axis.table}/{dim}", Item(text, of_rows, (scale,)))
-
-    def _axis_of(self, counts: str) -> Axis:
-        axes = (variable.spot.whose for variable in self.variables.values())
-        return next(axis for axis in axes if axis is not None and axis.counts == counts)
-
-    def _numbers(self, dataset: str, dims: Sequence[str], labels: Labels) -> tuple[int, ...]:
-        """Of labels their numbers along dimensions of a dataset."""
-        return tuple(self._index(f"/{dataset}/{dim}")[label] for dim, label in zip(dims, labels, strict=True))
-
-    def _index(self, path: str) -> dict[Any, int]:
-        """By label of a coordinate its number, once all labels are known."""
-        if path not in self._indices:
-            self._indices[path] = {label: k for k, label in enumerate(self.labels[path])}
-        return self._indices[path]
+        columns: dict[str, tuple[Any, dict[str, Any]]] = {}
+        if counter is not None:
+            numbers = [np.zeros(0), *(counter.start + np.arange(size) for size in sizes.ravel())]
+            columns[f"{axis.dim}_number"] = np.concatenate(numbers), {"units": "1", "long_name": counter.meaning}
+        for dim, path, index in zip(dims, paths, np.indices(sizes.shape), strict=True):
+            text = {"units": "1", "long_name": f"number of the {dim.replace('_', ' ')}, from 0", NAMES: path[1:]}
+            columns[dim] = np.repeat(index.ravel(), sizes.ravel()), text
+        for name, (of_rows, text) in columns.items():
+            if f"/{axis.table}/{name}" not in self.items:
+                self._put(f"/{axis.table}/{name}", of_rows.astype(np.int32), text, (scale,))
 
     def _assemble(self, variable: _Variable) -> None:
+        """The item of a variable, from its parts."""
         at, whose = variable.spot, variable.spot.whose
         coordinates = [f"/{at.dataset}/{dim}" for dim in at.kept]
-        kept = [len(self.labels[path]) for path in coordinates]
-        sizes, offsets = np.ones(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
-        if whose is not None:
-            sizes = self.items[whose.counts].array
-            offsets = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+        kept = [len(self.numbers[path]) for path in coordinates]
+        sizes = np.ones(1, dtype=np.int64) if whose is None else self.items[f"{whose.path}_count"].array
+        offsets = np.concatenate([[0], np.cumsum(sizes)])
         dtype = np.result_type(*{array.dtype for _, array in variable.parts})
         fill: Any = "" if dtype.kind == "O" else np.nan if dtype.kind == "f" else 0
-        tail = list(self._in_all_values(at, *variable.parts[0], fill).shape)
-        if at.ragged is not None:
-            tail[at.ragged] = int(sizes.sum())
-        parts, places, present = [], list[tuple[int, ...]](), np.zeros((sizes.size, *kept), dtype=bool)
-        for labels, own in variable.parts:
+        tail: list[int] = []
+        parts, units = [], np.full((sizes.size, *kept), "", dtype=object)  # none where a member has no part
+        for (labels, own), unit in zip(variable.parts, variable.units, strict=True):
             array = self._in_all_values(at, labels, own, fill)
-            absorbed = len(labels) - len(kept)
-            of_rows = 0
-            if whose is not None:
-                index = self._numbers(whose.place.dataset, whose.place.dims, labels[:absorbed])
-                of_rows = int(np.ravel_multi_index(index, sizes.shape))
+            tail = list(array.shape)
+            absorbed, of_rows, rows = len(labels) - len(kept), 0, [slice(None)] * array.ndim
+            if whose is not None and at.ragged is not None:
+                numbers = self._numbers(whose.place.dataset, whose.place.dims, labels[:absorbed])
+                of_rows = int(np.ravel_multi_index(numbers, sizes.shape))
+                rows[at.ragged] = slice(int(offsets[of_rows]), int(offsets[of_rows]) + array.shape[at.ragged])
+                tail[at.ragged] = int(offsets[-1])
             of_members = self._numbers(at.dataset, at.kept, labels[absorbed:])
-            begin = int(offsets[of_rows])
-            rows = [slice(None)] * array.ndim
-            if at.ragged is not None:
-                rows[at.ragged] = slice(begin, begin + array.shape[at.ragged])
-            if present[(of_rows, *of_members)]:
+            if units[(of_rows, *of_members)]:
                 raise TypeError(f"two fields are called {at.path}")
-            present[(of_rows, *of_members)] = True
-            places.append((of_rows, *of_members))
+            units[(of_rows, *of_members)] = unit
             parts.append(((*of_members, *rows, ...), array))
         whole: Any = InParts((*kept, *tail), dtype, tuple(parts), fill)
         if whole.nbytes <= ASSEMBLED or dtype.kind == "O":
             whole = np.asarray(whole)
-        axes = (f"/{at.dataset}/{axis.dim}" for axis in at.axes)
         attributes: dict[str, Any] = {"units": variable.units[0], "long_name": variable.meanings[0]}
         if len(set(variable.units)) > 1:
-            units = np.full(present.shape, "", dtype=object)
-            for where, unit in zip(places, variable.units, strict=True):
-                units[where] = unit
             attributes |= {"units": MIXED, OF_EACH: json.dumps(units.ravel().tolist(), ensure_ascii=False)}
         if len(set(variable.meanings)) > 1:
             attributes["long_name"] = " | ".join(dict.fromkeys(variable.meanings))
-        if not present.all():
-            attributes[ABSENT] = json.dumps(np.flatnonzero(~present).tolist())
-        self._put(at.path, Item(attributes | variable.more, whole, (*coordinates, *axes)))
-
-
-def _key(axis: Axis) -> _OfAxis:
-    """What an axis is known by in all datasets."""
-    return axis.place.dataset, axis.place.prefix, axis.name
+        if not units.all():
+            attributes[ABSENT] = json.dumps(np.flatnonzero(units == "").tolist())
+        axes = (f"/{at.dataset}/{axis.dim}" for axis in at.axes)
+        self._put(at.path, whole, attributes | variable.more, (*coordinates, *axes))
 
 
 def _more_of(declared: ArrayField) -> dict[str, Any]:
     """Attributes of a variable besides unit and meaning."""
-    return ({} if declared.flags is None else flagged(declared.flags)) | (
-        {NAMES: declared.names} if declared.names else {}
-    )
+    flags = {} if declared.flags is None else flagged(declared.flags)
+    return flags | ({NAMES: declared.names} if declared.names else {})
 
 
 def _writing_rank(member: Member) -> int:
@@ -504,51 +435,19 @@ def _listed(lists: list[Any]) -> str:
     return json.dumps(lists[:1] if all(each == lists[0] for each in lists) else lists, ensure_ascii=False)
 
 
-def _with_keys(declared: Members, value: Any) -> list[tuple[Any, Any]]:
-    """Dataclasses with their keys."""
-    if isinstance(value, Mapping):
-        return list(value.items())
-    own = key_of(declared.of)
-    if declared.by:
-        return [(tuple(getattr(item, name) for name in declared.by), item) for item in value]
-    return [(getattr(item, own) if own else number, item) for number, item in enumerate(value)]
-
-
-def label_of(declared: Members, key: Any) -> Any:
-    """The value of the coordinate that a key has."""
+def label_of(declared: Members, key: Any) -> tuple[Any, str]:
+    """The value of the coordinate that a key has, and what of it ends the names of the variables."""
     if not isinstance(key, tuple):
-        return key
-    return key[0] if declared.split else " ".join(map(str, key))
-
-
-def _part_of_key(declared: Members, key: Any) -> str:
-    """What of a key ends the names of the variables."""
-    return str(key[declared.by.index(declared.split)]) if declared.split else ""
-
-
-def _ending(place: StoragePlace, part: str) -> StoragePlace:
-    """The place of those members whose key has this part."""
-    return replace(place, suffix=f"_{part}") if part else place
-
-
-def _more_suffix(declared: ArrayField, more: bool) -> str:
-    along = declared.along
-    return f"_by_{along.more.name}" if more and isinstance(along, Folded) and along.more else ""
+        return key, ""
+    if declared.split:
+        return key[0], f"_{key[declared.by.index(declared.split)]}"
+    return " ".join(map(str, key)), ""
 
 
 def _array(value: Any) -> Any:
     """An array, of objects where it holds text."""
     values = np.asarray(value)
     return values.astype(object) if values.dtype.kind == "U" or (isinstance(value, tuple) and not value) else values
-
-
-def _cells(values: list[Any], column: Member) -> Any:
-    if column.scalar is str:
-        return np.array(values, dtype=object)
-    if column.type.startswith("tuple"):
-        return np.array(values, dtype=float).reshape(len(values), -1)
-    kind: Any = column.scalar or float
-    return np.array(values, dtype=kind)
 
 
 # --- From items to a result ------------------------------------------------------------------------------------------
@@ -656,7 +555,7 @@ class Reader:
         return _of_type(value, member)
 
     def _group(self, member: Member, declared: Group, place: StoragePlace, instances: Sequence[_Read]) -> list[Any]:
-        below = group_place(place, declared)
+        below = place_in(place, member.name, declared)
         if place.dims:
             item = self.items.get(place.attributes)
             text = None if item is None else item.attributes.get(place.prefix + member.name)
@@ -677,7 +576,7 @@ class Reader:
         return [found.get(each.labels, MISSING) for each in instances]
 
     def _members(self, member: Member, declared: Members, place: StoragePlace, instances: Sequence[_Read]) -> list[Any]:
-        below = members_place(place, declared)
+        below = place_in(place, member.name, declared)
         stored = {each.name for each in members_of(declared.of)}
         within: dict[str, list[tuple[int, Any, _Read]]] = {}
         keys_of = self._listed(member, place, len(instances))
@@ -688,12 +587,12 @@ class Reader:
                 given = dict(zip(declared.by, key, strict=True)) if declared.by else {}
                 given = {name: value for name, value in given.items() if name not in stored}
                 own = dict(zip(declared.by, key, strict=True)).get(key_of(declared.of), key) if declared.by else key
-                labels = (*instance.labels, label_of(declared, key))
-                read = _Read(labels, (given, *instance.owners), own)
-                within.setdefault(_part_of_key(declared, key), []).append((number, key, read))
+                label, end = label_of(declared, key)
+                read = _Read((*instance.labels, label), (given, *instance.owners), own)
+                within.setdefault(end, []).append((number, key, read))
         made: dict[tuple[int, Any], Any] = {}
-        for part, each in within.items():
-            found = self._read(declared.of, _ending(below, part), [read for _, _, read in each])
+        for end, each in within.items():
+            found = self._read(declared.of, replace(below, suffix=end), [read for _, _, read in each])
             for (number, key, read), of in zip(each, found, strict=True):
                 made[number, key] = made_of(declared.of, {**read.owners[0], **of})
         of_instances: list[Any] = []
@@ -708,7 +607,7 @@ class Reader:
     def _by_name(
         self, member: Member, declared: ArrayField, place: StoragePlace, instances: Sequence[_Read]
     ) -> list[Any]:
-        below, found = by_name(place, declared), list[Any]()
+        below, found = place_in(place, member.name, declared), list[Any]()
         for instance, names in zip(instances, self._listed(member, place, len(instances)), strict=True):
             if names is MISSING:
                 found.append(MISSING)
@@ -722,9 +621,9 @@ class Reader:
         return found
 
     def _table(self, member: Member, declared: Table, place: StoragePlace, instance: _Read) -> Any:
-        below, columns = table_place(place, member.name, declared), dict[str, list[Any]]()
+        below, columns = place_in(place, member.name, declared), dict[str, list[Any]]()
         for column in members_of(declared.of):
-            at = column_spot(column, below)
+            at = spot(column, below)
             if column.derived or (at.path not in self.items and column.default is not None):
                 continue
             if at.path not in self.items:
@@ -741,16 +640,14 @@ class Reader:
 
     def _array(self, member: Member, declared: ArrayField, place: StoragePlace, instance: _Read) -> Any:
         """The array of one instance, in whichever way it is stored."""
-        shape = None
+        shape, suffixes = None, [""]
         if isinstance(declared.along, Folded):
             stored = np.atleast_1d(self.items["/"].attributes[declared.along.shape])
             shape = tuple(int(size) for size in stored)
-        for more in (False, True):
-            suffix = _more_suffix(declared, more)
-            if more and not suffix:
-                break
+            suffixes += [f"_by_{declared.along.more.name}"] if declared.along.more else []
+        for suffix in suffixes:
             for ends in (("",), ("_real", "_imag"), ("_text",)):
-                spots = [spot(member, place, more, suffix + end) for end in ends]
+                spots = [spot(member, place, bool(suffix), suffix + end) for end in ends]
                 if any(at.path not in self.items for at in spots):
                     continue
                 parts = [self._part(at, instance.labels) for at in spots]
@@ -802,10 +699,12 @@ class Reader:
     def _of_known(self, at: Spot, labels: Labels, array: Any) -> Any:
         """An array along those values of its axes that a member has."""
         for k, axis in enumerate(at.axes):
-            if axis.table or not axis.place.dims or axis.known not in self.items:
+            if axis.table or not axis.place.dims or f"{axis.path}_known" not in self.items:
                 continue
             dims = axis.place.dims
-            known = self.items[axis.known].values[self._numbers(axis.place.dataset, dims, labels[: len(dims)])]
+            known = self.items[f"{axis.path}_known"].values[
+                self._numbers(axis.place.dataset, dims, labels[: len(dims)])
+            ]
             array = np.compress(known, np.asarray(array), axis=k)
         return array
 
@@ -836,12 +735,12 @@ class Reader:
 
     def _rows(self, axis: Axis) -> tuple[tuple[int, ...], Any]:
         """Sizes of the dimensions of members, and where the rows of each begin, with the end."""
-        if axis.counts not in self._offsets:
-            counts = self.items[axis.counts].values
+        if axis.path not in self._offsets:
+            counts = self.items[f"{axis.path}_count"].values
             if counts.dtype.kind not in "iu" or (counts < 0).any():
-                raise ValueError(f"{axis.counts} does not count rows")
-            self._offsets[axis.counts] = counts.shape, np.concatenate([[0], np.cumsum(counts)])
-        return self._offsets[axis.counts]
+                raise ValueError(f"{axis.path}_count does not count rows")
+            self._offsets[axis.path] = counts.shape, np.concatenate([[0], np.cumsum(counts)])
+        return self._offsets[axis.path]
 
     def _absent_of(self, path: str, item: Item) -> frozenset[int]:
         if path not in self._absent:
@@ -862,7 +761,7 @@ class _Columns(Mapping[str, Any]):
         called = self.place.prefix + name + self.place.suffix
         if not self.place.dims:
             return self.attributes[called]
-        at = self.at._replace(name=called)
+        at = self.at._replace(path=f"/{self.place.dataset}/{called}")
         if at.path not in self.reader.items:
             raise KeyError(f"{at.path} is missing")
         value = self.reader._part(at, self.labels)

@@ -26,19 +26,9 @@ from beamsim.fields import (
     members_of,
 )
 from beamsim.kinds import KINDS, named
-from beamsim.labelled import Variable
+from beamsim.labelled import Variable, last, parent
 from beamsim.results.result import Result
-from beamsim.store.layout import (
-    Spot,
-    StoragePlace,
-    by_name,
-    column_spot,
-    members_place,
-    places_in,
-    root_place,
-    spot,
-    table_place,
-)
+from beamsim.store.layout import Spot, StoragePlace, place_in, places_in, root_place, spot
 
 MARK = "<!-- made by python -m beamsim.store.describe; do not edit below -->"
 
@@ -128,9 +118,9 @@ def _rows(member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
     """The variables and attributes of a field, each with the path of its dataset."""
     match member.declaration:
         case ArrayField() as d:
-            at = spot(member, place if d.per is None else by_name(place, d))
+            at = spot(member, place if d.per is None else place_in(place, member.name, d))
             if d.per is not None:
-                text = f"JSON list of the names that {at.name} has values for"
+                text = f"JSON list of the names that {last(at.path)} has values for"
                 yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", text)
             yield from _of_spot(at, d, member, place)
             if isinstance(d.along, Folded) and d.along.more is not None:
@@ -143,13 +133,13 @@ def _rows(member: Member, place: StoragePlace) -> Iterator[tuple[str, Row]]:
         case Members() as d:
             text = f"JSON list of the values of {d.dim} in order; of several owners a list for each, or one for all"
             yield place.attributes, Row(f"{place.prefix}{member.name}", "", "attribute", text)
-            of = members_place(place, d)
+            of = place_in(place, member.name, d)
             meaning = next((m.declaration.meaning for m in members_of(d.of) if isinstance(m.declaration, Key)), "name")
             yield f"/{of.dataset}", Row(d.dim, "1", "is an axis", meaning)
         case Table() as d:
-            below = table_place(place, member.name, d)
+            below = place_in(place, member.name, d)
             for column in members_of(d.of):
-                yield from _of_spot(column_spot(column, below), column.declaration, column, below)
+                yield from _of_spot(spot(column, below), column.declaration, column, below)
 
 
 def _attributes(member: Member, declared: Attribute, place: StoragePlace) -> Iterator[tuple[str, Row]]:
@@ -172,13 +162,12 @@ def _of_spot(at: Spot, declared: ArrayField, member: Member, place: StoragePlace
         for dim in at.whose.place.dims:
             meaning = f"number of the {dim}, from 0, in {at.whose.place.dataset}"
             yield f"/{at.dataset}", Row(dim, "1", at.whose.dim, meaning)
-        counts = at.whose.counts.rpartition("/")
-        number_of_rows = f"number of rows in {at.dataset}"
-        yield counts[0], Row(counts[2], "1", " × ".join(at.whose.place.dims), number_of_rows)
+        dims, number_of_rows = " × ".join(at.whose.place.dims), f"number of rows in {at.dataset}"
+        yield parent(at.whose.path), Row(f"{last(at.whose.path)}_count", "1", dims, number_of_rows)
     for axis in at.axes:
         if axis.counter is not None and not axis.table:
             yield f"/{at.dataset}", Row(axis.name, "1", "is an axis", axis.counter.meaning)
-    for name, unit, meaning in _parts(at.name + _ending(place), declared, member):
+    for name, unit, meaning in _parts(last(at.path) + _ending(place), declared, member):
         yield f"/{at.dataset}", Row(name, _spoken(unit), axes, _spoken(meaning))
 
 

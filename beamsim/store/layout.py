@@ -14,7 +14,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-from beamsim.fields import ArrayField, Counter, Folded, Group, Member, Members, Table, members_of
+from beamsim.fields import (
+    ArrayField,
+    Attribute,
+    Counter,
+    Folded,
+    Group,
+    Member,
+    Members,
+    Table,
+    members_of,
+)
 
 ROWS = "sample"  # dimension of rows along an axis that has no name for them
 
@@ -24,19 +34,10 @@ class Axis(NamedTuple):
 
     name: str
     place: StoragePlace  # of the dataclass that has it
+    path: str  # of its values; with ``_count`` of the number of rows of each member, with ``_known`` of which it has
     dim: str  # dimension of what is along it: its name where all members have the same
     counter: Counter | None  # None of one with values
     table: str = ""  # dataset of what is along it where it differs from member to member; empty otherwise
-
-    @property
-    def counts(self) -> str:
-        """Path of the variable with the number of rows of each member."""
-        return f"/{self.place.dataset}/{self.place.prefix}{self.name}_count"
-
-    @property
-    def known(self) -> str:
-        """Path of the variable that says which of its values each member has, where they differ."""
-        return f"/{self.place.dataset}/{self.place.prefix}{self.name}_known"
 
 
 @dataclass(frozen=True)
@@ -44,102 +45,118 @@ class StoragePlace:
     """Where a dataclass is stored."""
 
     dataset: str
+    attributes: str  # path of the group whose attributes belong to it
     prefix: str = ""
     suffix: str = ""  # of the names of variables, after that
     split: str = ""  # the part of the members' keys that is this end
     dims: tuple[str, ...] = ()  # of the members that it is one of, outermost first
     rows: str = ""  # dataset of what is along its own axes that differ from member to member
     stem: str = ""  # with which the names of datasets in it begin
-    axes: Mapping[str, Axis] = field(default_factory=dict)
-
-    @property
-    def attributes(self) -> str:
-        """Path of the group whose attributes belong to it."""
-        return f"/{self.dataset}" if self.stem or self.dims or self.prefix else "/"
-
-    def below(self, path: str) -> StoragePlace:
-        """The place of a dataset in this one, or below the root with a slash; this place where the path is empty."""
-        if not path:
-            return self
-        name = f"{self.stem}_{path}" if self.stem and path[0] != "/" else path.lstrip("/")
-        return replace(self, dataset=name, stem=name, prefix="", suffix="", split="", rows="")
+    axes: Mapping[str, Axis] = field(default_factory=dict)  # that its fields may be along; "" counts rows of a table
 
 
 class Spot(NamedTuple):
     """A variable and its dimensions."""
 
+    path: str
     dataset: str
-    name: str
     kept: tuple[str, ...]  # dimensions of members
     axes: tuple[Axis, ...]  # dimensions after them
-    ragged: int | None = None  # which of the axes has the rows of the members that are not kept
+    ragged: int | None = None  # which of the axes has the rows of several members, end to end
+    whose: Axis | None = None  # that axis
     scale: bool = False  # whether it is the coordinate of its axis
-
-    @property
-    def path(self) -> str:
-        """Of the variable."""
-        return f"/{self.dataset}/{self.name}"
-
-    @property
-    def whose(self) -> Axis | None:
-        """The axis whose rows are those of several members, end to end."""
-        return None if self.ragged is None else self.axes[self.ragged]
 
 
 def root_place(cls: Any) -> StoragePlace:
     """The place of the class of a result."""
-    return inside(cls, StoragePlace(cls.DATASET))
+    place = StoragePlace(cls.DATASET, "/")
+    return replace(place, axes=_own_axes(cls, place))
 
 
-def inside(cls: Any, place: StoragePlace) -> StoragePlace:
-    """The place of a class with the axes that its fields have or count, which those in it may be along."""
-    return replace(place, axes={**place.axes, **_own_axes(cls, place)})
+def place_in(place: StoragePlace, name: str, declared: ArrayField | Group | Members | Table) -> StoragePlace:
+    """The place of what a field holds: a dataclass, members, the rows of a table, or the values of a mapping by name.
+
+    Parameters
+    ----------
+    place : of the dataclass that has the field.
+    name : of the field.
+    declared : the declaration of the field.
+
+    Returns
+    -------
+    StoragePlace
+        With the axes that its fields have or count, which those in it may be along.
+    """
+    if isinstance(declared, ArrayField):
+        return replace(place, dims=(*place.dims, declared.per or ""))
+    below = place
+    if path := declared.path:  # below the root with a slash
+        dataset = f"{place.stem}_{path}" if place.stem and path[0] != "/" else path.lstrip("/")
+        below = StoragePlace(dataset, f"/{dataset}", dims=place.dims, stem=dataset, axes=place.axes)
+    if isinstance(declared, Table):
+        columns = members_of(declared.of)
+        if declared.rows is None:
+            column = next(each.stored_name for each in columns if each.declaration.scale)
+            rows = Axis(column, below, f"/{below.dataset}/{below.prefix}{column}", column, None)
+        else:
+            called = name if place.dims else declared.rows.name
+            path = f"/{place.dataset}/{place.prefix}{called}"
+            table = below.dataset if place.dims else ""
+            rows = Axis(called, place, path, declared.rows.name, declared.rows, table)
+        counters = [each for column in columns for each in along(column.declaration) if isinstance(each, Counter)]
+        outside = replace(below, dims=())
+        own = {c.name: Axis(c.name, outside, f"/{below.dataset}/{below.prefix}{c.name}", c.name, c) for c in counters}
+        return replace(below, axes={**place.axes, "": rows, **own})
+    if isinstance(declared, Members):
+        dims = (*place.dims, declared.dim)
+        below = replace(below, dims=dims, rows=declared.rows, split=declared.split, attributes=f"/{below.dataset}")
+    if declared.prefix:
+        below = replace(below, prefix=below.prefix + declared.prefix, attributes=f"/{below.dataset}")
+    return replace(below, axes={**place.axes, **_own_axes(declared.of, below)})
 
 
 def _own_axes(cls: Any, place: StoragePlace) -> dict[str, Axis]:
+    """The axes that the fields of a class have or count."""
     axes: dict[str, Axis] = {}
+
+    def add(name: str, rows: str, shared: bool, counter: Counter | None = None) -> None:
+        path = f"/{place.dataset}/{place.prefix}{name}"
+        if not place.dims or shared:
+            axes[name] = Axis(name, place, path, name, counter)
+        else:
+            table = place.rows or f"{place.dataset}_{place.prefix}{name.removesuffix('_hz')}"
+            axes[name] = Axis(name, place, path, rows or ROWS, counter, table)
+
     for member in members_of(cls):
         match member.declaration:
             case ArrayField(scale=True) as declared:
-                axes[member.stored_name] = _axis(member.stored_name, place, declared.rows, declared.shared)
+                add(member.stored_name, declared.rows, declared.shared)
             case ArrayField() as declared:
-                for counter in counters(declared):
-                    if counter.name not in place.axes and counter.name not in axes:
-                        shared = counter.shared or _follows_rows(counter, declared, {**place.axes, **axes})
-                        axes[counter.name] = _axis(counter.name, place, counter.name, shared, counter)
+                follows_rows = False  # an axis after rows that differ from member to member is the same in all
+                for each in along(declared):
+                    name = each.name if isinstance(each, Counter) else each
+                    if isinstance(each, Counter) and name not in place.axes and name not in axes:
+                        add(name, name, each.shared or follows_rows, each)
+                    known = axes.get(name) or place.axes.get(name)
+                    follows_rows |= known is not None and known.table != ""
             case Group(path="") as declared:
                 axes |= _own_axes(declared.of, replace(place, prefix=place.prefix + declared.prefix))
             case Table(path="", rows=None) as declared:
-                columns = (each for each in members_of(declared.of) if each.declaration.scale)
-                axes |= {each.stored_name: _axis(each.stored_name, place, "", True) for each in columns}
+                for column in members_of(declared.of):
+                    if column.declaration.scale:
+                        add(column.stored_name, "", shared=True)
     return axes
 
 
-def _follows_rows(counter: Counter, declared: ArrayField, axes: Mapping[str, Axis]) -> bool:
-    """Whether an array has rows that differ from member to member before an axis: the axis is then the same in all."""
-    along = declared.along if isinstance(declared.along, tuple) and not isinstance(declared.along, Folded) else ()
-    before = (
-        (a.name if isinstance(a, Counter) else a for a in along[: along.index(counter)]) if counter in along else ()
-    )
-    return any(name in axes and axes[name].table for name in before)
-
-
-def counters(declared: ArrayField) -> tuple[Counter, ...]:
-    """The axes of an array that only count."""
+def along(declared: ArrayField) -> tuple[str | Counter, ...]:
+    """The axes of an array; of the cases of a design the one that a file stores, and the one that some have more."""
     if isinstance(declared.along, Folded):
         return tuple(each for each in (declared.along.cases, declared.along.more) if each is not None)
-    return tuple(each for each in declared.along or () if isinstance(each, Counter))
-
-
-def _axis(name: str, place: StoragePlace, rows: str, shared: bool, counter: Counter | None = None) -> Axis:
-    if not place.dims or shared:
-        return Axis(name, place, name, counter)
-    table = place.rows or f"{place.dataset}_{place.prefix}{name.removesuffix('_hz')}"
-    return Axis(name, place, rows or ROWS, counter, table)
+    return declared.along or ()
 
 
 def spot(member: Member, place: StoragePlace, more: bool = False, suffix: str = "") -> Spot:
-    """Where an array, number or text of a class is.
+    """Where an array, number or text of a class, or a column of a table, is.
 
     Parameters
     ----------
@@ -147,84 +164,32 @@ def spot(member: Member, place: StoragePlace, more: bool = False, suffix: str = 
     place : of its class, with its axes; with one more dimension where it is a mapping by name.
     more : whether it has the last axis that some of a design have.
     suffix : of the name of the variable.
+
+    Returns
+    -------
+    Spot
     """
     declared, name = member.declaration, f"{place.prefix}{member.stored_name}{place.suffix}{suffix}"
-    if not isinstance(declared, ArrayField):
-        return Spot(place.dataset, name, place.dims, ())
+    if isinstance(declared, Attribute):
+        return Spot(f"/{place.dataset}/{name}", place.dataset, place.dims, ())
+    rows = [place.axes[""]] if "" in place.axes else []
     if declared.scale:
-        axis = place.axes[member.stored_name]
-        return _along(place, name, (axis,), scale=not axis.table)
-    along: tuple[Any, ...]
-    if isinstance(declared.along, Folded):
-        along = (declared.along.cases, *((declared.along.more,) if more else ()))
+        axes = rows or [place.axes[member.stored_name]]
     else:
-        along = declared.along or ()
-    return _along(place, name, tuple(place.axes[a.name if isinstance(a, Counter) else a] for a in along))
-
-
-def _along(place: StoragePlace, name: str, axes: tuple[Axis, ...], scale: bool = False) -> Spot:
-    ragged = next((k for k, axis in enumerate(axes) if axis.table), None)
-    if ragged is None:
-        return Spot(place.dataset, axes[0].name if scale else name, () if scale else place.dims, axes, scale=scale)
-    kept = place.dims[len(axes[ragged].place.dims) :]
-    return Spot(axes[ragged].table, name, kept, axes, ragged)
-
-
-def group_place(place: StoragePlace, declared: Group) -> StoragePlace:
-    """The place of a dataclass in another."""
-    below = place.below(declared.path)
-    return inside(declared.of, replace(below, prefix=below.prefix + declared.prefix))
-
-
-def members_place(place: StoragePlace, declared: Members) -> StoragePlace:
-    """The place of dataclasses that are stacked along a dimension."""
-    below = place.below(declared.folder)
-    stacked = replace(
-        below,
-        prefix=below.prefix + declared.prefix,
-        dims=(*place.dims, declared.dim),
-        rows=declared.rows,
-        split=declared.split,
-    )
-    return inside(declared.of, stacked)
-
-
-def by_name(place: StoragePlace, declared: ArrayField) -> StoragePlace:
-    """The place of the values of a mapping by name."""
-    return replace(place, dims=(*place.dims, declared.per or ""))
-
-
-def table_place(place: StoragePlace, name: str, declared: Table) -> StoragePlace:
-    """The place of the rows of a table: its columns are along the only axis that they do not declare."""
-    below = place.below(declared.path)
-    if declared.rows is None:
-        column = next(each.stored_name for each in members_of(declared.of) if each.declaration.scale)
-        return replace(
-            below, axes={**place.axes, "": Axis(column, below, column, None), **_of_columns(declared, below)}
-        )
-    table = below.dataset if place.dims else ""
-    axis = Axis(name if place.dims else declared.rows.name, place, declared.rows.name, declared.rows, table)
-    return replace(below, axes={**place.axes, "": axis, **_of_columns(declared, below)})
-
-
-def _of_columns(declared: Table, place: StoragePlace) -> dict[str, Axis]:
-    found = (c for column in members_of(declared.of) for c in counters(column.declaration))
-    return {c.name: Axis(c.name, replace(place, dims=()), c.name, c) for c in found}
-
-
-def column_spot(column: Member, place: StoragePlace) -> Spot:
-    """Where a column of a table is."""
-    declared = column.declaration
-    along = tuple(place.axes[a.name if isinstance(a, Counter) else a] for a in declared.along or ())
-    return _along(place, f"{place.prefix}{column.stored_name}", (place.axes[""], *along), scale=declared.scale)
+        names = along(declared)[: 1 if isinstance(declared.along, Folded) and not more else None]
+        axes = rows + [place.axes[each.name if isinstance(each, Counter) else each] for each in names]
+    for k, axis in enumerate(axes):
+        if axis.table:
+            kept = place.dims[len(axis.place.dims) :]
+            return Spot(f"/{axis.table}/{name}", axis.table, kept, tuple(axes), k, axis)
+    if declared.scale:
+        return Spot(f"/{place.dataset}/{axes[0].name}", place.dataset, (), tuple(axes), scale=True)
+    return Spot(f"/{place.dataset}/{name}", place.dataset, place.dims, tuple(axes))
 
 
 def places_in(cls: Any, place: StoragePlace) -> Iterator[tuple[Any, StoragePlace]]:
     """A class with its place, and those of the dataclasses in it."""
     yield cls, place
     for member in members_of(cls):
-        match member.declaration:
-            case Group() as declared:
-                yield from places_in(declared.of, group_place(place, declared))
-            case Members() as declared:
-                yield from places_in(declared.of, members_place(place, declared))
+        if isinstance(member.declaration, (Group, Members)):
+            yield from places_in(member.declaration.of, place_in(place, member.name, member.declaration))

@@ -24,7 +24,7 @@ from beamsim.fields import (
 from beamsim.kinds import KINDS, named
 from beamsim.store.datasets import Reader, items_of
 from beamsim.store.export import tables_of
-from beamsim.store.layout import by_name, places_in, root_place, spot
+from beamsim.store.layout import place_in, places_in, root_place, spot
 from beamsim.store.results import load, read_items, write_items, write_result
 
 pytestmark = pytest.mark.quick
@@ -100,7 +100,8 @@ def test_every_variable_has_a_place_of_its_own(kind):
     for of, place in places_in(cls, root_place(cls)):
         for member in members_of(of):
             if isinstance(member.declaration, ArrayField) and not place.split:
-                at = spot(member, place if member.declaration.per is None else by_name(place, member.declaration))
+                by_name = member.declaration.per is not None
+                at = spot(member, place_in(place, member.name, member.declaration) if by_name else place)
                 assert [k for k, each in enumerate(at.axes) if each.table] in ([], [at.ragged])
                 found.append(at.path)
     assert len(set(found)) == len(found)
