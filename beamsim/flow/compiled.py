@@ -15,7 +15,7 @@ import threading
 import time as clock
 import warnings
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,36 +27,50 @@ from beamsim.errors import CacheWarning
 _LOG = logging.getLogger(__name__)
 
 
-def kernel(function: Callable[..., Any]) -> Any:
+class CompilationTime(event.Listener):
+    """The processor time spent in the compiler, which may be entered again within itself."""
+
+    def __init__(self) -> None:
+        self.spent, self._begun, self._depth = 0.0, 0.0, 0  # s, s
+        self._lock = threading.Lock()
+
+    def on_start(self, event: Any) -> None:
+        """The compiler is entered."""
+        with self._lock:
+            self._begun = self._begun if self._depth else clock.process_time()
+            self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """The compiler is left."""
+        with self._lock:
+            self._depth -= 1
+            self.spent += 0.0 if self._depth else clock.process_time() - self._begun
+
+
+COMPILATION = CompilationTime()
+cast("Any", event).register("numba:compiler_lock", COMPILATION)
+
+
+def processor_time() -> float:
+    """s, that this process has used, compilation apart: differences are those of a solver."""
+    return clock.process_time() - COMPILATION.spent
+
+
+def kernel(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function of arrays and numbers when it is first called, and keep what was compiled.
 
     It lets go of the interpreter, so that threads execute kernels side by side. A division by zero gives infinity.
     A function with a leading underscore can be called by kernels alone and is kept as a part of those.
+
+    Parameters
+    ----------
+    function : to be compiled.
+    options : further ones of `numba.njit`.
+
+    Returns
+    -------
+    The compiled function.
     """
-    return _compiled(function)
-
-
-def summing(function: Callable[..., Any]) -> Any:
-    """As `kernel`; sums may be taken in the order that suits the processor."""
-    return _compiled(function, fastmath={"reassoc", "contract", "nsz"})
-
-
-class _Listener(event.Listener):
-    """Tells when kernels are compiled, or loaded."""
-
-    def on_start(self, event: Any) -> None:
-        """The compiler is entered."""
-        COMPILATION.start()
-
-    def on_end(self, event: Any) -> None:
-        """The compiler is left."""
-        COMPILATION.stop()
-
-
-cast("Any", event).register("numba:compiler_lock", _Listener())
-
-
-def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     folder, config = cache_folder(), cast("Any", numba.config)
     before = config.CACHE_DIR
     if folder is not None:
@@ -71,6 +85,10 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
         config.CACHE_DIR = before
 
 
+# a kernel whose sums may be taken in the order that suits the processor
+summing = partial(kernel, fastmath={"reassoc", "contract", "nsz"})
+
+
 @cache
 def cache_folder() -> Path | None:
     """The folder of compiled code, made where it is missing; None, with a warning, where it cannot be written.
@@ -79,7 +97,10 @@ def cache_folder() -> Path | None:
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     place = Path(chosen) if chosen else _user_caches() / "beamsim"
-    folder = place / f"kernels-{_hash_of_kernels()}"
+    digest = hashlib.sha256(numba.__version__.encode())  # of the sources of all kernels, and of how they are compiled
+    for file in [Path(__file__), *sorted(Path(__file__).parents[1].rglob("*kernels.py"))]:
+        digest.update(file.read_bytes())
+    folder = place / f"kernels-{digest.hexdigest()[:16]}"
     try:
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -103,41 +124,3 @@ def _user_caches() -> Path:
     if sys.platform == "darwin":
         return Path.home() / "Library/Caches"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-
-
-@cache
-def _hash_of_kernels() -> str:
-    """Hash of the sources of all kernels, and of how they are compiled."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    package = Path(__file__).parents[1]
-    for file in [Path(__file__), *sorted(package.rglob("*kernels.py"))]:
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-class Stopwatch:
-    """The processor time of something that may begin again within itself, as one compilation calls for others."""
-
-    def __init__(self) -> None:
-        self.spent, self._begun, self._depth = 0.0, 0.0, 0  # s, s
-        self._lock = threading.Lock()
-
-    def start(self) -> None:
-        """Begin, or begin again within."""
-        with self._lock:
-            self._begun = self._begun if self._depth else clock.process_time()
-            self._depth += 1
-
-    def stop(self) -> None:
-        """End what was begun last."""
-        with self._lock:
-            self._depth -= 1
-            self.spent += 0.0 if self._depth else clock.process_time() - self._begun
-
-
-COMPILATION = Stopwatch()
-
-
-def processor_time() -> float:
-    """s, that this process has used, compilation apart: differences are those of a solver."""
-    return clock.process_time() - COMPILATION.spent

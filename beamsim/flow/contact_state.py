@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +24,6 @@ from beamsim.flow.invariant_blocks import (
     BlockForm,
     SimpleModes,
     block_diagonalise,
-    can_update,
     neighbouring_modes,
     second_order_blocks,
 )
@@ -48,10 +46,12 @@ class ContactState:
     """
 
     equations: StateEquations
+    phases: Ints  # (m,) of the contacts
     modes: BlockForm  # simple ones, one of each conjugate pair, and blocks of the others
     horizon: float  # s, longest segment for which series hold
     exponent: Complexes  # (B,)
     power: Ints  # (B,)
+    exponential: bool  # whether no basis function has a power of time
     projector: Complexes  # (Z, N) free amplitudes = projector @ (y - y_forced(0))
     term_basis: Ints  # (T,)
     term_source: Ints  # (T,)
@@ -59,6 +59,7 @@ class ContactState:
     basis_of_source: Ints  # (F,) the basis function of each input
     # (F,) the term in which each input drives its own basis function, and the one a power lower (-1: none)
     terms_of_sources: tuple[Ints, Ints]
+    forced_at_start: Complexes  # (F, N) state at the start of a piece that a unit of each input forces
 
     @classmethod
     def of(
@@ -81,9 +82,23 @@ class ContactState:
         -------
         ContactState
         """
-        modes = _diagonalise(equations, longest_window, known)
+        of, phases, neighbour = equations.equations, equations.phases, None
+        n, N, internal = of.system.size, of.states, of.internal
+        if known is not None:
+            neighbour = neighbouring_modes(of.system, known.modes.simple, known.phases, phases)
+        if neighbour is None:
+            modes = _solved_modes(equations, longest_window)
+        else:
+            modes = BlockForm(neighbour, [])
+            modes = modes if 2 * n == N else modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
+        if 2 * n < N and not of.contacts.coupled(phases):
+            alone = block_diagonalise(equations.internal_rates[:, internal], longest_window)
+            modes = modes.joined(alone.placed(np.eye(N)[:, internal], np.eye(N)[internal]))
+        right, left, lam = modes.simple
+        upper = np.flatnonzero(lam.imag >= 0.0)
+        modes = BlockForm(SimpleModes(right[:, upper], left[upper], lam[upper]), modes.blocks)
         # series hold within a radius; what grows is bounded by its end, so that a segment ends before that is far above
-        growing = [*modes.simple.eigenvalue.real.tolist(), *(complex(b.centre).real for b in modes.blocks)]
+        growing = [*lam.real.tolist(), *(complex(b.centre).real for b in modes.blocks)]
         fastest = max([0.0, *(b.radius for b in modes.blocks), *(rate / GROWN for rate in growing)])
         horizon = float(min(longest_window, 1.0 / fastest if fastest > 0 else np.inf))
         return _tabulated(equations, modes, horizon, sources)
@@ -91,16 +106,6 @@ class ContactState:
     def under(self, sources: Sources) -> ContactState:
         """The same state under other signals of the same channels."""
         return _tabulated(self.equations, self.modes, self.horizon, sources)
-
-    @cached_property
-    def exponential(self) -> bool:
-        """Whether no basis function has a power of time."""
-        return not self.power.any()
-
-    @property
-    def phases(self) -> Ints:
-        """(m,) of the contacts."""
-        return self.equations.phases
 
     def coefficients(self, rows: Floats, sources: Sources, table: Complexes | None = None) -> Complexes:
         """Factors of ``zeta * basis`` of every term in every output.
@@ -117,7 +122,7 @@ class ContactState:
         """
         if table is None:
             table = np.empty((self.term_vector.shape[0], rows.shape[0]), dtype=complex)
-        states, inputs, slopes = np.split(rows, np.cumsum([self.term_vector.shape[1], sources.count]), axis=1)
+        states, inputs, slopes = np.split(rows, np.cumsum([self.term_vector.shape[1], sources.power.size]), axis=1)
         table.real, table.imag = self.term_vector.real @ states.T, self.term_vector.imag @ states.T
         driven, lowered = self.terms_of_sources
         table[driven] += (inputs + sources.exponent * slopes).T
@@ -136,15 +141,6 @@ class ContactState:
         coefficient = np.zeros((self.amplitude_count, self.exponent.size, table.shape[1]), dtype=complex)
         coefficient[self.term_source, self.term_basis] = table
         return SegmentOutputs(self.exponent, self.power, coefficient)
-
-    @cached_property
-    def forced_at_start(self) -> Complexes:
-        """(F, N) state at the start of a piece that the forced motion has for a unit of each input."""
-        count = self.basis_of_source.size
-        forced = np.zeros((count, self.term_vector.shape[1]), dtype=complex)
-        at_start = (self.term_source < count) & (self.power[self.term_basis] == 0)
-        np.add.at(forced, self.term_source[at_start], self.term_vector[at_start])
-        return forced
 
     def terms_after(self, zeta: Complexes, tau: Floats) -> Complexes:
         """(n, T) terms at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""
@@ -182,16 +178,16 @@ class ContactState:
 
 def _tabulated(equations: StateEquations, modes: BlockForm, horizon: float, sources: Sources) -> ContactState:
     """The tables of a contact state: the responses to the sources, and the free motion."""
-    (X, Xi, lam), every, rising = modes.simple, np.arange(sources.count), np.flatnonzero(sources.power)
-    forced = responses(equations, modes, horizon, sources)
+    (X, Xi, lam), F, rising = modes.simple, sources.power.size, np.flatnonzero(sources.power)
+    forced, every = responses(equations, modes, horizon, sources), np.arange(F)
     exists: Bools = np.asarray(forced.any(axis=2))
     exists[every, sources.power] = exists[rising, sources.power[rising] - 1] = True
     (of_source, power), basis = exists.nonzero(), dict[tuple[complex, int], int]()
     keys = [*zip(sources.exponent[of_source].tolist(), power.tolist(), strict=True), *((x, 0) for x in lam.tolist())]
     term_basis = [basis.setdefault(key, len(basis)) for key in keys]
-    term_source = [*of_source.tolist(), *range(sources.count, sources.count + lam.size)]
+    term_source = [*of_source.tolist(), *range(F, F + lam.size)]
     vectors = [forced[of_source, power], X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]]
-    free, window = sources.count + lam.size, min(horizon, float(sources.longest_piece.max()))
+    free, window = F + lam.size, min(horizon, float(sources.longest_piece.max()))
     for block in modes.blocks:
         for p, matrix in enumerate(_series(block, window)):
             some = np.flatnonzero(matrix.any(axis=0))
@@ -200,20 +196,22 @@ def _tabulated(equations: StateEquations, modes: BlockForm, horizon: float, sour
             vectors.append(block.weight * (block.right @ matrix[:, some]).T)
         free += block.matrix.shape[0]
     number = np.cumsum(exists).reshape(exists.shape) - 1  # of the terms of sources
-    lowered = np.full(sources.count, -1)
+    lowered = np.full(F, -1)
     lowered[rising] = number[rising, sources.power[rising] - 1]
     driven = number[every, sources.power]
     exponent, powers = zip(*basis, strict=True)
     return ContactState(
-        equations, modes, horizon,
+        equations, equations.phases, modes, horizon,
         exponent=np.array(exponent, dtype=complex),
         power=np.array(powers, dtype=np.int64),
+        exponential=not any(powers),
         projector=np.ascontiguousarray(np.concatenate([Xi, *(block.left for block in modes.blocks)])),
         term_basis=np.array(term_basis, dtype=np.int64),
         term_source=np.array(term_source, dtype=np.int64),
         term_vector=np.concatenate(vectors),
         basis_of_source=np.array(term_basis, dtype=np.int64)[driven],
         terms_of_sources=(driven, lowered),
+        forced_at_start=np.ascontiguousarray(forced[:, 0]),
     )  # fmt: skip
 
 
@@ -229,25 +227,25 @@ def responses(equations: StateEquations, modes: BlockForm, horizon: float, sourc
     -------
     (F, D, N), for the powers p of time below D.
     """
-    rates, of = equations.rates, equations.equations
-    both, longest = BlockForm(modes.simple.whole(), modes.blocks), np.minimum(horizon, sources.longest_piece)
-    driving = _driving(rates[:, of.inputs].T, rates[:, of.slopes].T, sources)
-    forced = _forced(both, driving, sources, longest)
-    if equations.factors[:, : RATE + 1].any():
-        # what a stiff contact's load leaves in slow motions is a small part of it
-        corrected = _forced(both, _residual(forced, equations, sources), sources, longest)
-        forced = _with_powers(forced, corrected.shape[1])
-        forced[:, : corrected.shape[1]] += corrected
-    return forced
-
-
-def _with_powers(forced: Complexes, count: int) -> Complexes:
-    """Factors (F, D, N) filled up with zeros to so many powers of time at least."""
-    if forced.shape[1] >= count:
+    of, power, slopes = equations.equations, sources.power, equations.rates[:, equations.equations.slopes].T
+    (right, left, lam), rising, F = modes.simple, np.flatnonzero(power), np.arange(power.size)
+    pair, longest = np.flatnonzero(lam.imag > 0.0), np.minimum(horizon, sources.longest_piece)
+    both = SimpleModes(
+        np.hstack([right, right[:, pair].conj()]), np.vstack([left, left[pair].conj()]),
+        np.append(lam, lam[pair].conj()),
+    )  # fmt: skip
+    driving = np.zeros((F.size, power.max() + 1, of.states), dtype=complex)
+    driving[F, power] = equations.rates[:, of.inputs].T + sources.exponent[:, None] * slopes
+    driving[rising, power[rising] - 1] = power[rising, None] * slopes[rising]
+    forced = _forced(BlockForm(both, modes.blocks), driving, sources, longest)
+    if not equations.factors[:, : RATE + 1].any():
         return forced
-    filled = np.zeros((forced.shape[0], count, forced.shape[2]), dtype=complex)
-    filled[:, : forced.shape[1]] = forced
-    return filled
+    # what a stiff contact's load leaves in slow motions is a small part of it
+    corrected = _forced(BlockForm(both, modes.blocks), _residual(forced, equations, sources), sources, longest)
+    total = np.zeros((F.size, max(forced.shape[1], corrected.shape[1]), of.states), dtype=complex)
+    total[:, : forced.shape[1]] = forced
+    total[:, : corrected.shape[1]] += corrected
+    return total
 
 
 def _forced(modes: BlockForm, polynomial: Complexes, sources: Sources, longest: Floats) -> Complexes:
@@ -273,31 +271,21 @@ def _forced(modes: BlockForm, polynomial: Complexes, sources: Sources, longest: 
     for p in range(beta.shape[1] - 1, -1, -1):
         w = (beta[:, p] - (p + 1) * w) / distance
         forced[acting, p] = w @ X.T
+    series: list[tuple[int, int, Complexes]] = []  # input, power of time, factor
     for a in range(acting.size) if modes.blocks else np.flatnonzero(near.any(axis=1)).tolist():
         f, some = int(acting[a]), near[a] & beta[a].any(axis=0)
         nu, load = complex(sources.exponent[f]), polynomial[f, : int(sources.power[f]) + 1]
-        parts = [
-            (power, X[:, some] @ v)
-            for power, v in _power_series(np.diag(lam[some] - nu), beta[a, : load.shape[0], some], float(window[a]))
-        ] if some.any() else []  # fmt: skip
+        if some.any():
+            driven = _power_series(np.diag(lam[some] - nu), beta[a, : load.shape[0], some], float(window[a]))
+            series += [(f, power, X[:, some] @ v) for power, v in driven]
         for block in modes.blocks:
-            parts += _response_of_block(block, load, nu, float(window[a]), float(limit[a]))
-        forced = _with_powers(forced, 1 + max((power for power, _ in parts), default=0))
-        for power, vector in parts:
-            forced[f, power] += vector
+            of_block = _response_of_block(block, load, nu, float(window[a]), float(limit[a]))
+            series += [(f, power, vector) for power, vector in of_block]
+    powers = 1 + max((power for _, power, _ in series), default=0)
+    forced = np.pad(forced, ((0, 0), (0, max(0, powers - forced.shape[1])), (0, 0))) if series else forced
+    for f, power, vector in series:
+        forced[f, power] += vector
     return forced
-
-
-def _driving(value: Floats, slope: Floats, sources: Sources) -> Complexes:
-    """(F, degree + 1, k) polynomials times ``e^{nu tau}`` of sources that drive, per unit of each and of its slope,
-    (F, k)."""
-    F, power = np.arange(sources.count), sources.power
-    out = np.zeros((F.size, power.max() + 1, value.shape[1]), dtype=complex)
-    out[F, power] = value + sources.exponent[:, None] * slope
-    if power.any():
-        rising = power > 0
-        out[F[rising], power[rising] - 1] = power[rising, None] * slope[rising]
-    return out
 
 
 class _Acting(NamedTuple):
@@ -308,51 +296,24 @@ class _Acting(NamedTuple):
     dashpot: Floats  # (a,) N s/m
     along: Floats  # (a, n) direction of the forces; that of `shape` but where a contact presses others that rub
     contact: Ints  # (a,)
-
-    @property
-    def crossed(self) -> bool:
-        """Whether forces act along other directions than those that make them."""
-        return self.along is not self.shape
-
-
-def _acting(equations: StateEquations) -> _Acting:
-    contacts, (stiffness, dashpot) = equations.equations.contacts, equations.factors[:, [PENETRATION, RATE]].T
-    acting = ((stiffness != 0.0) | (dashpot != 0.0)).nonzero()[0]
-    shape = along = contacts.shape[acting]
-    if contacts.presses(equations.phases):
-        along = contacts.sign[acting, None] * equations.push[acting]
-    return _Acting(shape, stiffness[acting], dashpot[acting], along, acting)
-
-
-def _diagonalise(equations: StateEquations, window: float, known: ContactState | None) -> BlockForm:
-    """Simple modes, one of each conjugate pair, and blocks of the others: from a neighbour's, or anew."""
-    of, phases = equations.equations, equations.phases
-    neighbour = None
-    if known is not None and can_update(of.system, known.phases, phases):
-        neighbour = neighbouring_modes(of.system, known.modes.simple, known.phases, phases)
-    n, N, internal = of.system.size, of.states, of.internal
-    if neighbour is None:
-        modes = _solved_modes(equations, window)
-    else:
-        modes = BlockForm(neighbour, [])
-        modes = modes if 2 * n == N else modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
-    if 2 * n < N and not of.contacts.coupled(phases):
-        alone = block_diagonalise(equations.internal_rates[:, internal], window)
-        modes = modes.joined(alone.placed(np.eye(N)[:, internal], np.eye(N)[internal]))
-    return BlockForm(modes.simple.upper(), modes.blocks)
+    crossed: bool  # whether forces act along other directions than those that make them
 
 
 def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     """Undamped modes first; those that damping or internal states couple go through the general form, the others stay
     exact. Internal states are included where they are coupled with the structure."""
-    system, acting, phases = equations.equations.system, _acting(equations), equations.phases
+    system, contacts, phases = equations.equations.system, equations.equations.contacts, equations.phases
     n, N = system.size, equations.equations.states
+    k, c = equations.factors[:, [PENETRATION, RATE]].T
+    which, crossed = np.flatnonzero((k != 0.0) | (c != 0.0)), contacts.presses(phases)
+    shape = contacts.shape[which]
+    along = contacts.sign[which, None] * equations.push[which] if crossed else shape
+    acting = _Acting(shape, k[which], c[which], along, which, crossed)
     across = equations.held if equations.held.shape[1] else None
-    undamped = _undamped_modes(system, acting, across)
-    omega2, psi, _, d = undamped
+    omega2, psi, stretch, d = _undamped_modes(system, acting, across)
     off = np.abs(d - np.diag(np.diag(d)))
     coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
-    general = system.contacts.coupled(phases) or acting.crossed
+    general = contacts.coupled(phases) or crossed
     if general:
         coupled[:] = True
     free, together = np.flatnonzero(~coupled), np.flatnonzero(coupled)
@@ -360,8 +321,8 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     if 2 * n < N:
         modes = modes.placed(np.eye(N, 2 * n), np.eye(2 * n, N))
     if together.size or general:
-        resting = across if general else None
-        modes = modes.joined(_coupled_modes(equations, acting, undamped.select(together), window, resting))
+        some = _UndampedModes(omega2[together], psi[:, together], stretch[:, together], d[np.ix_(together, together)])
+        modes = modes.joined(_coupled_modes(equations, acting, some, window, across if general else None))
     if across is not None and not general:  # at rest, whatever their values
         # a unit of them leaves the others in equilibrium
         pushed = system.stiffness[:, None] * across + (acting.shape.T * acting.stiffness) @ (acting.shape @ across)
@@ -468,28 +429,12 @@ class _UndampedModes(NamedTuple):
     stretch: Floats  # (a, e) deflection at each acting contact
     damping: Floats  # (e, e)
 
-    def select(self, some: Ints) -> _UndampedModes:
-        """Some of them."""
-        return _UndampedModes(
-            self.omega_squared[some], self.shapes[:, some], self.stretch[:, some], self.damping[np.ix_(some, some)]
-        )
-
 
 def _undamped_modes(system: PiecewiseLinearSystem, acting: _Acting, across: Floats | None) -> _UndampedModes:
     """Of a structure whose motions ``across`` (n, n - e) are held; rigid-body motions no contact feels stay exact."""
-    omega_squared, shapes, stretch = _eigenmodes(system, acting.shape, acting.stiffness, across)
-    damping = shapes.T @ system.damping @ shapes + (stretch.T * acting.dashpot) @ stretch
-    return _UndampedModes(omega_squared, shapes, stretch, damping)
-
-
-def _eigenmodes(
-    system: PiecewiseLinearSystem, phi: Floats, k: Floats, across: Floats | None
-) -> tuple[Floats, Floats, Floats]:
-    """Squared frequencies (e,), modes (n, e) and stretches (a, e) of `_UndampedModes`, with springs ``k`` (a,) along
-    ``phi`` (a, n)."""
-    n = system.size
+    n, phi, k = system.size, acting.shape, acting.stiffness
     if not k.size and across is None:
-        return system.stiffness, np.eye(n), phi
+        return _UndampedModes(system.stiffness, np.eye(n), phi, system.damping)
     feeling = phi if across is None else np.vstack([phi, across.T])
     rigid = np.flatnonzero(system.stiffness == 0.0)
     basis = np.eye(n)
@@ -517,9 +462,10 @@ def _eigenmodes(
         stretch = phi @ held @ psi
         elastic = k > 0.0
         stretch[elastic] = (stretched[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
-    modes = np.hstack([basis[:, :free], held @ psi])
+    shapes = np.hstack([basis[:, :free], held @ psi])
     stretch = np.hstack([np.zeros((k.size, free)), stretch])
-    return np.concatenate([np.zeros(free), np.maximum(omega2, 0.0)]), modes, stretch
+    damping = shapes.T @ system.damping @ shapes + (stretch.T * acting.dashpot) @ stretch
+    return _UndampedModes(np.append(np.zeros(free), np.maximum(omega2, 0.0)), shapes, stretch, damping)
 
 
 def _residual(forced: Complexes, equations: StateEquations, sources: Sources) -> Complexes:
@@ -527,17 +473,16 @@ def _residual(forced: Complexes, equations: StateEquations, sources: Sources) ->
 
     That is a polynomial times ``e^{nu tau}``.
     """
-    of, F, degrees, power = equations.equations, np.arange(sources.count), int(sources.power.max()) + 1, sources.power
-    response = _with_powers(forced, degrees + 1)
-    y = response[:, :degrees]
+    of, power, F, degrees = equations.equations, sources.power, np.arange(sources.power.size), sources.power.max() + 1
+    y, higher = forced[:, :degrees], forced[:, 1 : degrees + 1]
     z = np.zeros((F.size, degrees, of.width), dtype=complex)
     z[:, :, : of.states], z[F, power, of.inputs.start + F] = y, 1.0
     z[F, power, of.slopes.start + F] = sources.exponent
     rising = np.flatnonzero(power)
     z[rising, power[rising] - 1, of.slopes.start + rising] = power[rising]
     rates = StateEquations(of, equations.phases, z.reshape(-1, of.width).T).rates.T.reshape(y.shape)
-    following = np.arange(1, degrees + 1)[:, None] * response[:, 1 : degrees + 1]
-    out = rates - sources.exponent[:, None, None] * y - following
+    out = rates - sources.exponent[:, None, None] * y
+    out[:, : higher.shape[1]] -= np.arange(1, higher.shape[1] + 1)[:, None] * higher
     out[np.arange(degrees) > power[:, None]] = 0.0
     return np.asarray(out)
 

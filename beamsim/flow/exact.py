@@ -10,6 +10,7 @@ import numpy as np
 
 from beamsim.contacts.laws import INTERNAL
 from beamsim.flow.contact_state import ContactState
+from beamsim.flow.invariant_blocks import LEAST_COORDINATES
 from beamsim.flow.kernels import Inputs, Tables
 from beamsim.flow.sources import Sources, compile_sources, sources_of_pieces
 from beamsim.flow.state_tables import (
@@ -217,7 +218,8 @@ class ExactFlow:
 
     def _new_state(self, phases: Ints) -> ContactState:
         """A contact state that is not kept, from the one that is nearest to it."""
-        nearest = self._tables.nearest(phases) if self.system.acts(phases) else None
+        updates = self.system.size >= LEAST_COORDINATES and self.system.acts(phases)
+        nearest = self._tables.nearest(phases) if updates else None
         return ContactState.of(self.equations.at(phases.copy()), self.sources, self.longest_window, nearest)
 
     def _append(self, state: ContactState) -> int:
@@ -423,7 +425,7 @@ class ExactFlow:
         A coefficient is known to the round-off of the whole polynomial on its piece, not to its own.
         """
         sources, orders = self.sources, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
-        fit = np.zeros((orders.size, sources.count))
+        fit = np.zeros((orders.size, sources.power.size))
         # 6: of polynomials that are fitted to inputs, at least
         for channel in set(sources.channel[sources.power >= 6].tolist()):
             of = sources.channel == channel

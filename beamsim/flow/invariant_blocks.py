@@ -132,21 +132,6 @@ class SimpleModes(NamedTuple):
     left: Complexes  # Xi, (e, N)
     eigenvalue: Complexes  # (e,)
 
-    def upper(self) -> SimpleModes:
-        """One of each conjugate pair, and the real ones."""
-        kept = np.flatnonzero(self.eigenvalue.imag >= 0.0)
-        if kept.size == self.eigenvalue.size:
-            return self
-        return SimpleModes(self.right[:, kept], self.left[kept], self.eigenvalue[kept])
-
-    def whole(self) -> SimpleModes:
-        """Both of each pair, from what `upper` returns."""
-        pair = np.flatnonzero(self.eigenvalue.imag > 0.0)
-        return SimpleModes(
-            np.hstack([self.right, self.right[:, pair].conj()]), np.vstack([self.left, self.left[pair].conj()]),
-            np.append(self.eigenvalue, self.eigenvalue[pair].conj()),
-        )  # fmt: skip
-
 
 class BlockForm(NamedTuple):
     """All invariant subspaces of a matrix, or of a part of it."""
@@ -163,13 +148,9 @@ class BlockForm(NamedTuple):
 
     def joined(self, other: BlockForm) -> BlockForm:
         """These subspaces and others of the same state."""
-        one, two = self.simple, other.simple
-        return BlockForm(
-            SimpleModes(
-                np.hstack([one.right, two.right]), np.vstack([one.left, two.left]),
-                np.append(one.eigenvalue, two.eigenvalue),
-            ), self.blocks + other.blocks,
-        )  # fmt: skip
+        right, left, eigenvalue = zip(self.simple, other.simple, strict=True)
+        modes = SimpleModes(np.hstack(right), np.vstack(left), np.concatenate(eigenvalue))
+        return BlockForm(modes, self.blocks + other.blocks)
 
 
 def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, window: float = np.inf) -> BlockForm:
@@ -187,12 +168,7 @@ def second_order_blocks(shapes: Floats, omega_squared: Floats, damping: Floats, 
     simple : eigenvalues with a block of their own; of a conjugate pair both.
     blocks : blocks of size two (rigid-body modes, near-critical damping).
     """
-    n = shapes.shape[0]
-    if not omega_squared.size:
-        return BlockForm(
-            SimpleModes(np.zeros((2 * n, 0), complex), np.zeros((0, 2 * n), complex), np.zeros(0, complex)), []
-        )
-    half = 0.5 * damping
+    n, half = shapes.shape[0], 0.5 * damping
     discriminant = half**2 - omega_squared
     root = np.sqrt(discriminant.astype(complex))
     scale = np.sqrt(np.abs(omega_squared)) + np.abs(half)
@@ -287,8 +263,21 @@ def _refined(A: Floats, modes: BlockForm, scale: Floats) -> BlockForm:
 
 
 def _separate(A: Floats, inverse: Callable[[], Floats] | None) -> SimpleModes | None:
-    """Every eigenvalue with a block of its own, or None where eigenvectors are too ill-conditioned for that."""
-    lam, X = _eigenpairs(A, inverse)
+    """Every eigenvalue with a block of its own, or None where eigenvectors are too ill-conditioned for that.
+
+    Those below the widest gap of their sizes are taken from the inverse, if there is one.
+    """
+    lam, X = (part.astype(complex) for part in np.linalg.eig(A))
+    size = np.sort(np.abs(lam))
+    if inverse is not None and size[0] > 0:
+        at = int(np.argmax(size[1:] / size[:-1]))
+        # 1e3: ratio of neighbouring sizes of eigenvalues from which on the smaller ones are those of the inverse
+        if size[at + 1] >= 1e3 * size[at]:
+            limit = np.sqrt(size[at]) * np.sqrt(size[at + 1])
+            mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse()))
+            fast, slow = np.abs(lam) > limit, np.abs(mu) * limit > 1.0
+            if fast.sum() + slow.sum() == lam.size:
+                lam, X = np.append(lam[fast], 1.0 / mu[slow]), np.concatenate([X[:, fast], Y[:, slow]], axis=1)
     try:
         Xi = np.linalg.inv(X).astype(complex)
     except np.linalg.LinAlgError:
@@ -296,24 +285,6 @@ def _separate(A: Floats, inverse: Callable[[], Floats] | None) -> SimpleModes | 
     with np.errstate(over="ignore", invalid="ignore"):  # of vectors that are parallel to round-off
         norms = np.linalg.norm(X, axis=0) * np.linalg.norm(Xi, axis=1)
     return SimpleModes(X, Xi, lam) if np.all(np.isfinite(norms)) and norms.max() <= LARGEST_PROJECTOR else None
-
-
-def _eigenpairs(A: Floats, inverse: Callable[[], Floats] | None) -> tuple[Complexes, Complexes]:
-    """Eigenvalues and eigenvectors; those below the widest gap of the sizes from the inverse, if there is one."""
-    lam, X = (part.astype(complex) for part in np.linalg.eig(A))
-    size = np.sort(np.abs(lam))
-    if inverse is None or not size[0] > 0:
-        return lam, X
-    at = int(np.argmax(size[1:] / size[:-1]))
-    # 1e3: ratio of neighbouring sizes of eigenvalues from which on the smaller ones are those of the inverse
-    if size[at + 1] < 1e3 * size[at]:
-        return lam, X
-    limit = np.sqrt(size[at]) * np.sqrt(size[at + 1])
-    mu, Y = (part.astype(complex) for part in np.linalg.eig(inverse()))
-    fast, slow = np.abs(lam) > limit, np.abs(mu) * limit > 1.0
-    if fast.sum() + slow.sum() != lam.size:
-        return lam, X
-    return np.concatenate([lam[fast], 1.0 / mu[slow]]), np.concatenate([X[:, fast], Y[:, slow]], axis=1)
 
 
 def _clusters(A: Floats, window: float) -> BlockForm:
@@ -392,36 +363,12 @@ def _invariant(A: Floats, lam: Complexes, group: Ints) -> Block | None:
 LEAST_COORDINATES, MOST_CHANGED = 40, 2
 
 
-def can_update(system: PiecewiseLinearSystem, before: Ints, phases: Ints) -> bool:
-    """Whether the modes of a contact state may follow from those of another one.
-
-    Undamped modes may not: their eigenvalues have no real part, and round-off would give them one.
-
-    Parameters
-    ----------
-    system : the structure.
-    before, phases : (m,) of the contacts in the known state and in the new one.
-
-    Returns
-    -------
-    bool
-    """
-    n, contacts = system.size, system.contacts
-    if n < LEAST_COORDINATES or contacts.coupled(before) or contacts.coupled(phases):
-        return False
-    if contacts.holds(before).any() or contacts.holds(phases).any():
-        return False
-    if contacts.presses(before) or contacts.presses(phases):
-        return False
-    damped = contacts.damped or bool(np.diag(system.damping).any())
-    few = int(np.count_nonzero(before != phases)) <= MOST_CHANGED
-    return damped and not system.coupled_by_damping and few
-
-
 def neighbouring_modes(
     system: PiecewiseLinearSystem, known: SimpleModes, before: Ints, phases: Ints
 ) -> SimpleModes | None:
-    """Modes of (q, q') in a contact state from those of another one, see `can_update`.
+    """Modes of (q, q') in a contact state from those of another one.
+
+    Undamped modes are computed anew: their eigenvalues have no real part, and round-off would give them one.
 
     Parameters
     ----------
@@ -434,6 +381,11 @@ def neighbouring_modes(
     modes : one of each conjugate pair; None where they have to be computed anew.
     """
     n, contacts = system.size, system.contacts
+    damped = contacts.damped or bool(np.diag(system.damping).any())
+    if not damped or system.coupled_by_damping or np.count_nonzero(before != phases) > MOST_CHANGED:
+        return None
+    if any(contacts.coupled(of) or contacts.holds(of).any() or contacts.presses(of) for of in (before, phases)):
+        return None
     upper = np.flatnonzero(known.eigenvalue.imag > 0.0)
     if upper.size < n:
         return None

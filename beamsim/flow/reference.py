@@ -303,7 +303,8 @@ class _Equations:
 
     def _longest_step(self, t: float) -> float:
         """s, in which the inputs that move a guard, themselves or through the state, turn by `RADIANS`."""
-        exponent, inputs = self.flow.sources.exponent, slice(self.flow.size, self.flow.size + self.flow.sources.count)
+        exponent = self.flow.sources.exponent
+        inputs = slice(self.flow.size, self.flow.size + exponent.size)
         slopes = slice(inputs.stop, None)
         rows = np.vstack([self.events.guards, self.rates[: self.flow.size]])
         moves = rows[:, inputs].any(axis=0) | rows[:, slopes].any(axis=0)

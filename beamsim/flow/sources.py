@@ -7,7 +7,7 @@ Source 0 is the constant one, which carries dead loads and gaps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -29,12 +29,8 @@ class Sources:
     power: Ints  # (F,)
     channel: Ints  # (F,) -1 for the constant source
     longest_piece: Floats  # (F,) s, on which each source acts; the last one ends with the motion
-    limit: Floats  # (F,) |nu - lambda| times that piece, below which a response is a power series, see `_limits`
-
-    @property
-    def count(self) -> int:
-        """F."""
-        return int(self.exponent.size)
+    limit: Floats  # (F,) |nu - lambda| times that piece, below which a response is a power series, see `_lower_limits`
+    group_last: Ints  # (F,) number of the last source of the polynomial (same channel and exponent) of each
 
     def amplitudes_at(self, time: Floats, piece: Ints) -> Complexes:
         """(n, F) amplitudes in pieces (n,) about times (n,)."""
@@ -42,7 +38,7 @@ class Sources:
         if not np.any(shift):
             return amplitude
         last, out = self.group_last, amplitude.copy()
-        for f in np.flatnonzero(last > np.arange(self.count)):
+        for f in np.flatnonzero(last > np.arange(last.size)):
             factor = np.ones(time.size)
             for q in range(f + 1, last[f] + 1):
                 factor = factor * shift[:, 0] * ((self.power[f] + q - f) / (q - f))
@@ -64,24 +60,15 @@ class Sources:
         names = ("exponent", "power", "channel", "longest_piece", "limit")
         return all(np.array_equal(getattr(self, name), getattr(others, name)) for name in names)
 
-    @cached_property
-    def group_last(self) -> Ints:
-        """Index of the last source of the run (same channel and exponent) that each source belongs to."""
-        last = np.arange(self.count)
-        for f in range(self.count - 2, -1, -1):
-            if self.channel[f] == self.channel[f + 1] and self.power[f + 1] == self.power[f] + 1:
-                last[f] = last[f + 1]
-        return last
-
 
 def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> Sources:
     """Merge the channels' breakpoints and list their basis functions, for a motion of a duration, s."""
     start = np.unique(np.concatenate([np.zeros(1)] + [c.start for c in channels]))
     start = start[start >= 0.0]
-    exponent, power, channel = [0j], [0], [-1]
+    exponent, power, channel, last = [0j], [0], [-1], [0]
     columns = [np.ones((start.size, 1), dtype=complex)]
     for index, signal in enumerate(channels):
-        c = _about(signal, start)
+        c = signal.coefficient if np.array_equal(signal.start, start) else _about(signal, start)
         for i, nu in enumerate(signal.exponent):
             used = np.flatnonzero(np.any(c[:, i, :] != 0, axis=0))
             if used.size == 0 and nu == 0:
@@ -90,33 +77,37 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
             exponent += [complex(nu)] * (degree + 1)
             power += list(range(degree + 1))
             channel += [index] * (degree + 1)
+            last += [len(power) - 1] * (degree + 1)
             columns.append(c[:, i, : degree + 1])
     amplitude = np.ascontiguousarray(np.concatenate(columns, axis=1))
     length = np.minimum(np.append(start[1:], np.inf), duration) - start
-    acts = amplitude != 0
-    for f in range(len(power) - 2, -1, -1):  # within a piece a power adds to the lower ones of its polynomial
-        if power[f + 1] == power[f] + 1 and channel[f + 1] == channel[f]:
+    acts, powers = amplitude != 0, np.array(power, dtype=np.int64)
+    for f in range(powers.size - 2, -1, -1):  # within a piece a power adds to the lower ones of its polynomial
+        if last[f] > f:
             acts[:, f] |= acts[:, f + 1]
-    longest = np.max(np.where(acts, length[:, None], 0.0), axis=0)
     sources = Sources(
-        start, amplitude, np.array(exponent), np.array(power, dtype=np.int64), np.array(channel, dtype=np.int64),
-        longest, np.empty(0),
+        start, amplitude, np.array(exponent), powers, np.array(channel, dtype=np.int64),
+        longest_piece=np.max(np.where(acts, length[:, None], 0.0), axis=0),
+        limit=np.where(powers == 0, RESONANCE, powers + 1.0),
+        group_last=np.array(last, dtype=np.int64),
     )  # fmt: skip
-    return replace(sources, limit=_limits(sources))
+    if powers.any():
+        _lower_limits(sources)
+    return sources
 
 
-def _limits(sources: Sources) -> Floats:
-    """(F,) distances of exponents from eigenvalues, times the length of a piece, from which responses are polynomials.
+def _lower_limits(sources: Sources) -> None:
+    """Lower the limits of powers with which a channel hardly changes.
 
-    Its terms cancel by ``p! / (|nu - lambda| tau)^p`` of the share of the power p in its channel. Those of the power
-    series that starts from zero do not while the distance is no larger than ``p + 1``; powers with which a channel
-    hardly changes may be polynomials earlier, by the root of their share.
+    A response that is a polynomial has terms that cancel by ``p! / (|nu - lambda| tau)^p`` of the share of the power p
+    in its channel. Those of the power series that starts from zero do not while the distance is no larger than
+    ``p + 1``; powers with which a channel hardly changes may be polynomials earlier, by the root of their share.
     """
-    limit = np.where(sources.power == 0, RESONANCE, sources.power + 1.0)
-    for first in np.flatnonzero(sources.power == 0):
+    limit = sources.limit
+    for first in np.flatnonzero((sources.power == 0) & (sources.group_last > np.arange(limit.size))):
         group = np.arange(first, sources.group_last[first] + 1)
         scale = sources.longest_piece[first] ** sources.power[group]
-        if group.size == 1 or not np.all(np.isfinite(scale)):
+        if not np.all(np.isfinite(scale)):
             continue
         largest = np.zeros(sources.start.size)
         for f, unit in zip(group, scale, strict=True):
@@ -126,7 +117,6 @@ def _limits(sources: Sources) -> Floats:
             share = float((unit * np.abs(sources.amplitude[:, f]) / largest).max())
             # 0.5: ... to an exponential times a power of time, in any case
             limit[f] = max(limit[f] * share ** (1.0 / sources.power[f]), 0.5)
-    return limit
 
 
 def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, duration: float) -> Sources:
@@ -156,14 +146,12 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
     return Sources(
         record.start(first, last), np.ascontiguousarray(np.concatenate(columns, axis=1)), np.zeros(power.size, complex),
         power, np.repeat(np.arange(-1, len(parts)), [1, *degrees]), np.full(power.size, longest),
-        np.where(power == 0, RESONANCE, power + 1.0),
+        np.where(power == 0, RESONANCE, power + 1.0), np.repeat(np.cumsum([1, *degrees]) - 1, [1, *degrees]),
     )  # fmt: skip
 
 
 def _about(signal: Signal, start: Floats) -> Complexes:
     """Coefficients (P, E, D) of the signal about new piece starts that include its own."""
-    if np.array_equal(signal.start, start):
-        return signal.coefficient
     k = np.clip(np.searchsorted(signal.start, start, side="right") - 1, 0, None)
     shift = start - signal.start[k]
     c = signal.coefficient[k].copy()

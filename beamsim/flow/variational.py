@@ -304,7 +304,7 @@ def sensitivity(
     -------
     The derivatives of the end and those that are kept.
     """
-    N, F, G, M, P = flow.size, flow.sources.count, log.time.size, len(instants), len(changes)
+    N, F, G, M, P = flow.size, flow.sources.power.size, log.time.size, len(instants), len(changes)
     visited, state = np.unique(log.state, return_inverse=True)
     steps = np.diff(log.state)
     events = zip(*(column[column.size - np.count_nonzero(steps) :].tolist()
@@ -428,7 +428,7 @@ class VariationalFlow(PeriodicFlow):
         if not isinstance(parameter, Frequency | Level):
             raise TypeError(f"no derivative by {type(parameter).__name__}")
         amplitude, exponent = self.loads.rates_of_signals(self.omega, self.level, parameter)
-        count = self.exact.sources.count - 1  # without the base where no contact feels it
+        count = self.exact.sources.power.size - 1  # without the base where no contact feels it
         return SourceRates(self._outputs, amplitude[:count], exponent[:count])
 
     def motion(self, flow_map: FlowMap) -> Trajectory:

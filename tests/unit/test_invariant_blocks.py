@@ -152,7 +152,7 @@ def free_exponents(case, phases):
     """Exponents of the free motions of a scenario with its contacts in given phases."""
     flow = exact_flow(build_system(load_scenario(case)), 1.0)
     state = flow.states[flow.state_index(np.array(phases))]
-    return state.exponent[np.unique(state.term_basis[state.term_source >= flow.sources.count])]
+    return state.exponent[np.unique(state.term_basis[state.term_source >= flow.sources.power.size])]
 
 
 def test_a_heavily_overdamped_stop_does_not_spoil_the_slow_motions():
