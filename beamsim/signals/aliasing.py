@@ -45,7 +45,9 @@ def share_above_half_rate(values: Floats, place: float = BETWEEN) -> Floats:
     samples = values[::2]
     if samples.shape[0] <= 2 * _NEIGHBOURS:
         return np.full(values.shape[1], np.nan)
-    return _ratio(_content(values, place), np.var(samples, axis=0))
+    variance = np.var(samples, axis=0)
+    ratio = np.divide(_content(values, place), variance, out=np.zeros_like(variance), where=variance > 0.0)
+    return np.asarray(np.sqrt(ratio))
 
 
 def share_of_blocks(time: Floats, samples: Floats, columns: Ints, at: Callable[[Floats], Floats]) -> Floats:
@@ -65,9 +67,12 @@ def share_of_blocks(time: Floats, samples: Floats, columns: Ints, at: Callable[[
     for first in np.linspace(0, time.size - length, min(_BLOCKS, time.size // length)).astype(int).tolist():
         values = np.empty((2 * length - 1, columns.size))
         values[::2] = samples[first : first + length, columns]
-        values[1::2] = at(between_samples(time[first : first + length])[1::2])
+        at_samples = time[first : first + length]
+        values[1::2] = at(at_samples[:-1] + BETWEEN * np.diff(at_samples))
         content.append(_content(values, BETWEEN))
-    return _ratio(np.mean(content, axis=0), np.array([np.var(samples[:, column]) for column in columns]))
+    variance = np.array([np.var(samples[:, column]) for column in columns])
+    ratio = np.divide(np.mean(content, axis=0), variance, out=np.zeros_like(variance), where=variance > 0.0)
+    return np.asarray(np.sqrt(ratio))
 
 
 def _content(values: Floats, place: float) -> Floats:
@@ -81,7 +86,3 @@ def _content(values: Floats, place: float) -> Floats:
     first = _NEIGHBOURS - 1
     difference = between[first : first + expected.shape[0]] - expected
     return np.asarray(np.mean(difference**2, axis=0) / (2.0 * np.sin(np.pi * place)) ** 2)
-
-
-def _ratio(content: Floats, variance: Floats) -> Floats:
-    return np.sqrt(np.divide(content, variance, out=np.zeros_like(variance), where=variance > 0.0))

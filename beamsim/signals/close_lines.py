@@ -35,6 +35,7 @@ class Remainder:
         there, free of the mean.
     left : (k, 2 * LOBE + 1) complex amplitudes that the lines leave; zero elsewhere.
     of_lines : (k, 2 * LOBE + 1, k) those of each line alone, near each line.
+    size : (k,) largest magnitude that is left near each line.
     """
 
     window: Window
@@ -42,6 +43,7 @@ class Remainder:
     inside: Bools
     left: Complexes
     of_lines: Complexes
+    size: Floats
 
     @classmethod
     def of(
@@ -67,13 +69,8 @@ class Remainder:
         distance = bins[:, :, None] - place, bins[:, :, None] + place
         ahead, behind = (_lobe(window, each) for each in distance)
         of_lines = (ahead * since_start - behind * since_start.conj()) / 1j
-        left = curve[np.where(inside, bins, 0)] - of_lines.sum(axis=2)
-        return cls(window, bins, inside, np.where(inside, left, 0.0), of_lines)
-
-    @property
-    def size(self) -> Floats:
-        """(k,) largest magnitude within `LOBE` bins of each line."""
-        return np.asarray(np.abs(self.left).max(axis=1, initial=0.0))
+        left = np.where(inside, curve[np.where(inside, bins, 0)] - of_lines.sum(axis=2), 0.0)
+        return cls(window, bins, inside, left, of_lines, np.abs(left).max(axis=1, initial=0.0))
 
     def best_pair(self, lines: Sequence[int], known: float | None) -> tuple[tuple[float, float], float]:
         """The two frequencies which explain best what lies near a line.
@@ -136,4 +133,4 @@ def _remaining(curve: Complexes, one: Complexes, two: Complexes) -> Floats:
 def _lobe(window: Window, bins: Floats) -> Complexes:
     """Transform of a window at frequencies in bins, any shape, over that at zero."""
     omega = 2.0 * np.pi * np.asarray(bins, dtype=float)
-    return np.asarray(window.transform(omega, 1.0) / window.mean)
+    return np.asarray(window.transform(omega, 1.0) / window.cosines[0])

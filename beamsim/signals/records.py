@@ -9,9 +9,10 @@ of cosines, whose transforms are known in closed form.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Protocol
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
@@ -40,40 +41,33 @@ _COSINE_SUMS = {
 
 @dataclass(frozen=True)
 class Window:
-    """A sum of cosines on [0, T].
+    r"""A sum of cosines on [0, T].
 
     Parameters
     ----------
-    name : of a cosine sum, or ``decaying``.
+    cosines : factors of :math:`\cos(j \kappa u)`, j = 0, 1, ...; the first is the mean.
+    exponentials : the same sum as one of :math:`c e^{-i \pi s u / T}`.
     one_sided : the falling half of the window alone, largest at the beginning: what happens first counts.
     """
 
-    name: str
+    cosines: tuple[float, ...]
+    exponentials: Exponentials
     one_sided: bool = False
 
     @classmethod
-    def named(cls, name: str) -> Window:
-        """By the name in a scenario; ``decaying`` is the falling half of a Hann window."""
-        return cls("hann", one_sided=True) if name == "decaying" else cls(name)
-
-    @cached_property
-    def cosines(self) -> Floats:
-        """Factor of ``cos(j kappa u)``, j = 0, 1, ..."""
-        a = np.array(_COSINE_SUMS[self.name])
-        return a if self.one_sided else a * (-1.0) ** np.arange(a.size)
-
-    @property
-    def mean(self) -> float:
-        """Of the window; its cosines have none."""
-        return float(self.cosines[0])
-
-    def turn(self, duration: float) -> float:
-        """kappa, rad/s."""
-        return float((1.0 if self.one_sided else 2.0) * np.pi / duration)
+    def named(cls, name: str, one_sided: bool = False) -> Window:
+        """By the name in a scenario, or of a sum of cosines; ``decaying`` is the falling half of a Hann window."""
+        if name == "decaying":
+            name, one_sided = "hann", True
+        cosines, each = _COSINE_SUMS[name], 1 if one_sided else 2
+        if not one_sided:
+            cosines = tuple(c * (-1.0) ** j for j, c in enumerate(cosines))
+        sides = [(each * j, 0.5 * c) for j, c in enumerate(cosines) if j]
+        return cls(cosines, ((0, cosines[0]), *sides, *((-s, c) for s, c in sides)), one_sided)
 
     def values(self, share: Floats) -> Floats:
         """w at times given as shares of the duration."""
-        angle = self.turn(1.0) * share
+        angle = (1.0 if self.one_sided else 2.0) * np.pi * share
         return np.asarray(sum(c * np.cos(j * angle) for j, c in enumerate(self.cosines)))
 
     def amplitudes(self, x: Floats) -> Complexes:
@@ -85,13 +79,6 @@ class Window:
             out[-1] /= 2.0  # the line at half the rate is not doubled
         out[0] = mean
         return np.asarray(out)
-
-    @cached_property
-    def exponentials(self) -> Exponentials:
-        r"""The window as a sum of :math:`e^{-i \pi s u / T}`."""
-        each = 1 if self.one_sided else 2
-        sides = [(each * j, 0.5 * c) for j, c in enumerate(self.cosines.tolist()) if j]
-        return ((0, float(self.cosines[0])), *sides, *((-s, c) for s, c in sides))
 
     def transform(self, omega: Floats, duration: float) -> Complexes:
         r"""Fourier integrals :math:`\int_0^T w e^{-i\omega u} du` of the window, of the shape of omega, rad/s.
@@ -128,46 +115,37 @@ def _sampled(window: Window, size: int) -> tuple[Floats, float]:
     return values, total
 
 
-RECTANGULAR = Window("rectangular")
+RECTANGULAR = Window.named("rectangular")
 
 
-class SpectrumRecord(Protocol):
+class Levels(NamedTuple):
+    """How large a record is."""
+
+    peak: float  # largest magnitude
+    deviation: float  # largest one from the mean
+    rms: float  # root mean square, mean included
+
+
+class SpectrumRecord(ABC):
     """What a spectrum is made of."""
 
-    @property
-    def start(self) -> float:
-        """When it begins, s."""
+    start: float  # s
+    duration: float  # s; the curve of the spectrum is known at multiples of its inverse
+    size: int  # number of samples, or of those that would cover the curve
+    highest_hz: float  # Hz, up to which a sinusoid's amplitude and phase are known
 
-    @property
-    def duration(self) -> float:
-        """Its length, s; the curve of the spectrum is known at multiples of its inverse."""
+    @abstractmethod
+    def levels(self) -> Levels:
+        """Peak, deviation and root mean square."""
 
-    @property
-    def size(self) -> int:
-        """Number of samples, or of those that would cover the curve."""
-
-    @property
-    def highest_hz(self) -> float:
-        """Frequency, Hz, up to which a sinusoid's amplitude and phase are known."""
-
-    @property
-    def peak(self) -> float:
-        """Largest magnitude."""
-
-    @property
-    def deviation(self) -> float:
-        """Largest deviation from the mean."""
-
-    @property
-    def rms(self) -> float:
-        """Root mean square, mean included."""
-
+    @abstractmethod
     def amplitudes(self, window: Window) -> Complexes:
         """(F,) single-sided amplitudes under a window, phases since the start, the weighted mean first.
 
         See `spectrum_of`.
         """
 
+    @abstractmethod
     def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
         """Those of a least-squares fit under a window of 1, sines (k,) and cosines (k,) since the start.
 
@@ -177,74 +155,57 @@ class SpectrumRecord(Protocol):
             record.
         """
 
-    def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
-        """Mean and complex amplitudes (k,) of sinusoids (k,), and under a window of a slope, by least squares."""
-
+    @abstractmethod
     def residual(self, frequency_hz: Floats) -> float:
         """Root mean square of what the projection on sinusoids (k,) leaves."""
 
+    @abstractmethod
     def halves(self) -> tuple[SpectrumRecord, SpectrumRecord]:
         """The first and the second half of the time."""
 
+    def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
+        """Mean and complex amplitudes (k,) of sinusoids (k,), and under a window of a slope, by least squares."""
+        if window is None:
+            fit = _solved(*self.normal_equations(frequency_hz, RECTANGULAR))[0]
+            return float(fit[0]), _complex(fit[1:], frequency_hz, self.start)
+        matrix, right = self.normal_equations(np.append(_DIFFERENCE / self.duration, frequency_hz), window)
+        kept = np.delete(np.eye(right.size), 2 + np.size(frequency_hz), axis=0)  # a sine of no frequency is a slope
+        kept[1] /= 2.0 * np.pi * _DIFFERENCE
+        matrix = kept @ matrix @ kept.T
+        fit = _solved(matrix, kept @ right)[0]
+        return float(fit[0] + matrix[0, 1] * fit[1]), _complex(fit[2:], frequency_hz, self.start)
 
-@dataclass(frozen=True)
-class SampledRecord:
-    """Equally spaced samples."""
 
-    time: Floats  # (N,) s
-    x: Floats  # (N,) unit of the signal
-    rate: float  # samples per second
+class SampledRecord(SpectrumRecord):
+    """Equally spaced samples, of which all sums are taken as they are.
 
-    @property
-    def start(self) -> float:
+    Parameters
+    ----------
+    time, x : (N,) s, and unit of the signal.
+    rate : samples per second.
+    """
+
+    def __init__(self, time: Floats, x: Floats, rate: float) -> None:
+        self.time, self.x, self.rate = time, x, rate
+        self.start, self.size, self.duration = float(time[0]), int(x.size), x.size / rate
+        self.highest_hz = 0.49 * rate  # below half the rate, at which a sine and a cosine are one sinusoid
+
+    def levels(self) -> Levels:
         """See `SpectrumRecord`."""
-        return float(self.time[0])
-
-    @property
-    def duration(self) -> float:
-        """See `SpectrumRecord`."""
-        return self.x.size / self.rate
-
-    @property
-    def size(self) -> int:
-        """See `SpectrumRecord`."""
-        return int(self.x.size)
-
-    @property
-    def highest_hz(self) -> float:
-        """See `SpectrumRecord`; below half the rate, at which a sine and a cosine are one sinusoid."""
-        return 0.49 * self.rate
-
-    @property
-    def peak(self) -> float:
-        """See `SpectrumRecord`."""
-        return float(np.max(np.abs(self.x)))
-
-    @property
-    def deviation(self) -> float:
-        """See `SpectrumRecord`."""
-        return float(np.max(np.abs(self.x - np.mean(self.x))))
-
-    @property
-    def rms(self) -> float:
-        """See `SpectrumRecord`."""
-        size = float(np.abs(self.x).max(initial=0.0))  # a motion without bound has squares beyond all numbers
-        return size * float(np.sqrt(np.mean((self.x / size) ** 2))) if size else 0.0
+        peak = float(np.max(np.abs(self.x)))  # a motion without bound has squares beyond all numbers
+        rms = peak * float(np.sqrt(np.mean((self.x / peak) ** 2))) if peak else 0.0
+        return Levels(peak, float(np.max(np.abs(self.x - np.mean(self.x)))), rms)
 
     def amplitudes(self, window: Window) -> Complexes:
         """See `SpectrumRecord`; up to half the rate."""
         return window.amplitudes(self.x)
 
     def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
-        """See `SpectrumRecord`; by sums over the samples."""
+        """See `SpectrumRecord`."""
         weight = window.values(np.arange(self.x.size) / self.x.size)
         matrix, right = _sums(self.time - self.time[0], self.x, frequency_hz, weight)
         total = float(np.sum(weight))
         return matrix / total, right / total
-
-    def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
-        """See `SpectrumRecord`; by sums over the samples."""
-        return project(self.time, self.x, frequency_hz) if window is None else _on_slope(self, frequency_hz, window)
 
     def residual(self, frequency_hz: Floats) -> float:
         """See `SpectrumRecord`."""
@@ -255,13 +216,14 @@ class SampledRecord:
     def halves(self) -> tuple[SampledRecord, SampledRecord]:
         """See `SpectrumRecord`; half of the samples each."""
         half = self.x.size // 2
-        early = replace(self, time=self.time[:half], x=self.x[:half])
-        return early, replace(self, time=self.time[half:], x=self.x[half:])
+        early, late = slice(0, half), slice(half, None)
+        return SampledRecord(self.time[early], self.x[early], self.rate), SampledRecord(
+            self.time[late], self.x[late], self.rate
+        )
 
 
-@dataclass(frozen=True)
-class MotionRecord:
-    """One output of a motion in closed form.
+class MotionRecord(SpectrumRecord):
+    """One output of a motion in closed form, of which all sums are integrals.
 
     Parameters
     ----------
@@ -270,36 +232,16 @@ class MotionRecord:
     size : number of samples that would cover it.
     """
 
-    part: MotionPart
-    column: int
-    highest_hz: float
-    size: int
+    def __init__(self, part: MotionPart, column: int, highest_hz: float, size: int) -> None:
+        self.part, self.column, self.highest_hz, self.size = part, column, highest_hz, size
+        self.start, self.duration = part.begin, part.duration
 
-    @property
-    def start(self) -> float:
+    def levels(self) -> Levels:
         """See `SpectrumRecord`."""
-        return self.part.begin
-
-    @property
-    def duration(self) -> float:
-        """See `SpectrumRecord`."""
-        return self.part.duration
-
-    @property
-    def peak(self) -> float:
-        """See `SpectrumRecord`."""
-        return float(max(-self.part.extrema.low[self.column], self.part.extrema.high[self.column]))
-
-    @property
-    def deviation(self) -> float:
-        """See `SpectrumRecord`."""
-        mean, found = self.part.means[self.column], self.part.extrema
-        return float(max(mean - found.low[self.column], found.high[self.column] - mean))
-
-    @property
-    def rms(self) -> float:
-        """See `SpectrumRecord`."""
-        return float(np.sqrt(max(self.part.mean_squares[self.column], 0.0)))
+        part, column = self.part, self.column
+        low, high, mean = part.extrema.low[column], part.extrema.high[column], part.means[column]
+        rms = np.sqrt(max(part.mean_squares[column], 0.0))
+        return Levels(float(max(-low, high)), float(max(mean - low, high - mean)), float(rms))
 
     def deviations_of_quarters(self) -> tuple[float, float]:
         """Root mean squares of the first and the last quarter of the time, about the mean of all."""
@@ -310,7 +252,7 @@ class MotionRecord:
         """See `SpectrumRecord`; up to the highest frequency."""
         count = int(self.highest_hz * self.duration * (1 + 1e-12)) + 1
         omega = 2.0 * np.pi / self.duration * np.arange(count, dtype=np.float64)
-        total = window.mean * self.duration
+        total = window.cosines[0] * self.duration
         seen = self.part.weighted(window.exponentials)[self.column, : 2 * count : 2]
         mean = float(seen[0].real) / total
         out = (seen - mean * window.transform(omega, self.duration)) * (2.0 / total)
@@ -318,28 +260,22 @@ class MotionRecord:
         return np.asarray(out)
 
     def normal_equations(self, frequency_hz: Floats, window: Window) -> tuple[Floats, Floats]:
-        """See `SpectrumRecord`; by integrals."""
+        """See `SpectrumRecord`."""
         omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
         matrix, total = _normal_equations(window, omega.tobytes(), self.duration)
         moved = self.part.integrals(np.append(0.0, omega), self.column, window.exponentials)
         return matrix, np.concatenate([moved[:1].real, -moved[1:].imag, moved[1:].real]) / total
 
-    def project(self, frequency_hz: Floats, window: Window | None = None) -> tuple[float, Complexes]:
-        """See `SpectrumRecord`; by integrals."""
-        if window is not None:
-            return _on_slope(self, frequency_hz, window)
-        fit = _solved(*self.normal_equations(frequency_hz, RECTANGULAR))
-        return float(fit[0]), _complex(fit[1:], frequency_hz, self.start)
-
     def residual(self, frequency_hz: Floats) -> float:
         """See `SpectrumRecord`."""
         matrix, right = self.normal_equations(frequency_hz, RECTANGULAR)
-        return float(np.sqrt(max(self.part.mean_squares[self.column] - _solved(matrix, right) @ right, 0.0)))
+        left = self.part.mean_squares[self.column] - _solved(matrix, right)[0] @ right
+        return float(np.sqrt(max(left, 0.0)))
 
     def halves(self) -> tuple[MotionRecord, MotionRecord]:
         """See `SpectrumRecord`."""
-        early, late = self.part.halves
-        return replace(self, part=early, size=self.size // 2), replace(self, part=late, size=self.size // 2)
+        early, late = (MotionRecord(half, self.column, self.highest_hz, self.size // 2) for half in self.part.halves)
+        return early, late
 
 
 def refined(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: Window) -> Floats:
@@ -373,7 +309,8 @@ def refined(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: W
             near = float(np.abs(step).max()) * record.duration < _NEAR
             step = _correction(record, place, np.flatnonzero(~fixed), window, near) / record.duration
             place[~fixed] += step
-            astray = ~(np.abs(place - start) <= reach) | _close(place, _NEAREST / record.duration)
+            between = np.abs(np.subtract.outer(place, place)) + np.diag(np.full(place.size, np.inf))
+            astray = ~(np.abs(place - start) <= reach) | (between < _NEAREST / record.duration).any(axis=0)
             if astray.any() or float(np.abs(step).max()) * record.duration < _AT_REST:
                 break
         else:
@@ -382,13 +319,6 @@ def refined(record: SpectrumRecord, frequency_hz: Floats, free: Bools, window: W
             return place
         fixed |= astray
     return start
-
-
-def _close(frequency_hz: Floats, least: float) -> Bools:
-    """(k,) whether another frequency is nearer than the least distance."""
-    distance = np.abs(np.subtract.outer(frequency_hz, frequency_hz))
-    np.fill_diagonal(distance, np.inf)
-    return np.asarray((distance < least).any(axis=0))
 
 
 def _correction(
@@ -404,7 +334,7 @@ def _correction(
     fitted = np.concatenate([[0], sines[: 1 + k], cosines[1 : 1 + k]])
     ahead, behind = np.hstack([sines[1 + k :].reshape(2, n), cosines[1 + k :].reshape(2, n)])
     of_fitted = matrix[fitted]
-    fit = _solved(of_fitted[:, fitted], right[fitted])
+    fit = _solved(of_fitted[:, fitted], right[fitted])[0]
     left = right - fit @ of_fitted  # products of all functions with what the fit leaves
     sine, cosine = fit[2 : 2 + k][moving], fit[2 + k :][moving]
     by_frequency = np.hstack([np.diag(sine), np.diag(cosine)])
@@ -421,10 +351,10 @@ def _correction(
         curved[each, each] -= sine * bent[:n] + cosine * bent[n:]
         curved_mixed[each, 2 + moving] -= left_of_slopes[:n]
         curved_mixed[each, 2 + k + moving] -= left_of_slopes[n:]
-        found = _by_cholesky(np.block([[of_fitted[:, fitted], curved_mixed.T], [curved_mixed, curved]]), wanted)
-        if found is not None:
+        found, regular = _solved(np.block([[of_fitted[:, fitted], curved_mixed.T], [curved_mixed, curved]]), wanted)
+        if regular:
             return found[-n:] / (2.0 * np.pi)
-    change = _solved(np.block([[of_fitted[:, fitted], mixed.T], [mixed, pure]]), wanted)
+    change = _solved(np.block([[of_fitted[:, fitted], mixed.T], [mixed, pure]]), wanted)[0]
     c = (fit + change[: fit.size])[2:]
     c = c[:k][moving] + 1j * c[k:][moving]
     turning, swelling = change[fit.size : fit.size + n], change[fit.size + n :] if window.one_sided else 0.0
@@ -433,30 +363,16 @@ def _correction(
     return np.asarray((np.conj(c) * by_time).imag / size / (2.0 * np.pi))
 
 
-def _on_slope(record: SpectrumRecord, frequency_hz: Floats, window: Window) -> tuple[float, Complexes]:
-    """Weighted mean and complex amplitudes (k,) of sinusoids (k,), fitted together with a slope."""
-    turn = 2.0 * np.pi * _DIFFERENCE
-    matrix, right = record.normal_equations(np.append(_DIFFERENCE / record.duration, frequency_hz), window)
-    kept = np.delete(np.eye(right.size), 2 + np.size(frequency_hz), axis=0)  # a sine of no frequency is a slope
-    kept[1] /= turn
-    matrix = kept @ matrix @ kept.T
-    fit = _solved(matrix, kept @ right)
-    return float(fit[0] + matrix[0, 1] * fit[1]), _complex(fit[2:], frequency_hz, record.start)
+def _solved(matrix: Floats, right: Floats) -> tuple[Floats, bool]:
+    """Solution of normal equations, and whether they are positive definite and far from singular.
 
-
-def _solved(matrix: Floats, right: Floats) -> Floats:
-    """Solution of normal equations, of least norm where two lines have one frequency."""
-    found = _by_cholesky(matrix, right)
-    return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0]) if found is None else found
-
-
-def _by_cholesky(matrix: Floats, right: Floats) -> Floats | None:
-    """Solution of equations whose matrix is positive definite and far from singular; else None."""
+    It is that of least norm where they are not, as where two lines have one frequency.
+    """
     size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     factor, failed = dpotrf(matrix / np.multiply.outer(size, size), lower=1)
     if failed or float(np.diag(factor).min()) < _DEPENDENT:
-        return None
-    return np.asarray(dpotrs(factor, right / size, lower=1)[0] / size)
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0]), False
+    return np.asarray(dpotrs(factor, right / size, lower=1)[0] / size), True
 
 
 def _complex(fit: Floats, frequency_hz: Floats, start: float) -> Complexes:
@@ -479,8 +395,7 @@ def _normal_equations(window: Window, omega_bytes: bytes, duration: float) -> tu
     Records of one part of a motion share them, as far as they have the same lines.
     """
     omega = np.frombuffer(omega_bytes)
-
-    total, k = window.mean * duration, omega.size
+    total, k = window.cosines[0] * duration, omega.size
     pairs = np.concatenate([np.subtract.outer(omega, omega), np.add.outer(omega, omega), omega[None]])
     across, along, alone = np.split(window.transform(pairs, duration), [k, 2 * k])
     alone = alone[0]
@@ -510,7 +425,7 @@ def project(time: Floats, x: Floats, frequency_hz: Floats, weight: Floats | None
     mean, c : the mean and (k,) complex amplitudes in the unit of x.
     """
     frequency = np.asarray(frequency_hz, dtype=float)
-    fit = _solved(*_sums(time - time[0], x, frequency, weight))
+    fit = _solved(*_sums(time - time[0], x, frequency, weight))[0]
     return float(fit[0]), _complex(fit[1:], frequency, float(time[0]))
 
 

@@ -55,7 +55,7 @@ from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, e
 from beamsim.scenario import Scenario
 from beamsim.scenario.run import OrbitStart, Run
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.signals.records import SampledRecord, SpectrumRecord
+from beamsim.signals.records import MotionRecord, SampledRecord, SpectrumRecord
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem
@@ -449,7 +449,9 @@ class DerivedValues:
             One for each part.
         """
         of_parts = [
-            _by_name({key: (*found_again(records[key], s), records[key].rms) for key, s in self.spectra.items()})
+            _by_name(
+                {key: (*found_again(records[key], s), records[key].levels().rms) for key, s in self.spectra.items()}
+            )
             for records in self._records(system, motion, parts)
         ]
         if self.random is not None:
@@ -487,7 +489,7 @@ class DerivedValues:
         records = records_of(system, motion, channels, span, listed)
         divided = records[0].part.divided(parts)
         for part in divided:
-            pieces = [replace(record, part=part, size=record.size // parts) for record in records]
+            pieces = [MotionRecord(part, r.column, r.highest_hz, r.size // parts) for r in records]
             yield dict(zip(keys, pieces, strict=True))
 
     def _statistics(

@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from beamsim.signals.records import SampledRecord, Window, refined
 
 RATE, SAMPLES = 200.0, 400
-WINDOW = Window("blackmanharris")
+WINDOW = Window.named("blackmanharris")
 
 
 def misfit(frequency_hz, time, record):
