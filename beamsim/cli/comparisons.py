@@ -23,7 +23,7 @@ from beamsim.outcomes import OnLimit, exit_code
 from beamsim.scenario import load_scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.files import DecimalMark, RecordPreparation
-from beamsim.scenario.loading import describe
+from beamsim.scenario.validation_errors import describe
 from beamsim.store.results import kind_of, stored_result
 
 

@@ -1,7 +1,7 @@
 """Scenarios: the YAML a user writes, checked, in SI units, with located errors.
 
 Never here: numerics, apart from the units and what a default needs.
-Begin with `scenario`, the whole, and `loading`; every section has a module of its own.
+Begin with `scenario`, the whole and how it is read; every section has a module of its own.
 
 >>> from beamsim.scenario import load_scenario
 >>> scenario = load_scenario('''
@@ -14,7 +14,6 @@ Begin with `scenario`, the whole, and `loading`; every section has a module of i
 
 from __future__ import annotations
 
-from beamsim.scenario.loading import load_scenario, template
-from beamsim.scenario.scenario import Scenario
+from beamsim.scenario.scenario import Scenario, load_scenario, template
 
 __all__ = ["Scenario", "load_scenario", "template"]

@@ -158,12 +158,8 @@ class Schema(BaseModel):
     )
 
     known_by: ClassVar[tuple[str, ...]] = ()
-    """Keys that tell it apart from the other members of a union, see `Variants`."""
-
-    @classmethod
-    def is_meant(cls, value: Mapping[str, Any]) -> bool:
-        """Whether a mapping is written as one of it rather than as another member of a union, see `Variants`."""
-        return any(value.get(key) is not None for key in cls.known_by)
+    """Keys that tell it apart from the other members of a union, see `Variants`; ``section: sandwich`` where it is told
+    apart by the kind of what is under the key."""
 
     def check(self) -> None:
         """Compare fields with each other; raises `Unfit`."""
@@ -320,12 +316,6 @@ def kind_of(value: Any) -> object:
     return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
 
 
-def _schema_of(member: Any) -> type[Schema] | None:
-    """The class that a member of a union is, if it is one of mappings."""
-    inner = get_args(member)[0] if hasattr(member, "__metadata__") else member
-    return inner if isinstance(inner, type) and issubclass(inner, Schema) else None
-
-
 def kinds_of(schema: type[Schema]) -> tuple[str, ...]:
     """The kinds that a class stands for; none where its kind is a choice with a default."""
     field = schema.model_fields.get("kind")
@@ -336,18 +326,14 @@ def kinds_of(schema: type[Schema]) -> tuple[str, ...]:
 def tag_of(member: Any) -> str:
     """What an error's location calls a member of a union, in angle brackets."""
     metadata = getattr(member, "__metadata__", ())
+    inner = get_args(member)[0] if metadata else member
     for item in metadata:
         if isinstance(item, Tag):
             return item.tag
-    schema = _schema_of(member)
-    if schema is not None:
-        return f"<{schema.__name__}>"
-    inner = get_args(member)[0] if metadata else member
-    if get_origin(inner) is Literal:
-        return "<text>"
-    if get_origin(inner) in (tuple, dict):
-        return "<list>" if get_origin(inner) is tuple else "<mapping>"
-    return next((item.form for item in metadata if hasattr(item, "form")), "")
+    if isinstance(inner, type) and issubclass(inner, Schema):
+        return f"<{inner.__name__}>"
+    form = {Literal: "<text>", tuple: "<list>", dict: "<mapping>"}.get(get_origin(inner))
+    return form or next((item.form for item in metadata if hasattr(item, "form")), "")
 
 
 @dataclass(frozen=True)
@@ -365,9 +351,15 @@ class Variants:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         members = {tag_of(member): member for member in get_args(source)}
+        inner = {tag: get_args(each)[0] if hasattr(each, "__metadata__") else each for tag, each in members.items()}
+        sections = {tag: of for tag, of in inner.items() if isinstance(of, type) and issubclass(of, Schema)}
+        kinds = {tag: kinds_of(schema) for tag, schema in sections.items()}
+        by_kind = len({kind for each in kinds.values() for kind in each}) > 1
+        others = {tag: member for tag, member in members.items() if tag not in sections}
+        forms = _UnionMembers(sections, kinds, others, by_kind, by_kind or bool(self.message))
         return core_schema.tagged_union_schema(
             {tag: handler.generate_schema(member) for tag, member in members.items()},
-            self.choose or _UnionMembers.of(members, strict=bool(self.message)).tag,
+            self.choose or forms.tag,
             custom_error_type="variants" if self.message else None,
             custom_error_message=self.message or None,
             custom_error_context={"remedy": self.remedy},
@@ -384,43 +376,31 @@ class _UnionMembers:
     by_kind: bool  # whether ``kind`` tells sections apart
     strict: bool  # whether there is a message for a value that is written as none of them
 
-    @classmethod
-    def of(cls, members: dict[str, Any], *, strict: bool) -> Self:
-        """From the members by their tags."""
-        sections = {tag: schema for tag, member in members.items() if (schema := _schema_of(member)) is not None}
-        kinds = {tag: kinds_of(schema) for tag, schema in sections.items()}
-        by_kind = len({kind for each in kinds.values() for kind in each}) > 1
-        others = {tag: member for tag, member in members.items() if tag not in sections}
-        return cls(sections, kinds, others, by_kind, strict or by_kind)
-
     def tag(self, value: Any) -> str | None:
         """Which member a raw value, or a part of a scenario, is; None where it is none."""
         if isinstance(value, Schema):
             return next((tag for tag, schema in self.sections.items() if isinstance(value, schema)), None)
-        if isinstance(value, dict) and self.sections:
-            return self._of_mapping(value)
+        sections, usual = self.sections, [tag for tag, schema in self.sections.items() if not schema.known_by]
+        if isinstance(value, dict) and sections:
+            if self.by_kind:
+                usual = [tag for tag, kinds in self.kinds.items() if value.get("kind") in kinds]
+                sections = {tag: sections[tag] for tag in usual}
+            for tag, schema in sections.items():
+                for key, _, kind in (known.partition(": ") for known in schema.known_by):
+                    if (held := value.get(key)) is not None and (not kind or kind_of(held) == kind):
+                        return tag
+            return next(iter(usual), None)
         for form, types in (("<mapping>", dict), ("<list>", (list, tuple))):
             if isinstance(value, types) and form in self.others:
                 return form
-        return self._of_scalar(value)
-
-    def _of_mapping(self, value: dict[str, Any]) -> str | None:
-        sections = self.sections
-        if self.by_kind:
-            sections = {tag: schema for tag, schema in sections.items() if value.get("kind") in self.kinds[tag]}
-        usual = (tag for tag, schema in sections.items() if self.by_kind or not schema.known_by)
-        return next((tag for tag, schema in sections.items() if schema.is_meant(value)), next(usual, None))
-
-    def _of_scalar(self, value: Any) -> str | None:
         text = self.others.get("<text>")
         if text is not None and isinstance(value, str) and (value in get_args(text) or hasattr(text, "__metadata__")):
             return "<text>"
         if self.strict:
             number = not isinstance(value, str) or any(character.isdigit() for character in value)
             return "<number>" if "<number>" in self.others and number else None
-        usual = (tag for tag, schema in self.sections.items() if not schema.known_by)
-        form = next((tag for tag in ("<number>", "<text>") if tag in self.others), None)
-        return form or next(usual, next(reversed(self.sections), None))
+        forms = [tag for tag in ("<number>", "<text>") if tag in self.others]
+        return next(iter(forms + usual), next(reversed(sections), None))
 
 
 BY_FORM = Variants()

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Whole, kind_of, path_text, problem
+from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Whole, path_text, problem
 from beamsim.scenario.body import AtPlace, BeamDamping, Body, ModalDamping, WrittenPosition, coarse_mesh
 
 
@@ -285,10 +285,7 @@ class SolidBending(Bent):
 class SandwichBending(Bent):
     """A sandwich of two materials."""
 
-    @classmethod
-    def is_meant(cls, value: Mapping[str, Any]) -> bool:
-        """By the kind of its section."""
-        return kind_of(value.get("section")) == "sandwich"
+    known_by: ClassVar[tuple[str, ...]] = ("section: sandwich",)
 
     section: SandwichSection
     """The sandwich; its faces and core have their own materials."""

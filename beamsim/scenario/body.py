@@ -450,7 +450,7 @@ class MovedStop(Schema):
 
     def problems(self, scenario: Whole, at: Path) -> Problems:
         """A snubber that there is not, and commands that do not follow it: runs alone do."""
-        movable = [each.item.name for each in scenario.written_snubbers if hasattr(each.item, "mounted_on")]
+        movable = [each.item.name for each in scenario.listed("snubbers") if hasattr(each.item, "mounted_on")]
         yield from unknown((*at, "snubber"), self.snubber, "snubber", movable)
         if at[0] == "excitation" and (following := _following(scenario)):
             yield problem(at, f"is a stop that moves, which {following[0]} does not follow", _stays(following))

@@ -622,7 +622,7 @@ class FrictionBase(Named):
                 "force, and that of a dashpot depends on accelerations",
                 "leave stiffness out, or give the snubber maxwell branches instead of its damping",
             )  # fmt: skip
-        rigid = [contact.name for _, _, contact, _ in scenario.located_friction if contact.stiffness is None]
+        rigid = [contact.name for _, _, contact, _ in scenario.listed("friction") if contact.stiffness is None]
         if self.stiffness is None and len(rigid) > 1:
             others = ", ".join(other for other in rigid if other != self.name)
             yield problem(

@@ -105,7 +105,7 @@ def body_of(scenario: Whole, place: Path) -> str:
     for part in place:
         value = _inside(value, part)
         if "snubber" in getattr(type(value), "model_fields", ()):
-            stops = (*scenario.located_snubbers, *scenario.written_snubbers)  # of pairs each stop, and both as one
+            stops = (*scenario.located_snubbers, *scenario.listed("snubbers"))  # of pairs each stop, and both as one
             found = [each for each in stops if value.snubber in (None, each.item.name)]
             named = found[0].bodies[0] if found else ""
         elif isinstance(body := getattr(value, "body", None), str):

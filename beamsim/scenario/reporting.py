@@ -1,4 +1,4 @@
-"""What results report: outputs beside the motion of probes, limits, and the units of tables and plots."""
+"""What results report: outputs in addition to the motion of probes, and limits."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from beamsim.scenario import quantities as q
 from beamsim.scenario import units
-from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Variants, Whole, problem, unknown, within
+from beamsim.scenario.base import BY_FORM, Path, Problems, Schema, Unfit, Variants, Whole, problem, unknown
 from beamsim.scenario.body import Body, MovedSupport, Sited, body_problems
 from beamsim.scenario.connections import HingeStop, base_problems
 from beamsim.scenario.excitation import (
@@ -20,7 +20,6 @@ from beamsim.scenario.excitation import (
     sine_problems,
 )
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
-from beamsim.scenario.units import Dimension
 
 INPUT = "input"  # name of the excitation among the signals of spectra and statistics
 SWEPT = ("swept_sine", "stepped")  # sweeps that give a response over frequency
@@ -505,70 +504,3 @@ def limited_quantity(name: str, base_force: str = BASE_FORCE.name) -> LimitedQua
         return LimitedQuantity(section, rest, "")
     item, _, quantity = rest.rpartition(".")
     return LimitedQuantity(section, item, quantity) if item and quantity in QUANTITIES_OF.get(section, ()) else None
-
-
-class DisplayUnits(Schema):
-    """Units of tables, plots and reports; result files and ``--json`` stay in SI units.
-
-    Accelerations, lengths, angles and long times that are not chosen are shown in the unit in which most of them are
-    written.
-    """
-
-    acceleration: Annotated[str, q.UnitType(of=units.ACCELERATION, example="g")] | None = None
-    """Unit of accelerations, such as m/s^2; by default as they are written, g for bare numbers."""
-    length: Annotated[str, q.UnitType(of=units.LENGTH, example="mm")] | None = None
-    """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
-    the size where all are in metres."""
-    angle: Annotated[str, q.UnitType(of=units.ANGLE, example="deg")] | None = None
-    """Unit of angles, such as deg; by default as most of them are written, radians with a prefix for bare numbers."""
-    velocity: Annotated[str, q.UnitType(of=units.VELOCITY, example="m/s")] | None = None
-    """Unit of velocities, such as mm/s."""
-    force: Annotated[str, q.UnitType(of=units.FORCE, example="N")] | None = None
-    """Unit of forces, such as kN."""
-    stress: Annotated[str, q.UnitType(of=units.PRESSURE, example="MPa")] | None = None
-    """Unit of stresses and moduli, such as MPa."""
-    time: Annotated[str, q.UnitType(of=units.TIME, example="min")] | None = None
-    """Unit of times, such as ms or min; by default minutes or hours where times are written so. Times that are shorter
-    than the unit chosen are in seconds if that is longer."""
-    mass: Annotated[str, q.UnitType(of=units.MASS, example="kg")] | None = None
-    """Unit of masses, such as g."""
-    stiffness: Annotated[str, q.UnitType(of=units.STIFFNESS, example="N/mm")] | None = None
-    """Unit of stiffnesses, such as N/mm."""
-    energy: Annotated[str, q.UnitType(of=units.ENERGY, example="J")] | None = None
-    """Unit of energies, such as mJ."""
-
-    def filled(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
-        """The same with the units in which quantities are written, for what is not chosen.
-
-        Parameters
-        ----------
-        written : how often a quantity of that dimension is written in that unit.
-        """
-        counts: dict[str, dict[str, int]] = {name: {} for name in ("acceleration", "length", "angle", "time")}
-        for (of, unit), count in written.items():
-            name = next((name for name in counts if DIMENSIONS[name].unit == of.unit), "")
-            # metres are written for the size of a panel, whose displacements need a prefix, as short times do
-            if name and unit != units.LENGTH.unit and (name != "time" or units.size_of(unit, units.TIME) >= 60.0):
-                counts[name][unit] = counts[name].get(unit, 0) + count
-        densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
-        if densities and not counts["acceleration"] and not any(map(units.is_in_gravities, densities)):
-            counts["acceleration"] = {units.ACCELERATION.unit: 1}
-        most = {  # of equally many the smallest
-            name: max(of, key=lambda unit: (of[unit], -units.size_of(unit, DIMENSIONS[name])))
-            for name, of in counts.items()
-            if of and getattr(self, name) is None
-        }
-        return self.model_copy(update=most)
-
-    @property
-    def scales(self) -> dict[str, tuple[float, str]]:
-        """By SI unit the factor of SI values and the unit that is shown."""
-        chosen = [(of, getattr(self, name)) for name, of in DIMENSIONS.items()]
-        return {of.unit: (1.0 / units.size_of(unit, of), unit) for of, unit in chosen if unit is not None}
-
-
-DIMENSIONS: dict[str, Dimension] = {
-    name: next(each.of for each in within(field.annotation) if isinstance(each, q.UnitType))
-    for name, field in DisplayUnits.model_fields.items()
-}
-"""By name of a chosen unit."""

@@ -7,21 +7,144 @@ warnings about values that are allowed but questionable.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
+from importlib.resources import files
 from pathlib import Path as FilePath
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from beamsim.errors import InputFileError, Problem, ScenarioError
+from pydantic import Field, ValidationError
+
+from beamsim.errors import InputFileError, ScenarioError
+from beamsim.files import protect
 from beamsim.input_files import is_as_opened, open_input, state_of
-from beamsim.scenario.base import Path, Schema, Unfit, path_text, plain, problem, walk, within
-from beamsim.scenario.body import Body
-from beamsim.scenario.excitation import level_jumps
-from beamsim.scenario.parts import ScenarioParts
-from beamsim.scenario.quantities import FileType
-from beamsim.scenario.tree import dumped, locate, located_problem
+from beamsim.scenario import quantities as q
+from beamsim.scenario import units
+from beamsim.scenario.base import (
+    BY_FORM,
+    Path,
+    Problems,
+    Schema,
+    Unfit,
+    Variants,
+    Whole,
+    named_twice,
+    path_parts,
+    path_text,
+    plain,
+    problem,
+    walk,
+    within,
+)
+from beamsim.scenario.beam import AnyBeam
+from beamsim.scenario.body import NUMBERED, AtPlace, Body, Located, Probe, WrittenPosition
+from beamsim.scenario.chain import Chain
+from beamsim.scenario.connections import (
+    AnyFriction,
+    AnyJoint,
+    AnySnubber,
+    GroundSpring,
+    LinkSpring,
+    Maxwell,
+    base_problems,
+    has_own_law,
+    placed,
+)
+from beamsim.scenario.distributed import AnyDeadLoad
+from beamsim.scenario.excitation import Excitation, NoExcitation, Sine, level_jumps
+from beamsim.scenario.identification import IdentifyStiffness
+from beamsim.scenario.matrices import MatricesBody
+from beamsim.scenario.plate import Plate, StiffnessPlate
+from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, level_unit
+from beamsim.scenario.reporting import AnyOutput, Limits, ReactionOutput, output_dimension
+from beamsim.scenario.run import Reduction, Run
+from beamsim.scenario.studies import Optimise, Vary
+from beamsim.scenario.sweep import NonlinearMode, Sweep
+from beamsim.scenario.tree import (
+    Overrides,
+    WrittenMapping,
+    apply_overrides,
+    dumped,
+    from_python,
+    locate,
+    located_problem,
+    parse,
+    read_file,
+    resolve_extends,
+)
+from beamsim.scenario.units import Dimension, units_written
+from beamsim.scenario.validation_errors import problems_of
+
+
+class DisplayUnits(Schema):
+    """Units of tables, plots and reports; result files and ``--json`` stay in SI units.
+
+    Accelerations, lengths, angles and long times that are not chosen are shown in the unit in which most of them are
+    written.
+    """
+
+    acceleration: Annotated[str, q.UnitType(of=units.ACCELERATION, example="g")] | None = None
+    """Unit of accelerations, such as m/s^2; by default as they are written, g for bare numbers."""
+    length: Annotated[str, q.UnitType(of=units.LENGTH, example="mm")] | None = None
+    """Unit of lengths and displacements, such as mm; by default as they are written, metres with a prefix that suits
+    the size where all are in metres."""
+    angle: Annotated[str, q.UnitType(of=units.ANGLE, example="deg")] | None = None
+    """Unit of angles, such as deg; by default as most of them are written, radians with a prefix for bare numbers."""
+    velocity: Annotated[str, q.UnitType(of=units.VELOCITY, example="m/s")] | None = None
+    """Unit of velocities, such as mm/s."""
+    force: Annotated[str, q.UnitType(of=units.FORCE, example="N")] | None = None
+    """Unit of forces, such as kN."""
+    stress: Annotated[str, q.UnitType(of=units.PRESSURE, example="MPa")] | None = None
+    """Unit of stresses and moduli, such as MPa."""
+    time: Annotated[str, q.UnitType(of=units.TIME, example="min")] | None = None
+    """Unit of times, such as ms or min; by default minutes or hours where times are written so. Times that are shorter
+    than the unit chosen are in seconds if that is longer."""
+    mass: Annotated[str, q.UnitType(of=units.MASS, example="kg")] | None = None
+    """Unit of masses, such as g."""
+    stiffness: Annotated[str, q.UnitType(of=units.STIFFNESS, example="N/mm")] | None = None
+    """Unit of stiffnesses, such as N/mm."""
+    energy: Annotated[str, q.UnitType(of=units.ENERGY, example="J")] | None = None
+    """Unit of energies, such as mJ."""
+
+    def filled(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
+        """The same with the units in which quantities are written, for what is not chosen.
+
+        Parameters
+        ----------
+        written : how often a quantity of that dimension is written in that unit.
+        """
+        counts: dict[str, dict[str, int]] = {name: {} for name in ("acceleration", "length", "angle", "time")}
+        for (of, unit), count in written.items():
+            name = next((name for name in counts if DIMENSIONS[name].unit == of.unit), "")
+            # metres are written for the size of a panel, whose displacements need a prefix, as short times do
+            if name and unit != units.LENGTH.unit and (name != "time" or units.size_of(unit, units.TIME) >= 60.0):
+                counts[name][unit] = counts[name].get(unit, 0) + count
+        densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
+        if densities and not counts["acceleration"] and not any(map(units.is_in_gravities, densities)):
+            counts["acceleration"] = {units.ACCELERATION.unit: 1}
+        most = {  # of equally many the smallest
+            name: max(of, key=lambda unit: (of[unit], -units.size_of(unit, DIMENSIONS[name])))
+            for name, of in counts.items()
+            if of and getattr(self, name) is None
+        }
+        return self.model_copy(update=most)
+
+
+DIMENSIONS: dict[str, Dimension] = {
+    name: next(each.of for each in within(field.annotation) if isinstance(each, q.UnitType))
+    for name, field in DisplayUnits.model_fields.items()
+}
+"""By name of a chosen unit."""
+
+
+AnyBody = Annotated[
+    AnyBeam | Chain | MatricesBody | Plate | StiffnessPlate,
+    Variants("does not say which kind of body it is", "give kind: beam, chain, plate or matrices"),
+]
+
 
 Record = Mapping[str, Any]
 """Of one file: ``file``, its name as it is written, ``folder``, where that was, ``bytes``, and ``sha256`` of its
@@ -32,15 +155,10 @@ def named_files(scenario: Schema) -> Iterator[tuple[Path, str]]:
     """Path of the key and name of every file that is given."""
     for path, part in walk(scenario):
         for key, name in type(part).keys().items():
-            value = part.__dict__.get(name)
-            if isinstance(value, str) and _names_file(type(part), name):
-                yield (*path, key), value
-
-
-@cache
-def _names_file(section: type[Schema], name: str) -> bool:
-    field = section.model_fields[name]
-    return any(isinstance(item, FileType) for item in (*field.metadata, *within(field.annotation)))
+            if isinstance(value := part.__dict__.get(name), str):
+                field = type(part).model_fields[name]
+                if any(isinstance(each, q.FileType) for each in (*field.metadata, *within(field.annotation))):
+                    yield (*path, key), value
 
 
 def _sha256(path: FilePath) -> str:
@@ -112,30 +230,17 @@ class SolvedFiles:
         raise ScenarioError(problem(path, f"= {name} {message}", remedy))
 
 
-def problems(scenario: ScenarioParts) -> list[Problem]:
-    """All inconsistencies between the parts of a scenario that are written: each is asked for its own."""
-    bodies = scenario.all_bodies
-    if not bodies:
-        remedy = "give beam:, chain: or bodies: (beamsim new writes a template)"
-        return [problem((), "the scenario has no structure", remedy)]
-    found = [each for name, body in bodies.items() for each in body.problems(scenario, scenario.body_path(name))]
-    analyses = set() if not found else _ANALYSES  # whose rates and frequencies follow from the bodies
-    for at, part in walk(scenario):
-        if not isinstance(part, Body) and not analyses.intersection(at[:1]):
-            found += part.problems(scenario, at)
-    return found
-
-
 _ANALYSES = {"run", "sweep", "nnm", "identify_stiffness", "vary", "optimise", "limits"}
+"""Sections whose rates and frequencies follow from the bodies."""
 
 
-def profile_jumps(scenario: ScenarioParts) -> Iterator[str]:
+def profile_jumps(scenario: Scenario) -> Iterator[str]:
     """Where the level of a sweep steps."""
     for key in ("excitation", "sweep"):
         yield from level_jumps(scenario, (key,), getattr(scenario, key))
 
 
-def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> list[str]:
+def large_deflections(scenario: Scenario, peaks: Mapping[str, float]) -> list[str]:
     """A warning for each body whose computed deflection is beyond the theory of small ones.
 
     Parameters
@@ -155,8 +260,57 @@ def large_deflections(scenario: ScenarioParts, peaks: Mapping[str, float]) -> li
     ]
 
 
-class Scenario(ScenarioParts):
+class Scenario(Schema):
     """A structure with its one-sided stops, its excitation and the requested analyses."""
+
+    title: Text = ""
+    """Title for tables and plots."""
+    beam: Annotated[AnyBeam, BY_FORM] | None = None
+    """The structure, if it is a beam."""
+    chain: Chain | None = None
+    """The structure, if it is a chain of masses."""
+    bodies: dict[Name, AnyBody] = Field(default_factory=dict)
+    """The bodies by name, where there are several; beam or chain alone is short for one."""
+    joints: Annotated[tuple[AnyJoint, ...], NUMBERED] = ()
+    """What joins two points of bodies, or a point and the base: rigid, hinge or spring."""
+    springs_to_ground: Annotated[tuple[GroundSpring, ...], NUMBERED] = ()
+    """Springs from points of bodies to the ground: linear, cubic, piecewise linear (those of a chain may be in it)."""
+    springs_between: Annotated[tuple[LinkSpring, ...], NUMBERED] = ()
+    """Springs between two points of bodies, linear, cubic or piecewise linear (those of a chain may be in it)."""
+    snubbers: Annotated[tuple[AnySnubber, ...], NUMBERED] = ()
+    """One-sided stops on the bodies and between them (those of a chain may be listed in it)."""
+    friction: Annotated[tuple[AnyFriction, ...], NUMBERED] = ()
+    """Dry friction at points of bodies, on the base or the ground, and between two points."""
+    gravity: Annotated[Gravity | GravityVector, BY_FORM] = 0.0
+    """Acceleration of gravity, towards negative displacement; or its components [x, y, z], [0, 0, -9.81]."""
+    constant_forces: tuple[AnyDeadLoad, ...] = ()
+    """Dead loads: a force at a point, {line: whole, force_per_length: 5 N/m} or {area: whole, pressure: 200 Pa}."""
+    excitation: Excitation = NoExcitation.model_construct()
+    """Excitation of the structure; none by default."""
+    probes: tuple[Probe, ...] = ()
+    """Points whose motion is recorded; by default one at each snubber (on both masses it acts between)."""
+    outputs: tuple[AnyOutput, ...] = ()
+    """What runs, sweeps and continuations report in addition to the probes: reactions, joint forces, moments, strains,
+    stresses, energies."""
+    run: Run | None = None
+    """A run in time (`beamsim run`)."""
+    reduction: Reduction | None = None
+    """Modal reduction; chosen automatically by default."""
+    sweep: Sweep | None = None
+    """A sweep in frequency (`beamsim sweep`)."""
+    identify_stiffness: IdentifyStiffness | None = None
+    """Identification of a snubber's stiffness (`beamsim identify-stiffness`)."""
+    nnm: NonlinearMode | None = None
+    """Nonlinear normal mode (`beamsim nnm`)."""
+    vary: Vary | None = None
+    """Parameters varied from case to case (`beamsim sweep`)."""
+    optimise: Optimise | None = None
+    """Search for the best design (`beamsim sweep`)."""
+    limits: Limits | None = None
+    """Limits, for margins in the summary and `--check`."""
+    units: DisplayUnits | None = None
+    """Units of tables, plots and reports, {acceleration: g, length: mm}; by default those in which most quantities are
+    written. Result files and --json stay in SI units."""
 
     # The origin is not part of the scenario: equality and YAML ignore it.
     _source: str = "scenario"
@@ -165,11 +319,19 @@ class Scenario(ScenarioParts):
     _solved: SolvedFiles | None = None  # of a result
 
     def check(self) -> None:
-        """Check the parts against each other."""
+        """Check the parts that are written against each other: each is asked for its own inconsistencies."""
         self.exclude("chain", "beam", remedy="keep one of the two (null removes an inherited one)")
         self.exclude("bodies", "beam", "chain", remedy="list it among the bodies")
         self.exclude("optimise", "vary")
-        if found := problems(self):
+        if not (bodies := self.all_bodies):
+            remedy = "give beam:, chain: or bodies: (beamsim new writes a template)"
+            raise ScenarioError(problem((), "the scenario has no structure", remedy))
+        found = [each for name, body in bodies.items() for each in body.problems(self, self.body_path(name))]
+        left_out = _ANALYSES if found else set()
+        for at, part in walk(self):
+            if not isinstance(part, Body) and not left_out.intersection(at[:1]):
+                found += part.problems(self, at)
+        if found:
             raise ScenarioError(found)
 
     def rechecked(self) -> Self:
@@ -195,7 +357,8 @@ class Scenario(ScenarioParts):
     @property
     def display_scales(self) -> dict[str, tuple[float, str]]:
         """By SI unit the factor and the unit of tables and plots, where one is chosen or written."""
-        return {} if self.units is None else self.units.scales
+        chosen = [] if self.units is None else [(of, getattr(self.units, name)) for name, of in DIMENSIONS.items()]
+        return {of.unit: (1.0 / units.size_of(unit, of), unit) for of, unit in chosen if unit is not None}
 
     @property
     def source(self) -> str:
@@ -305,3 +468,424 @@ class Scenario(ScenarioParts):
     def to_yaml(self) -> str:
         """Return the scenario as YAML: as it was written, numbers in SI units; it loads to an equal scenario."""
         return dumped(plain(self))
+
+    def problems(self, scenario: Whole, at: Path) -> Problems:
+        """Gravity that moves no point of a body, and names that are given twice."""
+        for k, component in enumerate(self.gravity if isinstance(self.gravity, tuple) else ()):
+            if component != 0:
+                axis = "xyz"[k]
+                yield from base_problems(self, ("gravity", k), axis, f"acts along {axis}, which")
+        keys = ("snubbers", "springs_to_ground", "springs_between", "friction")
+        acting: list[tuple[Path, Sequence[Any]]] = [((key,), getattr(self, key)) for key in keys]
+        for name, body in self.all_bodies.items():
+            acting += [((*self.body_path(name), key), items) for key, items in body.own_lists.items()]
+        of_run = () if self.run is None else self.run.outputs
+        shown = [(("probes",), self.probes), (("outputs",), self.outputs), (("run", "outputs"), of_run)]
+        for lists in (acting, shown, [(("joints",), self.joints)]):
+            yield from named_twice(lists)
+
+    def doubts(self, scenario: Whole, at: Path) -> Iterator[str]:
+        """Joints between points that lie apart."""
+        for apart in placed(self.joints, self.all_bodies, self.default_body).apart if self.joints else ():
+            yield (
+                f"joints[{apart.index}] joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before "
+                f"it place {apart.through}: it acts as if they were together; check its positions"
+            )
+
+    @property
+    def study(self) -> Vary | Optimise | None:
+        """The section that asks for many cases."""
+        return self.vary or self.optimise
+
+    @property
+    def sine(self) -> Sine:
+        """The excitation of what follows sines."""
+        assert isinstance(self.excitation, Sine)
+        return self.excitation
+
+    @property
+    def sample_rate(self) -> float:
+        """That of a run's output, Hz, as far as it is known without the files that the excitation names."""
+        return self.sample_rate_up_to(self.excitation.highest_frequency_hz)
+
+    def sample_rate_up_to(self, highest: float) -> float:
+        """Sample rate of a run's output, Hz, as it is written or chosen from the excitation and the structure.
+
+        Parameters
+        ----------
+        highest : frequency of the excitation, Hz.
+        """
+        assert self.run is not None
+        if self.run.sample_rate is not None:
+            return self.run.sample_rate
+        return self._chosen_sample_rate(highest, self.run.duration)
+
+    def _chosen_sample_rate(self, highest: float, duration: float) -> float:
+        """Sample rate, Hz, of a run of a duration, s, under an excitation up to a frequency, Hz.
+
+        100 samples a period of the excitation, more if the structure or a short run needs it. With a single frequency
+        the samples of a period are a whole number, so that spectra of whole periods have no leakage. Long runs at high
+        frequency have two million samples, or 20 a period where these are more. A random input has 10 samples, or a
+        multiple of that, in a period of its highest frequency: half as many as its own spline, whose pieces they fit.
+        A record that is made for a spectrum has as many.
+        """
+        random = self._banded and highest > 0.0
+        rate = max((10.0 if random else 100.0) * highest, 50.0 * self._lowest_frequency_hz, 2000.0 / duration)
+        # 2e6: samples that are many without being asked for
+        rate = min(rate, max(2e6 / duration, (10.0 if random else 20.0) * highest))
+        units = (10.0 * highest,) if random else self.excitation.frequencies_hz
+        return math.ceil(rate / units[0] * (1.0 - 1e-12)) * units[0] if len(units) == 1 else _round_number(rate)
+
+    def frequency_of_interest_hz(self, highest: float) -> float:
+        """What the model of a run resolves where there is no ``reduction``, Hz; the output has no part in it.
+
+        50 times the highest frequency of the excitation, Hz (10 times that of a random one or of a record that is made
+        for a spectrum), and with 64 times a low natural frequency about ten bending modes of a beam: peak accelerations
+        at a stop need that many.
+        """
+        return max((10.0 if self._banded else 50.0) * highest, 64.0 * self._lowest_frequency_hz)
+
+    @property
+    def _banded(self) -> bool:
+        """Whether the excitation fills a band of frequencies."""
+        return self.excitation.stationary or any(each.kind == "matched" for _, each in self.excitation.items)
+
+    @property
+    def _lowest_frequency_hz(self) -> float:
+        """Order of magnitude of a low natural frequency, Hz, the highest of all bodies."""
+        return max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
+
+    @property
+    def all_bodies(self) -> dict[str, Body]:
+        """The bodies by name; a beam or chain alone is called beam or chain."""
+        bodies: dict[str, Body | None] = {"beam": self.beam, "chain": self.chain, **self.bodies}
+        return {name: body for name, body in bodies.items() if body is not None}
+
+    @property
+    def has_mesh(self) -> bool:
+        """Whether a body has a mesh that can be finer."""
+        return any(body.refined() is not body for body in self.all_bodies.values())
+
+    @property
+    def default_body(self) -> str:
+        """The body that a place without one means; empty where there are several."""
+        bodies = self.all_bodies
+        return next(iter(bodies)) if len(bodies) == 1 else ""
+
+    def body_path(self, name: str) -> Path:
+        """Where a body is written."""
+        return ("bodies", name) if name in self.bodies else (name,)
+
+    def body_at(self, path: Path) -> str:
+        """The body that a path leads into; empty where it leads into none."""
+        return next((name for name in self.all_bodies if (at := self.body_path(name)) == path[: len(at)]), "")
+
+    def points_of(self, item: Any, body: str = "") -> Iterator[tuple[Body, WrittenPosition]]:
+        """Bodies and positions on them where something sits; ``body``, or the only one, where a place names none."""
+        for place in item.places:
+            of = self.all_bodies.get(place.body or body or self.default_body)
+            if of is not None and place.position is not None:
+                yield of, place.position
+
+    def refined(self, modes: int) -> Self:
+        """The same case with so many modes and twice the elements of every mesh, to see what depends on them."""
+        bodies = {name: body.refined() for name, body in self.all_bodies.items()}
+        named = {name: body for name, body in bodies.items() if name in self.bodies}
+        single = {name: body for name, body in bodies.items() if name not in self.bodies}
+        return self.model_copy(update={**single, "bodies": named, "reduction": Reduction(modes=modes)})
+
+    @property
+    def lasting(self) -> bool:
+        """Whether the excitation goes on, so that the motion has means."""
+        return self.excitation.kind != "none" and not self.excitation.shock
+
+    @property
+    def just_mounted(self) -> bool:
+        """Whether a motion begins with Maxwell branches that have not relaxed."""
+        return any(isinstance(part, Maxwell) and part.start == "just_mounted" for _, part in walk(self))
+
+    def more_modes(self, kept: int) -> str:
+        """What of the reduction gives a model of 1.5 times so many modes; empty where all are kept."""
+        wanted, written = math.ceil(1.5 * kept), self.reduction
+        if written is None:
+            return f"give reduction: {{modes: {wanted}}}"
+        if written.highest_frequency is not None:
+            return f"raise reduction.highest_frequency ({written.highest_frequency:g} Hz)"
+        return "" if written.modes == "all" else f"raise reduction.modes to {wanted}"
+
+    @property
+    def bare_dashpots(self) -> tuple[str, ...]:
+        """Snubbers with a dashpot at points of bodies with a mesh that have no point mass there."""
+        bodies = self.all_bodies
+        return tuple(
+            located.item.name
+            for located in self.located_snubbers
+            if located.item.damping is not None
+            and any(
+                (body := bodies[place.body or located.body]).refined() is not body
+                and body.point_of(place) not in body.mass_points
+                for place in located.item.places
+            )
+        )
+
+    def listed(self, *keys: str) -> Iterator[Located]:
+        """What the scenario has in these lists, then what is listed in the bodies and in hinges under these keys."""
+        bodies, default = self.all_bodies, self.default_body
+        lists: list[tuple[Path, str, Any]] = [((key,), default, getattr(self, key)) for key in keys]
+        for name, body in bodies.items():
+            of_body = body.own_lists.items()
+            lists += [((*self.body_path(name), key), name, items) for key, items in of_body if key in keys]
+        for path, name, items in lists:
+            yield from (Located((*path, index), name, item, bodies) for index, item in enumerate(items))
+        for index, joint in enumerate(self.joints):
+            for own in ("all_stops",) * ("snubbers" in keys) + ("all_friction",) * ("friction" in keys):
+                for path, item in getattr(joint, own, ()):
+                    yield Located(("joints", index, *path), default, item, bodies)
+
+    @property
+    def located_snubbers(self) -> tuple[Located, ...]:
+        """The snubbers with their paths and bodies: those of the scenario, of the bodies, and the stops of hinges.
+
+        Both stops of a pair have its path.
+        """
+        return tuple(located._replace(item=stop) for located in self.listed("snubbers") for stop in located.item.stops)
+
+    def located_snubber(self, name: str) -> Located:
+        """The snubber with this name, its path and its body."""
+        return next(located for located in self.located_snubbers if located.item.name == name)
+
+    @property
+    def joined_by(self) -> tuple[Any, ...]:
+        """Joints and springs that are not listed in a body."""
+        return (*self.joints, *self.springs_to_ground, *self.springs_between)
+
+    @property
+    def nonlinear_springs(self) -> tuple[Located, ...]:
+        """Springs and joints of the scenario and of all bodies that are nonlinear or relax, with their paths; then the
+        friction contacts, springs of kind friction."""
+        springs = self.listed("springs_to_ground", "springs_between", "joints")
+        return (*(spring for spring in springs if has_own_law(spring.item)), *self.listed("friction"))
+
+    @property
+    def has_cubic_springs(self) -> bool:
+        """Whether the motion has no closed form, because of a cubic spring."""
+        return any(located.item.kind == "cubic" for located in self.nonlinear_springs)
+
+    @property
+    def all_snubbers(self) -> tuple[Any, ...]:
+        """The snubbers of the scenario and those listed in the bodies."""
+        return tuple(located.item for located in self.located_snubbers)
+
+    @property
+    def requested_outputs(self) -> tuple[tuple[Path, Any], ...]:
+        """The outputs with their paths: those of the scenario, then those of the run alone."""
+        of_run = () if self.run is None else self.run.outputs
+        return (
+            *((("outputs", k), output) for k, output in enumerate(self.outputs)),
+            *((("run", "outputs", k), output) for k, output in enumerate(of_run)),
+        )
+
+    def output_unit(self, output: Any) -> str:
+        """SI unit of an output; that which it states for a row of a recovery matrix."""
+        dimension = output_dimension(output, self.all_bodies, self.default_body)
+        return str(output.unit) if dimension is None else dimension.unit or "1"
+
+    @property
+    def output_units(self) -> dict[str, str]:
+        """SI unit of each output by its name."""
+        return {output.name: self.output_unit(output) for _, output in self.requested_outputs}
+
+    @property
+    def base_force(self) -> str | None:
+        """Name of the output that is the force of the whole base, vertically; None where there is none."""
+        reactions = (each for each in self.outputs if isinstance(each, ReactionOutput))
+        of_base = (each for each in reactions if each.kind == "reaction_force" and each.support == "base")
+        return next((each.name for each in of_base if each.direction in (None, "z")), None)
+
+    @property
+    def level_unit(self) -> str:
+        """SI unit of the excitation's levels; empty where levels multiply a profile or several forces, or are none."""
+        if getattr(self.sweep, "profile", ()) or getattr(self.sweep, "profile_file", None):
+            return ""
+        quantity = getattr(self.excitation, "quantity", None)
+        return "" if quantity in (None, FACTOR) else level_unit(quantity)
+
+    @property
+    def effective_probes(self) -> tuple[Probe, ...]:
+        """The probes; without any, those by default."""
+        return self.probes or self._default_probes()
+
+    def _default_probes(self) -> tuple[Probe, ...]:
+        """One at each snubber, on both places it acts between, else where bodies say."""
+        several = len(self.all_bodies) > 1
+        probes: dict[str, AtPlace] = {}
+        for _, body, snubber, _ in sorted(self.listed("snubbers"), key=lambda each: len(each.item.probed_places)):
+            for place in snubber.probed_places:
+                probed, alone = _on(body if several else None, place), len(snubber.probed_places) == 1
+                probes.setdefault(snubber.name if alone else self._probe_name(probed), probed)
+        if not probes:
+            usual = {name: body.default_probe() for name, body in self.all_bodies.items() if body.has_default_probe}
+            for name, (called, place) in usual.items():
+                probes[f"{name}_{called}" if several else called] = _on(name if several else None, place)
+        return tuple(
+            Probe(name=name, at=place)
+            if several or place.node is not None
+            else Probe(name=name, position=place.position, mass=place.mass)
+            for name, place in probes.items()
+        )
+
+    @property
+    def bodies_of_places(self) -> dict[str, dict[str, str]]:
+        """Of ``probes`` and ``snubbers``, by name, the body (two with a comma); empty where there is one body."""
+        if len(self.all_bodies) < 2:
+            return {}
+        probes = {probe.name: (probe.place.body,) for probe in self.effective_probes}
+        snubbers = {s.name: (place.body or body for place in s.places) for _, body, s, _ in self.located_snubbers}
+        return {
+            folder: {name: ", ".join(filter(None, bodies)) for name, bodies in items.items()}
+            for folder, items in (("probes", probes), ("snubbers", snubbers))
+        }
+
+    def _probe_name(self, place: AtPlace) -> str:
+        """Name of a default probe: mass_2, or with its body inner_0.77."""
+        if place.node is not None:
+            named = f"node_{place.node}_{place.direction or 'z'}"
+        elif place.mass is not None:
+            named = f"mass_{place.mass}"
+        else:
+            point = self.all_bodies[place.body or self.default_body].point_of(place)
+            named = "_".join(f"{p:g}" for p in (point if isinstance(point, tuple) else (point,)))
+        return named if place.body is None else f"{place.body}_{named}"
+
+
+def _on(body: str | None, place: AtPlace) -> AtPlace:
+    return place if place.body is not None or body is None else place.model_copy(update={"body": body})
+
+
+def _round_number(least: float) -> float:
+    """Return the next of 1, 2, 5, 10, 20, ..."""
+    decade = 10.0 ** math.floor(math.log10(least))
+    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0, 20.0) if step * decade >= least * (1.0 - 1e-12))
+
+
+USED: dict[str, frozenset[str]] = {
+    "run": frozenset({"run", "limits"}),
+    "sweep": frozenset({"sweep", "limits"}),
+    "vary": frozenset({"vary", "optimise", "sweep", "run", "limits"}),
+    "nnm": frozenset({"nnm"}),
+    "identify-stiffness": frozenset({"identify_stiffness"}),
+}
+"""Sections that each command uses, of those that not all of them use (``vary``: sweep with many cases)."""
+
+
+def load_scenario(
+    source: str | FilePath | Mapping[str, Any] | Scenario, overrides: Overrides = (), *, command: str = ""
+) -> Scenario:
+    """Read and check a scenario.
+
+    Parameters
+    ----------
+    source : path of a YAML file; or YAML text (it has a line break, or begins with a brace); or a mapping like
+        the one in such a file; or a scenario, to be varied.
+    overrides : what to change, applied after `extends`: ``{"beam.thickness": "4 mm"}`` or
+        ``["beam.thickness=4 mm", "snubbers[0].gap=0.1 mm"]``. An override acts like a file that extends this one:
+        mappings merge, lists and a mapping whose ``kind`` changes are replaced whole, ``null`` (``None``) takes a
+        key away, so that its default holds.
+    command : what the scenario is for, such as ``run`` or ``sweep``: then a section that it does not use is left out
+        with a warning if it is wrong. By default all sections are checked.
+
+    Returns
+    -------
+    Scenario
+        As it is written, in SI units.
+
+    Raises
+    ------
+    ScenarioError
+        With every problem found: path, message, remedy, file and line.
+    """
+    root, name = _read(source)
+    if overrides:
+        root = apply_overrides(root, overrides)
+    try:
+        scenario = _validated(root).with_source(name, root)
+        for at, file in named_files(scenario):
+            protect(scenario.folder_of(*at) / file)
+        return scenario
+    except ScenarioError as error:
+        if command not in USED:
+            raise
+        return _without_unused_sections(root, name, command, error)
+
+
+def stored_scenario(text: str) -> Scenario:
+    """The scenario that a result file holds: its complete text, from which no other file is opened.
+
+    Raises
+    ------
+    ScenarioError
+        If it is no valid scenario, or extends another one.
+    """
+    root = parse(text, "<text>")
+    if isinstance(root, Mapping) and "extends" in root:
+        raise ScenarioError(problem(("extends",), "is not accepted in a stored scenario, which is complete"))
+    root = resolve_extends(root, "<text>", FilePath())
+    return _validated(root).with_source("scenario", root)
+
+
+def _without_unused_sections(root: WrittenMapping, name: str, command: str, error: ScenarioError) -> Scenario:
+    """The scenario without sections that a command does not use, if only these are wrong; else raises the error."""
+    used = USED["vary" if command == "sweep" and (root.get("vary") or root.get("optimise")) is not None else command]
+    unused = (frozenset().union(*USED.values()) - used) & root.keys()
+    if not all(path_parts(found.path)[:1] and path_parts(found.path)[0] in unused for found in error.problems):
+        raise error
+    kept = WrittenMapping({key: item for key, item in root.items() if key not in unused}, root.mark, root.marks)
+    warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
+    return _validated(kept).with_source(name, kept, warnings)
+
+
+def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[WrittenMapping, str]:
+    """Return the data, `extends` resolved, and the name for output files."""
+    if isinstance(source, Scenario):
+        return _tree_of(source), source.source
+    if isinstance(source, Mapping):
+        return resolve_extends(from_python(source), None, FilePath()), "scenario"
+    if isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
+        return resolve_extends(parse(source, "<text>"), "<text>", FilePath()), "scenario"
+    path = FilePath(source)
+    return resolve_extends(read_file(path), str(path), path.parent, (path.resolve(),)), path.stem
+
+
+def _tree_of(scenario: Scenario) -> WrittenMapping:
+    """The data of a scenario, in which files are relative to where they were written."""
+    root: WrittenMapping = from_python(plain(scenario))
+    for at, _ in named_files(scenario):
+        owner: Any = root
+        for part in at[:-1]:
+            owner = owner[part]
+        owner.marks[at[-1]] = str(scenario.folder_of(*at) / f"{scenario.source}.yaml"), None
+    return root
+
+
+def _validated(root: WrittenMapping) -> Scenario:
+    """The scenario that data are; or the errors of all fields, else of all sections, else between sections, located."""
+    try:
+        with units_written() as written:
+            scenario = Scenario.model_validate(root)
+    except (ScenarioError, ValidationError) as error:
+        problems = error.problems if isinstance(error, ScenarioError) else problems_of(Scenario, error)
+        unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
+        raise ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0))) from None
+    shown = (scenario.units or DisplayUnits()).filled(written)
+    known = any(getattr(shown, name) is not None for name in DIMENSIONS)
+    return scenario.model_copy(update={"units": shown}) if known else scenario
+
+
+def template(kind: str = "beam") -> str:
+    """Return a commented scenario that is valid as it stands, as `beamsim new` writes it.
+
+    Parameters
+    ----------
+    kind : one of `beamsim.kinds.TemplateKind`.
+    """
+    return (files("beamsim.scenario") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")

@@ -113,7 +113,7 @@ class SnubberPath(Schema):
 
     def changed(self, scenario: Whole) -> Located | None:
         """The snubber, or pair of stops, that is meant; None where there is none."""
-        written: tuple[Located, ...] = scenario.written_snubbers
+        written: tuple[Located, ...] = tuple(scenario.listed("snubbers"))
         if self.snubber is None:
             return written[0] if len(written) == 1 else None
         return next((located for located in written if located.item.name == self.snubber), None)
@@ -144,7 +144,7 @@ class SnubberPath(Schema):
 
     def _problems_of_name(self, scenario: Whole, where: Path) -> Problems:
         """A name at a path that is missing, unknown, or that of one stop of a pair."""
-        written = scenario.written_snubbers
+        written = tuple(scenario.listed("snubbers"))
         names = [each.item.name for each in written]
         pairs = [each.item.name for each in written for stop in each.item.stops if stop.name == self.snubber]
         if self.snubber is None:
@@ -485,7 +485,7 @@ class _UpAndDown(OfSines, FrequencyRange):
 
     def problems_with_sine(self, scenario: Whole, at: Path) -> Problems:
         """Impacts of no contact."""
-        if self.impacts and not scenario.all_snubbers and not scenario.located_friction:
+        if self.impacts and not scenario.all_snubbers and not any(scenario.listed("friction")):
             message = "needs a snubber or friction, and there is none"
             yield problem((*at, "impacts"), message, "leave it out, or add a snubber")
 

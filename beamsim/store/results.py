@@ -37,8 +37,7 @@ from beamsim.input_files import FileState, demand_memory, state_of
 from beamsim.kinds import KINDS, kind_of_class, named
 from beamsim.labelled import Item, Items, LargeArray, last
 from beamsim.scenario import Scenario
-from beamsim.scenario.loading import stored_scenario
-from beamsim.scenario.scenario import SolvedFiles
+from beamsim.scenario.scenario import SolvedFiles, stored_scenario
 from beamsim.store.datasets import InParts, Reader, items_of
 
 if TYPE_CHECKING:

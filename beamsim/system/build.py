@@ -372,7 +372,7 @@ def _pushing(parts: Parts) -> _Pushing:
         springs = describe_springs(nonlinear, parts.shapes(parts.spring_sites), parts.levers(parts.spring_sites))
         pressing = pressed_by(nonlinear, [snubber.name for snubber in parts.scenario.all_snubbers])
         contacts = replace(stops.with_others(spring_contacts(springs, basis.size)), pressed_by=pressing)
-    if parts.scenario.located_friction:
+    if any(parts.scenario.listed("friction")):
         _check_rigid_friction(parts, springs, stops)
     cubic = cubic_springs(springs, basis.size)
     with_laws = [site for site, spring in zip(parts.spring_sites, springs, strict=True) if spring.law is not None]

@@ -104,11 +104,11 @@ FACTORS = {
     "RelaxedMinimisationMethod.tolerance": "twice the energy of the motion",
 }
 DEFAULTS = {
-    "ScenarioParts.probes": "snubbers: one probe at each, on both places between which it acts; else a free end, "
+    "Scenario.probes": "snubbers: one probe at each, on both places between which it acts; else a free end, "
     "a corner or the last mass; none on imported matrices",
-    "ScenarioParts.reduction": "excitation and structure: modes up to 50 times the excitation frequency (10 times the "
+    "Scenario.reduction": "excitation and structure: modes up to 50 times the excitation frequency (10 times the "
     "highest of a random one), and at least up to 64 times a low natural frequency",
-    "ScenarioParts.units": "units in which most quantities of the file are written",
+    "Scenario.units": "units in which most quantities of the file are written",
     "Chain.dashpots": "number of springs, zero each",
     "Named.name": "number in its list: snubber_1",
     "SnubberBase.gap": "zero; with `preload` the gap that gives this force at static equilibrium",

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from beamsim.scenario import load_scenario
 from beamsim.scenario.beam import Beam
-from beamsim.scenario.loading import load_scenario
 from beamsim.scenario.parameters import value_at, with_values
 from beamsim.scenario.plate import EDGES, Plate, PlateSupports, Stiffener
 from beamsim.structures.assembly import assemble, snubber_site

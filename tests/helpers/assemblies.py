@@ -159,7 +159,7 @@ def parameters(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], Path]]:
     yield {"kind": "frequency", "from": 0.8 * excitation.frequency, "to": 1.2 * excitation.frequency}, ()
     level = excitation.level
     yield {"kind": "level", "from": 0.5 * level, "to": 2.0 * level}, () if several else ("excitation", "level")
-    for path, _, snubber, bodies in scenario.written_snubbers:
+    for path, _, snubber, bodies in scenario.listed("snubbers"):
         if path[0] == "joints":
             continue  # stops of hinges are varied in studies
         named = {"snubber": snubber.name}

@@ -27,7 +27,7 @@ CASE = {
 
 
 def chosen(**units):
-    return load_scenario({**MASS, "units": units}).units.scales
+    return load_scenario({**MASS, "units": units}).display_scales
 
 
 def test_amounts_are_shown_in_the_units_chosen():
@@ -97,11 +97,12 @@ def test_units_are_those_that_quantities_are_written_in():
     chosen_length = load_scenario(WRITTEN, {"units": {"length": "in"}}).units
     assert (chosen_length.length, chosen_length.acceleration) == ("in", "m/s^2")
     assert load_scenario(scenario.to_yaml()).units == scenario.units  # as result files hold it
-    with shown_in(scenario.units.scales):
+    with shown_in(scenario.display_scales):
         assert amount(0.0123, "m") == "12.3 mm"
         assert amount(90.0, "s") == "1.5 min"
         assert amount(0.003, "s") == "3 ms"  # not in minutes
-    assert load_scenario(WRITTEN, ["excitation.level=2 g", "run.duration=500 ms"]).units.scales.keys() == {"m/s^2", "m"}
+    scenario = load_scenario(WRITTEN, ["excitation.level=2 g", "run.duration=500 ms"])
+    assert scenario.display_scales.keys() == {"m/s^2", "m"}
 
 
 def test_long_times_are_in_units_that_a_reader_uses():

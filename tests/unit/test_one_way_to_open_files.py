@@ -29,7 +29,7 @@ PERMITTED = {
     ("measurements/universal.py", "pyuff.UFF"): 1,
     # files of this package, and of plotly
     ("flow/compiled.py", "file.read_bytes"): 1, ("report/page.py", "read_text"): 1,
-    ("report/page.py", "script.read_bytes"): 1, ("scenario/loading.py", "read_text"): 1,
+    ("report/page.py", "script.read_bytes"): 1, ("scenario/scenario.py", "read_text"): 1,
     ("store/describe.py", "document.read_text"): 1, ("version.py", "file.read_bytes"): 1,
     # files that are written, one of which is read back at once
     ("files.py", "open"): 1, ("hdf5.py", "open"): 1, ("matrix_files.py", "open"): 1, ("store/export.py", "open"): 2,

@@ -14,8 +14,7 @@ from beamsim.cli.printing import print_json
 from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.files import check_writable
 from beamsim.plots.drawing import Chart, Curve, Picture, write
-from beamsim.scenario import load_scenario
-from beamsim.scenario.loading import template
+from beamsim.scenario import load_scenario, template
 
 
 def titled(title):

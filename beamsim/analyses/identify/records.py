@@ -55,9 +55,9 @@ from beamsim.scenario.base import path_text
 from beamsim.scenario.excitation import Harmonic
 from beamsim.scenario.files import RecordPreparation
 from beamsim.scenario.identification import NonlinearFit, SweepTest, TransientTest
-from beamsim.scenario.loading import describe
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import Run
+from beamsim.scenario.validation_errors import describe
 from beamsim.system.build import build_system
 from beamsim.system.parts import SharedBuilds
 from beamsim.system.structural import StructuralSystem

@@ -33,8 +33,8 @@ from beamsim.fields import (
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.result import Result
 from beamsim.scenario import Scenario
-from beamsim.scenario.loading import stored_scenario
 from beamsim.scenario.parameters import unit_of
+from beamsim.scenario.scenario import stored_scenario
 from beamsim.typing import Complexes, Floats, Ints
 
 SCENARIO = as_text(Scenario.to_yaml, stored_scenario)

@@ -420,7 +420,7 @@ def _at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool =
         return scenario.model_copy(update=changed)
     changed["excitation"] = excitation.at(orbit.frequency_hz, orbit.level)
     if orbit.parameter in ("gap", "stiffness"):
-        named = [located for located in scenario.written_snubbers if located.item.name == orbit.snubber]
+        named = [located for located in scenario.listed("snubbers") if located.item.name == orbit.snubber]
         if not named:
             _reject(f"follows the {orbit.parameter} of {orbit.snubber}, which is no snubber of this scenario", "add it")
         scenario = replaced(scenario, {(*named[0].path, orbit.parameter): orbit.value})

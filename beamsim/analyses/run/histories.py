@@ -67,7 +67,7 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
         **_of_friction(motion, histories, sliding),
         **_of_outputs(system, histories),
     }
-    friction = [each.item for each in system.scenario.located_friction]
+    friction = [each.item for each in system.scenario.listed("friction")]
     of_members = {
         "snubber": [contact_units(snubber.gap_unit) for snubber in system.snubbers],
         "friction": [contact_units("rad" if isinstance(each, OfHinge) else "m") for each in friction],
@@ -176,7 +176,7 @@ def _of_springs(system: StructuralSystem, histories: Histories) -> dict[str, Any
 def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
     """Of each friction contact what `sliding_figures` tells, as far as it is known."""
     system, scenario = motion.system, motion.system.scenario
-    contacts = [each.item for each in scenario.located_friction]
+    contacts = [each.item for each in scenario.listed("friction")]
     unknown: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
     begin = 0.0 if scenario.run is None else scenario.run.from_
     if not contacts or motion.trajectory is None or begin > motion.trajectory.end:
@@ -187,7 +187,10 @@ def _sliding(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
 
 
 def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    contacts, number = [each.item for each in motion.system.scenario.located_friction], friction_contacts(motion.system)
+    contacts, number = (
+        [each.item for each in motion.system.scenario.listed("friction")],
+        friction_contacts(motion.system),
+    )
     if not contacts:
         return {}
     slides = [of.get("slides") for of in sliding]

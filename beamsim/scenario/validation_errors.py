@@ -1,19 +1,15 @@
-"""From a file, text or mapping to a scenario, or to a list of all errors in it, in terms of the file."""
+"""What pydantic finds wrong, as problems in terms of the file."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from importlib.resources import files
-from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from beamsim.errors import Problem, ScenarioError
-from beamsim.files import protect
+from beamsim.errors import Problem
 from beamsim.scenario.base import (
     MEANT,
     Path,
@@ -22,8 +18,6 @@ from beamsim.scenario.base import (
     counted,
     descriptions,
     kinds_of,
-    path_parts,
-    plain,
     problem,
     single_line,
     suggestion,
@@ -32,152 +26,19 @@ from beamsim.scenario.base import (
     words_of,
 )
 from beamsim.scenario.quantities import FieldType, Quantity, example_of
-from beamsim.scenario.reporting import DisplayUnits
-from beamsim.scenario.scenario import Scenario, named_files
-from beamsim.scenario.tree import (
-    Overrides,
-    WrittenMapping,
-    apply_overrides,
-    from_python,
-    located_problem,
-    parse,
-    read_file,
-    resolve_extends,
-)
-from beamsim.scenario.units import UnitError, units_written
-
-USED: dict[str, frozenset[str]] = {
-    "run": frozenset({"run", "limits"}),
-    "sweep": frozenset({"sweep", "limits"}),
-    "vary": frozenset({"vary", "optimise", "sweep", "run", "limits"}),
-    "nnm": frozenset({"nnm"}),
-    "identify-stiffness": frozenset({"identify_stiffness"}),
-}
-"""Sections that each command uses, of those that not all of them use (``vary``: sweep with many cases)."""
+from beamsim.scenario.units import UnitError
 
 
-def load_scenario(
-    source: str | FilePath | Mapping[str, Any] | Scenario, overrides: Overrides = (), *, command: str = ""
-) -> Scenario:
-    """Read and check a scenario.
-
-    Parameters
-    ----------
-    source : path of a YAML file; or YAML text (it has a line break, or begins with a brace); or a mapping like
-        the one in such a file; or a scenario, to be varied.
-    overrides : what to change, applied after `extends`: ``{"beam.thickness": "4 mm"}`` or
-        ``["beam.thickness=4 mm", "snubbers[0].gap=0.1 mm"]``. An override acts like a file that extends this one:
-        mappings merge, lists and a mapping whose ``kind`` changes are replaced whole, ``null`` (``None``) takes a
-        key away, so that its default holds.
-    command : what the scenario is for, such as ``run`` or ``sweep``: then a section that it does not use is left out
-        with a warning if it is wrong. By default all sections are checked.
-
-    Returns
-    -------
-    Scenario
-        As it is written, in SI units.
-
-    Raises
-    ------
-    ScenarioError
-        With every problem found: path, message, remedy, file and line.
-    """
-    root, name = _read(source)
-    if overrides:
-        root = apply_overrides(root, overrides)
-    try:
-        scenario = _validated(root).with_source(name, root)
-        for at, file in named_files(scenario):
-            protect(scenario.folder_of(*at) / file)
-        return scenario
-    except ScenarioError as error:
-        if command not in USED:
-            raise
-        return _without_unused_sections(root, name, command, error)
-
-
-def stored_scenario(text: str) -> Scenario:
-    """The scenario that a result file holds: its complete text, from which no other file is opened.
-
-    Raises
-    ------
-    ScenarioError
-        If it is no valid scenario, or extends another one.
-    """
-    root = parse(text, "<text>")
-    if isinstance(root, Mapping) and "extends" in root:
-        raise ScenarioError(problem(("extends",), "is not accepted in a stored scenario, which is complete"))
-    root = resolve_extends(root, "<text>", FilePath())
-    return _validated(root).with_source("scenario", root)
-
-
-def _without_unused_sections(root: WrittenMapping, name: str, command: str, error: ScenarioError) -> Scenario:
-    """The scenario without sections that a command does not use, if only these are wrong; else raises the error."""
-    used = USED["vary" if command == "sweep" and (root.get("vary") or root.get("optimise")) is not None else command]
-    unused = (frozenset().union(*USED.values()) - used) & root.keys()
-    if not all(path_parts(found.path)[:1] and path_parts(found.path)[0] in unused for found in error.problems):
-        raise error
-    kept = WrittenMapping({key: item for key, item in root.items() if key not in unused}, root.mark, root.marks)
-    warnings = tuple(f"left out, since {command} does not use it: {problem}" for problem in error.problems)
-    return _validated(kept).with_source(name, kept, warnings)
-
-
-def _read(source: str | FilePath | Mapping[str, Any] | Scenario) -> tuple[WrittenMapping, str]:
-    """Return the data, `extends` resolved, and the name for output files."""
-    if isinstance(source, Scenario):
-        return _tree_of(source), source.source
-    if isinstance(source, Mapping):
-        return resolve_extends(from_python(source), None, FilePath()), "scenario"
-    if isinstance(source, str) and ("\n" in source or source.lstrip().startswith("{")):
-        return resolve_extends(parse(source, "<text>"), "<text>", FilePath()), "scenario"
-    path = FilePath(source)
-    return resolve_extends(read_file(path), str(path), path.parent, (path.resolve(),)), path.stem
-
-
-def _tree_of(scenario: Scenario) -> WrittenMapping:
-    """The data of a scenario, in which files are relative to where they were written."""
-    root: WrittenMapping = from_python(plain(scenario))
-    for at, _ in named_files(scenario):
-        owner: Any = root
-        for part in at[:-1]:
-            owner = owner[part]
-        owner.marks[at[-1]] = str(scenario.folder_of(*at) / f"{scenario.source}.yaml"), None
-    return root
-
-
-def _validated(root: WrittenMapping) -> Scenario:
-    """The scenario that data are; or the errors of all fields, else of all sections, else between sections, located."""
-    try:
-        with units_written() as written:
-            scenario = Scenario.model_validate(root)
-    except (ScenarioError, ValidationError) as error:
-        problems = error.problems if isinstance(error, ScenarioError) else _problems_of(error)
-        unique = list(dict.fromkeys(located_problem(root, each) for each in problems))
-        raise ScenarioError(sorted(unique, key=lambda each: (each.file != root.mark[0], each.line or 0))) from None
-    shown = (scenario.units or DisplayUnits()).filled(written)
-    return scenario if not shown.scales else scenario.model_copy(update={"units": shown})
-
-
-def _problems_of(error: ValidationError) -> list[Problem]:
+def problems_of(root: type[Schema], error: ValidationError) -> list[Problem]:
     """What pydantic found; that a list is too short is left out where its items are wrong, too."""
     details = error.errors(include_url=False)
     wrong = [detail["loc"] for detail in details]
     return [
-        problem(*describe(Scenario, detail))
+        problem(*describe(root, detail))
         for detail in details
         if detail["type"] != "too_short"
         or not any(loc != detail["loc"] and loc[: len(detail["loc"])] == detail["loc"] for loc in wrong)
     ]
-
-
-def template(kind: str = "beam") -> str:
-    """Return a commented scenario that is valid as it stands, as `beamsim new` writes it.
-
-    Parameters
-    ----------
-    kind : one of `beamsim.kinds.TemplateKind`.
-    """
-    return (files("beamsim.scenario") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
 
 
 def members(annotation: Any, tag: str = "") -> dict[str, type[Schema]]:
