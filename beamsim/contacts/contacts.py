@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from beamsim.contacts.laws import INTERNAL, PRESSING, ContactLaw, LawArrays, OneSidedSpring, kelvin_voigt
+from beamsim.contacts.laws import (
+    CONSTANT,
+    INTERNAL,
+    PENETRATION,
+    PRESSING,
+    ContactLaw,
+    LawArrays,
+    OneSidedSpring,
+    kelvin_voigt,
+)
 from beamsim.errors import MethodError
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Contacts:
     """m contacts with penetration ``delta = -gap - sign * (shape @ q + base_influence d)``.
 
@@ -32,8 +42,40 @@ class Contacts:
     lever: Floats | None = None  # (m,) displacement of its place for a unit displacement d of the base; None: 1
     pressed_by: Ints | None = None  # (m,) contact whose force presses each, -1 where there is none; None: nowhere
 
+    # what follows from these
+    count: int = field(init=False)  # m
+    levers: Floats = field(init=False)  # (m,) as ``lever``
+    base_influence: Floats = field(init=False)  # (m,) as ``levers`` of what is on the ground; 0 of what is on the base
+    presser: Ints = field(init=False)  # (m,) as ``pressed_by``
+    pressed: Ints = field(init=False)  # contacts that the force of another one presses
+    pressing: Ints = field(init=False)  # of each of them the contact that presses it
+    internal_states: int = field(init=False)  # r, of all contacts; they follow (q, q') in the state, by contact
+    states: Ints = field(init=False)  # (m,) number of internal states of each contact
+    first: Ints = field(init=False)  # (m,) index of each contact's first one among all
+    owner: Ints = field(init=False)  # (r,) contact of each internal state
+    column: Ints = field(init=False)  # (r,) column of each internal state in the rows of its contact's law
+    may_hold: Bools = field(init=False)  # (m,) whether a phase of each contact holds
+    ever_hold: bool = field(init=False)  # whether any phase of any contact holds
+    start: Ints = field(init=False)  # (m,) phases from which the search for those of a given motion starts
+    jointly_acting: bool = field(init=False)  # whether reactions or forces that press others act among them
+
     def __post_init__(self) -> None:
-        """Refuse a slider that would have to follow a force whose rate depends on accelerations."""
+        self.count = m = len(self.laws)
+        self.levers = np.ones(m) if self.lever is None else self.lever
+        self.base_influence = self.on_ground * self.levers
+        self.presser = np.full(m, -1) if self.pressed_by is None else self.pressed_by
+        self.pressed = np.flatnonzero(self.presser >= 0)
+        self.pressing = self.presser[self.pressed]
+        self.states = np.array([law.internal_states for law in self.laws], dtype=np.int64)
+        self.internal_states = int(self.states.sum())
+        self.first = np.asarray(np.cumsum(self.states) - self.states)
+        self.owner = np.repeat(np.arange(m), self.states)
+        self.column = INTERNAL + np.arange(self.internal_states) - self.first[self.owner]
+        self.start = np.array([law.start for law in self.laws], dtype=np.int64)
+        self.may_hold = np.array([any(phase.holds for phase in law.phases) for law in self.laws], dtype=bool)
+        self.ever_hold = bool(self.may_hold.any())
+        self.jointly_acting = self.ever_hold or self.pressed.size > 0
+        # a slider cannot follow a force whose rate depends on accelerations
         for j, i in zip(self.pressed.tolist(), self.pressing.tolist(), strict=True):
             follows_rate = any(guard.row.pressing_rate for phase in self.laws[j].phases for guard in phase.guards)
             if follows_rate and self.laws[i].arrays.force[:, 1].any():
@@ -44,56 +86,17 @@ class Contacts:
                     "leave out the tangential stiffness, or the dashpot",
                 )
 
-    @property
-    def count(self) -> int:
-        """m."""
-        return len(self.laws)
-
     @cached_property
-    def base_influence(self) -> Floats:
-        """(m,) displacement by a unit displacement of the base of what is on the ground; 0 of what is on the base."""
-        return self.on_ground * self.levers
-
-    @property
-    def levers(self) -> Floats:
-        """(m,) displacement of each place for a unit displacement of the base."""
-        return np.ones(self.count) if self.lever is None else self.lever
-
-    @property
-    def _presser(self) -> Ints:
-        """(m,) contact whose force presses each, -1 where there is none."""
-        return np.full(self.count, -1) if self.pressed_by is None else self.pressed_by
-
-    @property
-    def mounted(self) -> Contacts:
-        """They as a motion begins, of which some have not had a long rest; themselves where all have."""
-        mounted = any(law.mounted is not None for law in self.laws)
-        return replace(self, laws=tuple(law.mounted or law for law in self.laws)) if mounted else self
-
-    @cached_property
-    def internal_states(self) -> int:
-        """r, number of internal states of all contacts; they follow (q, q') in the state vector, contact by contact."""
-        return sum(law.internal_states for law in self.laws)
-
-    @cached_property
-    def states(self) -> Ints:
-        """(m,) number of internal states of each contact."""
-        return np.array([law.internal_states for law in self.laws], dtype=np.int64)
-
-    @cached_property
-    def first(self) -> Ints:
-        """(m,) index of each contact's first internal state among those of all contacts."""
-        return np.asarray(np.cumsum(self.states) - self.states)
-
-    @cached_property
-    def owner(self) -> Ints:
-        """(r,) contact of each internal state."""
-        return np.repeat(np.arange(self.count), self.states)
-
-    @cached_property
-    def column(self) -> Ints:
-        """(r,) column of each internal state in the rows of its contact's law."""
-        return np.asarray(INTERNAL + np.arange(self.internal_states) - self.first[self.owner])
+    def arrays(self) -> LawArrays:
+        """The laws' arrays side by side, (m, ...), filled up with zeros."""
+        sizes = [law.arrays.guard.shape for law in self.laws] or [(1, 1, INTERNAL)]
+        phases, guards, columns = map(max, zip(*sizes, strict=True))
+        out = LawArrays.zeros((self.count, phases), guards, columns - INTERNAL)
+        for j, law in enumerate(self.laws):
+            for array, own in zip(out, law.arrays, strict=True):
+                place: Any = (j, *(slice(size) for size in own.shape))
+                array[place] = own
+        return out
 
     @cached_property
     def sliders(self) -> Ints:
@@ -157,7 +160,7 @@ class Contacts:
         first = np.append(np.searchsorted(owner, np.arange(self.count)), -1)
         return Contacts(
             self.shape[owner], direction * self.sign[owner], direction * self.gap[owner] + offset,
-            self.on_ground[owner], laws, self.levers[owner], first[self._presser][owner],
+            self.on_ground[owner], laws, self.levers[owner], first[self.presser][owner],
         )  # fmt: skip
 
     @cached_property
@@ -183,12 +186,12 @@ class Contacts:
 
     def with_others(self, others: Contacts) -> Contacts:
         """These contacts followed by the others."""
-        theirs = np.where(others._presser < 0, -1, others._presser + self.count)
+        theirs = np.where(others.presser < 0, -1, others.presser + self.count)
         return Contacts(
             np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
             np.concatenate([self.gap, others.gap]), np.concatenate([self.on_ground, others.on_ground]),
             self.laws + others.laws, np.concatenate([self.levers, others.levers]),
-            np.concatenate([self._presser, theirs]),
+            np.concatenate([self.presser, theirs]),
         )  # fmt: skip
 
     def with_numbers(self, contact: int, stiffness: float, dashpot: float) -> Contacts:
@@ -226,21 +229,6 @@ class Contacts:
         return replace(self, laws=tuple(law.scaled(factor) for law in self.laws))
 
     # -- phases --------------------------------------------------------------------------------------------------
-
-    @property
-    def start(self) -> Ints:
-        """(m,) phases from which the search for those of a given motion starts."""
-        return np.array([law.start for law in self.laws], dtype=np.int64)
-
-    @cached_property
-    def pressed(self) -> Ints:
-        """Contacts that the force of another one presses."""
-        return np.flatnonzero(self._presser >= 0)
-
-    @cached_property
-    def pressing(self) -> Ints:
-        """Of each of `pressed` the contact that presses it."""
-        return self._presser[self.pressed]
 
     def pressing_stretches(self, phases: Ints) -> Floats:
         """Of each of `pressed` the stretch of its spring for a unit of the pressing force, m/N, in phases (..., m)."""
@@ -327,12 +315,6 @@ class Contacts:
             return 0.0, bool(a.touching[contact, after])
         return float(-row[2] / row[0]) + 0.0, bool(row[0] < 0.0)
 
-    def own_internal(self, internal: Floats) -> Floats:
-        """(nt, m, R) internal states of each contact from all of them (nt, r)."""
-        out = np.zeros((internal.shape[0], self.count, self.arrays.losses.shape[2]))
-        out[:, self.owner, self.column - INTERNAL] = internal
-        return out
-
     def forces(self, phases: Ints, penetration: Floats, rate: Floats, internal: Floats) -> Floats:
         """Forces of all contacts, without what others press.
 
@@ -347,8 +329,10 @@ class Contacts:
         (nt, m) N.
         """
         row = self.arrays.force[np.arange(self.count), phases]
+        own = np.zeros((internal.shape[0], self.count, row.shape[-1] - INTERNAL))
+        own[:, self.owner, self.column - INTERNAL] = internal
         force = row[..., 0] * penetration + row[..., 1] * rate + row[..., 2]
-        return np.asarray(force + np.sum(row[..., INTERNAL:] * self.own_internal(internal), axis=-1))
+        return np.asarray(force + np.sum(row[..., INTERNAL:] * own, axis=-1))
 
     def stored_energy(self, phases: Ints, penetration: Floats, internal: Floats) -> Floats:
         """Energy stored in all contacts.
@@ -365,16 +349,14 @@ class Contacts:
         if self.pressed.size:
             forces = self.forces(phases, penetration, np.zeros_like(penetration), internal)
             pressing[:, self.pressed] = forces[:, self.pressing]
-        own, R = self.own_internal(internal), self.arrays.rates.shape[2]
-        columns = [0, 2, PRESSING, *range(INTERNAL, INTERNAL + R)]
         energy = np.zeros(penetration.shape[0])
         for j, law in enumerate(self.laws):
-            z = np.column_stack([penetration[:, j], np.ones(energy.size), pressing[:, j], own[:, j]])
+            own = internal[:, self.first[j] : self.first[j] + self.states[j]]
+            z = np.column_stack([penetration[:, j], np.ones(energy.size), pressing[:, j], own])
+            columns = [PENETRATION, CONSTANT, PRESSING, *range(INTERNAL, INTERNAL + own.shape[1])]
             for k in range(len(law.phases)):
                 now = np.flatnonzero(np.broadcast_to(phases, penetration.shape)[:, j] == k)
-                energy[now] += 0.5 * np.sum(
-                    z[now] @ self.arrays.energy[j, k][np.ix_(columns, columns)] * z[now], axis=1
-                )
+                energy[now] += 0.5 * np.sum(z[now] @ law.arrays.energy[k][np.ix_(columns, columns)] * z[now], axis=1)
         return energy
 
     def holds(self, phases: Ints) -> Bools:
@@ -392,38 +374,25 @@ class Contacts:
         own = (a.lost[:, :, 0] != 0.0) | (a.lost[:, :, 1] < 0.0) | ((a.lost[:, :, 2] != 0.0) & (a.slides == 0.0))
         return np.flatnonzero(own.any(axis=1))
 
-    @cached_property
-    def may_hold(self) -> Bools:
-        """(m,) whether a phase of each contact holds."""
-        return np.asarray(self.arrays.holds.any(axis=1))
-
-    @cached_property
-    def ever_hold(self) -> bool:
-        """Whether any phase of any contact holds."""
-        return bool(self.may_hold.any())
-
     def starting_at(self, rate: Floats, least: Floats) -> Ints:
-        """(m,) phases from which the search starts at penetration rates, m/s; those below ``least`` are none."""
-        moving = np.where(np.abs(rate) > least, rate, 0.0)
-        return np.array([law.starting_at(v) for law, v in zip(self.laws, moving.tolist(), strict=True)], dtype=np.int64)
+        """(m,) phases from which the search starts at penetration rates, m/s; those below ``least`` are none.
+
+        A face that holds at rest and moves slides against its force.
+        """
+        phases = self.start.copy()
+        for j in np.flatnonzero(self.may_hold & (np.abs(rate) > least)).tolist():
+            start = self.laws[j].phases[phases[j]]
+            if start.holds:
+                phases[j] = next(guard.next for guard in start.guards if guard.row.reaction * rate[j] < 0.0)
+        return phases
 
     def event_losses(self, before: Ints, after: Ints) -> Floats:
         """(n, m) energy lost, J, where the phases change from ``before`` to ``after``, (n, m) each."""
-        return np.asarray(self._losing_events[0][np.arange(self.count), before, after])
+        return np.asarray(self.arrays.event_loss[np.arange(self.count), before, after, 0])
 
     def pressing_losses(self, before: Ints, after: Ints) -> Floats:
         """The same of each of `pressed` for a unit of the pressing force squared, m/N."""
-        return np.asarray(self._losing_events[1][self.pressed, before[:, self.pressed], after[:, self.pressed]])
-
-    @cached_property
-    def _losing_events(self) -> Floats:
-        """(2, m, P, P) energy lost when a contact changes from one phase to another, J, and for a unit of the pressing
-        force squared, m/N."""
-        a, most = self.arrays, self.arrays.touching.shape[1]
-        out = np.zeros((2, self.count, most, most))
-        j, k, g = np.nonzero(a.event_loss.any(axis=-1))
-        out[:, j, k, a.next[j, k, g]] = a.event_loss[j, k, g].T
-        return out
+        return np.asarray(self.arrays.event_loss[self.pressed, before[:, self.pressed], after[:, self.pressed], 1])
 
     def penetrations(self, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
         """(nt, m) m and m/s, penetrations and their rates.
@@ -456,13 +425,8 @@ class Contacts:
 
     def settled_states(self, penetration: Floats) -> Floats:
         """(r,) internal states after a long rest at penetrations (m,), m."""
-        states = [law.settled_states(float(x)) for law, x in zip(self.laws, penetration, strict=True)]
+        states = [law.settled(float(x)) for law, x in zip(self.laws, penetration, strict=True)]
         return np.concatenate([np.zeros(0), *states])
-
-    @property
-    def resting_load(self) -> Floats:
-        """(n,) generalised force of the contacts after a long rest that does not depend on where they rest."""
-        return np.asarray((self.sign * [law.resting_force for law in self.laws]) @ self.shape)
 
     def coupled(self, phases: Ints) -> bool:
         """Whether internal states and structure drive each other in these phases."""
@@ -476,14 +440,3 @@ class Contacts:
         given = [(j, law.phases[phases[j]].written) for j, law in enumerate(self.laws)]
         of = [(j, row.constant, row.pressing) for j, row in given if row is not None]
         return np.array([j for j, *_ in of], dtype=np.int64), np.array([row for _, *row in of]).reshape(-1, 2)
-
-    @property
-    def jointly_acting(self) -> bool:
-        """Whether reactions, or forces that other contacts press, act between contacts and structure."""
-        return self.ever_hold or self.pressed.size > 0
-
-    @cached_property
-    def arrays(self) -> LawArrays:
-        """The laws' arrays side by side, (m, ...), filled up with zeros."""
-        some = self.laws or (kelvin_voigt(1.0),)
-        return LawArrays._make(each[: self.count] for each in LawArrays.of(law.arrays for law in some))

@@ -32,11 +32,11 @@ less afterwards is lost at the event. A law of another kind is another list of p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -115,32 +115,18 @@ class Phase:
         """N/m, force per penetration."""
         return float(sum(s.stiffness * s.stretch.penetration**2 for s in self.springs))
 
-    def force(self, internal_states: int) -> Floats:
-        """(6 + r,) factors of the force, as those of `LawRow.array`."""
-        return np.asarray(self.energy(internal_states)[0] + self.lost.array(internal_states))
-
-    def energy(self, internal_states: int) -> Floats:
-        """(6 + r, 6 + r) Q of the energy z^T Q z / 2, z as for `LawRow.array`."""
-        form = np.zeros((INTERNAL + internal_states,) * 2)
-        for spring in self.springs:
-            stretch = spring.stretch.array(internal_states)
-            form += spring.stiffness * np.outer(stretch, stretch)
-            form[2] += spring.force * stretch
-            form[:, 2] += spring.force * stretch
-            form[2, 2] += 2.0 * spring.energy
-        return form
-
 
 class LawArrays(NamedTuple):
     """A law as arrays of P phases, G guards, r states and the columns of `LawRow.array`; filled up with zeros."""
 
     touching: Bools  # (P,)
-    opening: Floats  # (P, C) distance to the face, m, in a phase that does not touch; see `ContactLaw.opening`
+    opening: Floats  # (P, C) distance to the face of a stop as it is in a phase, m: that after which contact is made
     force: Floats  # (P, C) the force's row
     lost: Floats  # (P, C) the part whose work is lost
-    energy: Floats  # (P, C, C) forms, see `Phase.energy`
+    energy: Floats  # (P, C, C) Q of the energy z^T Q z / 2, z as for `LawRow.array`
     rates: Floats  # (P, r, C) rows of the rates of the internal states
     losses: Floats  # (P, r) power lost with the square of these rates, N s/m
+    coupled: Bools  # (P,) whether internal states and structure move together: one drives the other
     holds: Bools  # (P,)
     slides: Floats  # (P,)
     guards: Ints  # (P,) number of guards
@@ -148,27 +134,30 @@ class LawArrays(NamedTuple):
     next: Ints  # (P, G) phase that follows
     resets: Bools  # (P, G)
     reset: Floats  # (P, G, r, C) rows of the internal states after the event
-    event_loss: Floats  # (P, G, 2) J, and m/N for the square of the pressing force; see `_event_loss`
-
-    @property
-    def coupled(self) -> Bools:
-        """(..., P) whether internal states and structure move together in a phase: one drives the other."""
-        driven = self.rates[..., :2].any(axis=(-2, -1))
-        return np.asarray(self.force[..., INTERNAL:].any(axis=-1) | driven)
+    event_loss: Floats  # (P, P, 2) lost where one phase follows another, J, and m/N for the pressing force squared
 
     @classmethod
-    def of(cls, parts: Iterable[LawArrays]) -> LawArrays:
-        """Arrays of several phases or laws side by side, filled up with zeros to the size of the largest."""
-        return cls._make(_filled_up(arrays) for arrays in zip(*parts, strict=True))
-
-
-def _filled_up(arrays: Sequence[Any]) -> Any:
-    largest = map(max, zip(*(array.shape for array in arrays), strict=True))
-    out = np.zeros((len(arrays), *largest), arrays[0].dtype)
-    for k, array in enumerate(arrays):
-        place: tuple[int | slice, ...] = (k, *(slice(size) for size in array.shape))
-        out[place] = array
-    return out
+    def zeros(cls, phases: tuple[int, ...], guards: int, states: int) -> LawArrays:
+        """Arrays of zeros for P phases, the last of ``phases``, of any number of laws."""
+        columns = INTERNAL + states
+        return cls(
+            touching=np.zeros(phases, dtype=bool),
+            opening=np.zeros((*phases, columns)),
+            force=np.zeros((*phases, columns)),
+            lost=np.zeros((*phases, columns)),
+            energy=np.zeros((*phases, columns, columns)),
+            rates=np.zeros((*phases, states, columns)),
+            losses=np.zeros((*phases, states)),
+            coupled=np.zeros(phases, dtype=bool),
+            holds=np.zeros(phases, dtype=bool),
+            slides=np.zeros(phases),
+            guards=np.zeros(phases, dtype=np.int64),
+            guard=np.zeros((*phases, guards, columns)),
+            next=np.zeros((*phases, guards), dtype=np.int64),
+            resets=np.zeros((*phases, guards), dtype=bool),
+            reset=np.zeros((*phases, guards, states, columns)),
+            event_loss=np.zeros((*phases, phases[-1], 2)),
+        )
 
 
 @dataclass(frozen=True)
@@ -190,7 +179,7 @@ class Border(NamedTuple):
     distance: float  # from rest, not negative
 
 
-@dataclass(frozen=True)
+@dataclass
 class ContactLaw:
     """Phases, and what follows from them.
 
@@ -204,7 +193,7 @@ class ContactLaw:
     stiffness, dashpot : those of slow motions in contact, from which natural frequencies follow.
     static : one-sided springs that push as the law does after a long rest; by default `parts`, or else one spring of
         the stiffness.
-    settled : the internal states after a long rest at a penetration, m; zero by default.
+    settled : the internal states after a long rest at a penetration, m, where it has some.
     resting_force : force that does not fade in a long rest and that no static spring gives, N: that of a face that
         sticks.
     undamped_law : the law without its dashpots, where it is another one; None where there is none.
@@ -220,11 +209,19 @@ class ContactLaw:
     stiffness: float = np.nan
     dashpot: float = np.nan
     static: tuple[OneSidedSpring, ...] | None = None
-    settled: Callable[[float], tuple[float, ...]] | None = None
+    settled: Callable[[float], tuple[float, ...]] = lambda penetration: ()
     resting_force: float = 0.0
     undamped_law: ContactLaw | None = None
     mounted: ContactLaw | None = None
     family: Callable[[float, float], ContactLaw] | None = None
+
+    # what follows from these
+    static_springs: tuple[OneSidedSpring, ...] = field(init=False)  # that push as it does after a long rest
+    needs_pressing: bool = field(init=False)  # whether its force depends on that of another contact, which presses it
+    rubs: bool = field(init=False)  # whether it loses work in a phase of its own, as dry friction does
+    yields: bool = field(init=False)  # whether it is a stop that stays crushed: open, its face is where its slider is
+    latches: bool = field(init=False)  # whether it has a phase that nothing ends
+    linear_in_contact: bool = field(init=False)  # whether it is a stiffness and a dashpot while it touches, alone
 
     def __post_init__(self) -> None:
         for phase in self.phases:
@@ -233,13 +230,14 @@ class ContactLaw:
                 raise ValueError(f"a guard of phase {phase.name!r} names a phase that the law does not have")
             if len(set(following)) < len(following):
                 raise ValueError(f"two guards of phase {phase.name!r} name the same phase")
-
-    @property
-    def static_springs(self) -> tuple[OneSidedSpring, ...]:
-        """One-sided springs that push as the law does after a long rest at any penetration."""
-        if self.static is not None:
-            return self.static
-        return self.parts if self.parts is not None else (OneSidedSpring(1.0, self.stiffness, 0.0, 0.0),)
+        springs = self.parts if self.static is None else self.static
+        self.static_springs = (OneSidedSpring(1.0, self.stiffness, 0.0, 0.0),) if springs is None else springs
+        opened = self.phases[0]
+        self.needs_pressing = any(phase.otherwise is not None for phase in self.phases)
+        self.rubs = self.needs_pressing or any(p.lost.constant or p.lost.penetration or p.holds for p in self.phases)
+        self.yields = self.rubs and not opened.touching and bool(opened.guards[0].row.internal)
+        self.latches = len(self.phases) > 1 and any(not p.guards and p.otherwise is None for p in self.phases)
+        self.linear_in_contact = self.family is not None or self.latches
 
     def static_force(self, penetration: Floats) -> Floats:
         """Forces after a long rest at penetrations, N, of any shape."""
@@ -260,87 +258,37 @@ class ContactLaw:
             slope, reached, before = slope + spring.stiffness, at, spring.offset
         return before + (force - reached) / slope if slope > 0.0 else np.inf
 
-    def settled_states(self, penetration: float) -> tuple[float, ...]:
-        """(r,) internal states after a long rest at a penetration, m."""
-        return (0.0,) * self.internal_states if self.settled is None else self.settled(penetration)
-
-    @property
-    def yields(self) -> bool:
-        """Whether it is a stop that stays crushed: open, its face is where its slider is."""
-        opened = self.phases[0]
-        return self.rubs and not opened.touching and bool(opened.guards[0].row.internal)
-
-    @property
-    def rubs(self) -> bool:
-        """Whether it loses work in a phase of its own, as dry friction does."""
-        lost = any(phase.lost.constant or phase.lost.penetration or phase.holds for phase in self.phases)
-        return lost or self.needs_pressing
-
-    @property
-    def latches(self) -> bool:
-        """Whether it has a phase that nothing ends."""
-        return len(self.phases) > 1 and any(not p.guards and p.otherwise is None for p in self.phases)
-
-    @property
-    def linear_in_contact(self) -> bool:
-        """Whether it is a stiffness and a dashpot while it touches, and nothing while it does not."""
-        return self.family is not None or self.latches
-
-    @property
-    def needs_pressing(self) -> bool:
-        """Whether its force depends on that of another contact, which presses it."""
-        return any(phase.otherwise is not None for phase in self.phases)
-
-    def opening(self, phase: Phase) -> LawRow:
-        """Distance to the face of a stop as it is in a phase, m: that after which contact is made.
-
-        A face that was crushed, or that recovers, lies where that has left it. What touches or is held has no opening.
-        """
-        if phase.touching:
-            return LawRow()
-        return next((guard.row for guard in phase.guards if self.phases[guard.next].touching), LawRow())
-
     @cached_property
     def arrays(self) -> LawArrays:
         """The phases as arrays."""
-        return LawArrays.of(self._arrays_of(phase) for phase in self.phases)
-
-    def _arrays_of(self, phase: Phase) -> LawArrays:
-        r, guards = self.internal_states, phase.guards
-
-        def rows(given: Sequence[LawRow], count: int) -> Floats:
-            out = np.zeros((count, INTERNAL + r))
-            for i, row in enumerate(given):
-                out[i] = row.array(r)
-            return out
-
-        return LawArrays(
-            touching=np.array(phase.touching),
-            opening=self.opening(phase).array(r),
-            force=phase.force(r),
-            lost=phase.lost.array(r),
-            energy=phase.energy(r),
-            rates=rows(phase.rates, r),
-            losses=np.array(phase.losses or (0.0,) * r),
-            holds=np.array(phase.holds),
-            slides=np.array(phase.slides),
-            guards=np.array(len(guards)),
-            guard=rows([guard.row for guard in guards], len(guards)),
-            next=np.array([guard.next for guard in guards], dtype=np.int64),
-            resets=np.array([guard.reset is not None for guard in guards], dtype=bool),
-            reset=np.array([rows(guard.reset or (), r) for guard in guards]).reshape(len(guards), r, INTERNAL + r),
-            event_loss=np.array([_event_loss(phase, self.phases[g.next], g, r) for g in guards]).reshape(-1, 2),
-        )
-
-    def starting_at(self, rate: float) -> int:
-        """The phase from which the one of a motion with a rate of the penetration, m/s, is looked for.
-
-        A face that holds at rest and moves slides against its force.
-        """
-        start = self.phases[self.start]
-        if not start.holds or rate == 0.0:
-            return self.start
-        return next(guard.next for guard in start.guards if guard.row.reaction * rate < 0.0)
+        r, guards = self.internal_states, [phase.guards for phase in self.phases]
+        a = LawArrays.zeros((len(guards),), max(map(len, guards)), r)
+        for k, phase in enumerate(self.phases):
+            a.touching[k], a.holds[k], a.slides[k] = phase.touching, phase.holds, phase.slides
+            for spring in phase.springs:
+                stretch = spring.stretch.array(r)
+                a.energy[k] += spring.stiffness * np.outer(stretch, stretch)
+                a.energy[k, CONSTANT] += spring.force * stretch
+                a.energy[k, :, CONSTANT] += spring.force * stretch
+                a.energy[k, CONSTANT, CONSTANT] += 2.0 * spring.energy
+            a.lost[k] = phase.lost.array(r)
+            a.force[k] = a.energy[k, PENETRATION] + a.lost[k]
+            a.losses[k] = phase.losses or np.zeros(r)
+            for i, row in enumerate(phase.rates):
+                a.rates[k, i] = row.array(r)
+            a.guards[k] = len(guards[k])
+            for g, guard in enumerate(guards[k]):
+                a.guard[k, g], a.next[k, g], a.resets[k, g] = guard.row.array(r), guard.next, guard.reset is not None
+                for i, row in enumerate(guard.reset or ()):
+                    a.reset[k, g, i] = row.array(r)
+        a.coupled[:] = a.force[:, INTERNAL:].any(axis=1) | a.rates[..., :CONSTANT].any(axis=(1, 2))
+        for k, phase in enumerate(self.phases):
+            for g in reversed(range(len(guards[k]))):
+                following = a.next[k, g]
+                a.event_loss[k, following] = _event_loss(a, k, g)
+                if a.touching[following] and not phase.touching:
+                    a.opening[k] = a.guard[k, g]
+        return a
 
     def resting_phase(self, penetration: float) -> int:
         """The phase after a long rest at a penetration, m: a guard that is negative hands over to the one it names."""
@@ -358,7 +306,7 @@ class ContactLaw:
 
     def _at_rest(self, penetration: float) -> Floats:
         """(6 + r,) what the law sees after a long rest at a penetration, m; no other contact presses it."""
-        return np.array([penetration, 0.0, 1.0, 0.0, 0.0, 0.0, *self.settled_states(penetration)])
+        return np.array([penetration, 0.0, 1.0, 0.0, 0.0, 0.0, *self.settled(penetration)])
 
     def borders(self, penetration: float) -> list[Border]:
         """Where motions about a long rest at a penetration, m, leave the phase there: a border for each guard."""
@@ -452,30 +400,24 @@ class ContactLaw:
         return replace(self, phases=phases, parts=parts, dashpot=0.0)
 
 
-def _event_loss(before: Phase, after: Phase, guard: Guard, internal_states: int) -> Floats:
-    """(2,) energy lost at a guard, J, and for the square of the pressing force, m/N.
+def _event_loss(a: LawArrays, phase: int, guard: int) -> Floats:
+    """(2,) energy lost where a guard ends a phase, J, and for the square of the pressing force, m/N.
 
     It is what is stored less afterwards, written without the first quantity by which the guard tells another.
     """
-    old, new = before.energy(internal_states), after.energy(internal_states)
-    reset, function = _reset_map(guard, internal_states), guard.row.array(internal_states)
+    old, new, function = a.energy[phase], a.energy[a.next[phase, guard]], a.guard[phase, guard]
+    reset = np.eye(function.size)  # what the law sees after the event by what it saw before
+    if a.resets[phase, guard]:
+        reset[INTERNAL:] = a.reset[phase, guard]
     at_guard = np.eye(function.size)
-    pivots = [column for column in (0, *range(INTERNAL, INTERNAL + internal_states)) if function[column] != 0.0]
+    pivots = [column for column in (PENETRATION, *range(INTERNAL, function.size)) if function[column] != 0.0]
     if pivots:
         at_guard[pivots[0]] -= function / function[pivots[0]]
     lost = at_guard.T @ (old - reset.T @ new @ reset) @ at_guard
     size = np.abs(at_guard).T @ (np.abs(old) + np.abs(reset).T @ np.abs(new) @ np.abs(reset)) @ np.abs(at_guard)
     # a smaller loss of energy is round-off of the terms it is made of
     lost[np.abs(lost) <= 1e-12 * size] = 0.0
-    return np.array([0.5 * lost[2, 2], 0.5 * lost[PRESSING, PRESSING]])
-
-
-def _reset_map(guard: Guard, internal_states: int) -> Floats:
-    """(C, C) the quantities after the event of a guard by those before."""
-    out = np.eye(INTERNAL + internal_states)
-    for i, row in enumerate(guard.reset or ()):
-        out[INTERNAL + i] = row.array(internal_states)
-    return out
+    return np.array([0.5 * lost[CONSTANT, CONSTANT], 0.5 * lost[PRESSING, PRESSING]])
 
 
 def _scaled(springs: tuple[OneSidedSpring, ...] | None, factor: float) -> tuple[OneSidedSpring, ...] | None:

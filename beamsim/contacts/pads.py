@@ -309,9 +309,9 @@ def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> C
 
     Examples
     --------
-    >>> (phase,) = relaxing_law(None, [MaxwellBranch(3.0, 0.5)]).phases
-    >>> phase.stiffness, phase.force(1)[[0, 6]].tolist(), phase.rates[0].array(1)[[0, 6]].tolist()
-    (3.0, [3.0, -3.0], [2.0, -2.0])
+    >>> arrays = relaxing_law(None, [MaxwellBranch(3.0, 0.5)]).arrays
+    >>> arrays.force[0, [0, 6]].tolist(), arrays.rates[0, 0, [0, 6]].tolist()
+    ([3.0, -3.0], [2.0, -2.0])
     """
     pad = _Pad(ForceCurve(np.zeros(1), np.zeros(1)), 0.0, tuple(branches))
     phases = (Phase("stretched", (), touching=False),) if law is None else law.phases

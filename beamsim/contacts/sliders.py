@@ -364,7 +364,7 @@ def unloading_law(
     Examples
     --------
     >>> law = unloading_law(ForceCurve(np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, 10.0])), 8.0)
-    >>> [(phase.name, phase.force(1)[[0, 2, 6]].tolist()) for phase in law.phases[:3]]
+    >>> [(phase.name, force[[0, 2, 6]].tolist()) for phase, force in zip(law.phases[:3], law.arrays.force)]
     [('open 1', [0.0, 0.0, 0.0]), ('between 1', [8.0, 0.0, -8.0]), ('loading 1', [2.0, 0.0, 0.0])]
     """
     x = loading.deflection[:-1] if recovery is None else np.union1d(loading.deflection, recovery.deflection)

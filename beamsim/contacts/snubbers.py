@@ -313,7 +313,7 @@ def _mounted(law: ContactLaw, maxwell: Sequence[Any], sides: tuple[float, ...]) 
     static = (*law.static_springs, *(OneSidedSpring(side, sum(stiffness), 0.0, 0.0) for side in sides))
 
     def settled(penetration: float) -> tuple[float, ...]:
-        return tuple((relaxed * law.settled_states(penetration)).tolist())
+        return tuple((relaxed * law.settled(penetration)).tolist())
 
     return replace(law, mounted=replace(law, static=static, settled=settled))
 

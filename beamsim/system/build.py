@@ -288,7 +288,7 @@ def _build(parts: Parts, recovered: bool = True) -> StructuralSystem:
     if parts.moved:
         initial += _start_on_supports(parts, forcing)
     if contacts.internal_states:
-        initial = np.append(initial, _settled(contacts.mounted, forcing, initial[: parts.basis.size]))
+        initial = np.append(initial, _settled(contacts, forcing, initial[: parts.basis.size]))
     correction = None
     if motion is not None and motion.corrections is not None:
         correction = CorrectionSize.of(motion.corrections)
@@ -338,14 +338,23 @@ def _statics(parts: Parts, pushing: _Pushing, loads: Floats) -> tuple[Contacts, 
     With warnings about the state, (2 n,) without what supports that move and internal states of contacts add.
     """
     snubbers, cubic = parts.scenario.located_snubbers, pushing.cubic
-    loads = np.vstack([loads, pushing.contacts.resting_load])
     contacts = pushing.contacts
+    resting = np.array([law.resting_force for law in contacts.laws])  # does not fade, and no static spring gives it
+    loads = np.vstack([loads, (contacts.sign * resting) @ contacts.shape])
     if any(located.item.preload is not None for located in snubbers):
         contacts = resolve_preloads(contacts, snubbers, parts.stiffness, parts.basis.rigid, loads, cubic)
     equilibrium = _equilibrium(parts, contacts, loads, cubic)
-    mounted = contacts.mounted
-    first = equilibrium if mounted is contacts else _equilibrium(parts, mounted, loads, cubic)
+    first, mounted = equilibrium, _as_mounted(contacts)
+    if mounted is not contacts:
+        first = _equilibrium(parts, mounted, loads, cubic)
     return contacts, equilibrium, *initial_state(parts, mounted, loads, cubic, first)
+
+
+def _as_mounted(contacts: Contacts) -> Contacts:
+    """The contacts as a motion begins, of which some have not had a long rest; themselves where all have."""
+    if all(law.mounted is None for law in contacts.laws):
+        return contacts
+    return replace(contacts, laws=tuple(law.mounted or law for law in contacts.laws))
 
 
 @dataclass(frozen=True)
@@ -416,7 +425,7 @@ def _settled(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
         apart += contacts.base_influence * float(forcing.base_displacement(0.0))
     if forcing.influence is not None:
         apart += forcing.influence @ [float(signal(0.0)) for signal in forcing.signal]
-    return contacts.settled_states(-contacts.gap - contacts.sign * apart)
+    return _as_mounted(contacts).settled_states(-contacts.gap - contacts.sign * apart)
 
 
 def _located_sites(parts: Parts) -> list[tuple[Located, Site]]:

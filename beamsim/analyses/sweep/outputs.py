@@ -22,7 +22,7 @@ from beamsim.analyses.sweep.result import (
     SweepHistory,
 )
 from beamsim.contacts.contacts import Contacts
-from beamsim.contacts.sliders import STICK, sliding_limit, snap
+from beamsim.contacts.sliders import FORWARDS, STICK, sliding_limit, snap
 from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
@@ -201,7 +201,8 @@ class SweepLevel:
         out = {}
         for column, j, spring in zip(columns.tolist(), which.tolist(), springs, strict=True):
             name, normal, law = spring.name, spring.normal_force, contacts.laws[j]
-            sliding, begins, (loss, pressed_loss) = sliding_limit(law), snap(law), law.arrays.event_loss[STICK, 0]
+            sliding, begins = sliding_limit(law), snap(law)
+            loss, pressed_loss = law.arrays.event_loss[STICK, FORWARDS]
             slides = record.closings[:, j] / record.cycles
             moved = record.harmonic[:, column, 0].real * period
             if normal is None:  # numbers are those of a unit of the force
