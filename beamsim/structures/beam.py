@@ -8,7 +8,7 @@ nodal force and moment by integrating the load, so that a station under a point 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -43,23 +43,10 @@ from beamsim.structures.structure import (
 from beamsim.typing import Floats, Ints
 
 
-def stations(mesh: Mesh, extra: list[float]) -> Floats:
-    """(nx,) nondimensional positions: nodes, element midpoints and the extra points (snubbers, forces)."""
-    x = np.concatenate([mesh.nodes, mesh.nodes[:-1] + mesh.lengths / 2])
-    distinct = [p for p in extra if np.min(np.abs(x - p)) > 1e-9]
-    return np.unique(np.concatenate([x, distinct]))
-
-
-def _strain_per_moment(bending: Any) -> float | None:
-    """Strain of the outermost fibre, 1/(N m); None where that is unknown."""
-    return None if bending.depth is None else float(bending.depth / 2 / bending.bending_stiffness)
-
-
-def _per_moment(model: BeamStructure, x: Floats, of: Callable[[Any], float | None]) -> Floats | None:
-    """(nx,) stress or strain per moment at stations, where segments meet the larger one; None where unknown."""
-    by_stretch = [of(stretch.bending) for stretch in model.section.stretches]
-    known = [value for value in by_stretch if value is not None]
-    if len(known) < len(by_stretch):
+def _largest_at(model: BeamStructure, x: Floats, of_stretches: Sequence[float | None]) -> Floats | None:
+    """(nx,) a value of the stretches of a beam at stations, the larger one where two meet; None if one is unknown."""
+    known = [value for value in of_stretches if value is not None]
+    if len(known) < len(of_stretches):
         return None
     right, inside = model.mesh.locate(x)
     left = np.where(inside < 1e-9, np.maximum(right - 1, 0), right)
@@ -67,25 +54,12 @@ def _per_moment(model: BeamStructure, x: Floats, of: Callable[[Any], float | Non
     return np.asarray(np.maximum(values[left], values[right]))
 
 
-@dataclass(frozen=True)
-class _Fields:
-    """Columns of displacement of a beam with the loads in equilibrium with them, K u = M a + point forces.
-
-    What joints and supports hold acts on nodes, and so on no element.
-    """
-
-    displacement: Floats  # (all dofs, c)
-    acceleration: Floats  # (all dofs, c)
-    # nondimensional places (k,) and sizes (k,) of point forces, and how many times they act on each column (c,)
-    forces: list[tuple[Floats, Floats, Floats]]
-
-
-def moment_rows(model: BeamStructure, member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
+def moment_rows(member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
     """(nx, n) scaled moments E I w'' at nondimensional x, for a unit of each column of the basis.
 
     Parameters
     ----------
-    model, member : the beam, and how it lies in its structure.
+    member : the beam, and how it lies in its structure.
     basis : reduced coordinates of the whole structure.
     x : (nx,) nondimensional stations.
 
@@ -101,43 +75,35 @@ def moment_rows(model: BeamStructure, member: MemberBody, basis: ReducedBasis, x
     static deflections are exact in this case as well.
     """
     a = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
-    moment = _moments(
-        model, x, _fields(model, member, x, basis.vectors, a, zip(basis.patterns, basis.pattern, strict=True))
-    )
+    moment = _moments(member, x, basis.vectors, a, zip(basis.patterns, basis.pattern, strict=True))
     moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
     if basis.modes == member.whole.size and basis.patterns:
-        moment = moment + _static_correction(model, member, basis, x, moment)
+        moment = moment + _static_correction(member, basis, x, moment)
     return moment
 
 
-def _static_moments(
-    model: BeamStructure, member: MemberBody, x: Floats, patterns: Sequence[LoadPattern]
-) -> tuple[Floats, Floats]:
+def _static_moments(member: MemberBody, x: Floats, patterns: Sequence[LoadPattern]) -> tuple[Floats, Floats]:
     """(N, m) static deflections under loads, with inertia relief, and (nx, m) their scaled moments."""
     whole, loads = member.whole, np.array([pattern.vector for pattern in patterns]).T
     u = static_deflections(whole, loads)
     relief = -whole.rigid @ (whole.rigid.T @ loads)
-    return u, _moments(
-        model, x, _fields(model, member, x, u, relief, zip(patterns, np.eye(len(patterns)), strict=True))
-    )
+    return u, _moments(member, x, u, relief, zip(patterns, np.eye(len(patterns)), strict=True))
 
 
-def _fields(
-    model: BeamStructure,
-    member: MemberBody,
-    x: Floats,
-    u: Floats,
-    a: Floats,
-    loads: Iterable[tuple[LoadPattern, Floats]],
-) -> _Fields:
-    """Fields on all dofs of the beam; an inertia pattern becomes the acceleration of a rigid motion, supports included.
+def _moments(
+    member: MemberBody, x: Floats, u: Floats, a: Floats, loads: Iterable[tuple[LoadPattern, Floats]]
+) -> Floats:
+    """(nx, c) scaled moments of displacements u (N, c) that are in equilibrium with loads, K u = M a + loads.
 
-    Distributed loads become point forces that stand for them between neighbouring stations x.
+    What joints and supports hold acts on nodes, and so on no element. An inertia pattern becomes the acceleration of a
+    rigid motion, supports included; distributed loads become point forces between neighbouring stations x.
     """
-    inertia = member.mass_ratio / member.stiffness_ratio
-    displacement = model.whole_field(member.field(u))
-    acceleration = model.whole_field(member.field(a)) * inertia
-    forces = []
+    model, inertia = member.body, member.mass_ratio / member.stiffness_ratio
+    assert isinstance(model, BeamStructure)
+    mesh, length = model.mesh, model.section.length
+    displacement = model.on_all_dofs @ (member.expansion @ u)
+    acceleration = model.on_all_dofs @ (member.expansion @ a) * inertia
+    forces = []  # nondimensional places (k,) and sizes (k,), and how many times they act on each column (c,)
     for pattern, row in loads:
         site = pattern.site
         if isinstance(site, BaseDirection):
@@ -148,65 +114,58 @@ def _fields(
                 displacement = displacement + np.multiply.outer(site.fields[model.name], row)
         elif isinstance(site, Place | Distributed) and member.whole.member(site.body).body is model and row.any():
             if isinstance(site, Place):
-                places, sizes = np.array([site.coordinate / model.section.length]), np.ones(1)
+                places, sizes = np.array([[site.coordinate / length]]), np.ones(1)
             else:
-                points, sizes = model.point_forces(site, x * model.section.length)
-                places = points[:, 0]
-            forces.append((places, sizes, row / member.stiffness_ratio))
-    return _Fields(displacement, acceleration, forces)
+                places, sizes = model.point_forces(site, x * length)
+            forces.append((places[:, 0], sizes, row / member.stiffness_ratio))
 
-
-def _moments(model: BeamStructure, x: Floats, fields: _Fields) -> Floats:
-    """(nx, c) scaled moments of the fields."""
-    mesh = model.mesh
-    h, dofs = mesh.lengths, mesh.dofs
-    u, a = fields.displacement[dofs], fields.acceleration[dofs]
-    a = a * model.line_mass[:, None, None]
+    h = mesh.lengths
+    u, a = displacement[mesh.dofs], acceleration[mesh.dofs] * model.line_mass[:, None, None]
     bent, moved = element_rows(h, 2, 2), element_rows(h, 0, 4)
     curvature = np.einsum("esd,edn->esn", bent, u) * model.bending[:, None, None]
-    force = np.einsum("esd,esn->edn", bent, curvature)
-    force -= np.einsum("esd,esn->edn", moved, np.einsum("esd,edn->esn", moved, a))
+    at_ends = np.einsum("esd,esn->edn", bent, curvature)  # forces and moments on the nodes of each element
+    at_ends -= np.einsum("esd,esn->edn", moved, np.einsum("esd,edn->esn", moved, a))
     element, xi = mesh.locate(x)
-    levers: list[tuple[Floats, Floats]] = []
-    for places, sizes, p in fields.forces:
+    beside: list[Floats] = []  # moments of the point forces left of a station in its element
+    for places, sizes, p in forces:
         e, within = mesh.locate(places)
         at_nodes = np.zeros((h.size, 4))
         np.add.at(at_nodes, e, shape_functions(within, h[e]) * sizes[:, None])
-        force -= at_nodes[:, :, None] * p
-        beyond = np.where(element[:, None] == e, np.clip(xi[:, None] - within, 0.0, None), 0.0)
-        levers.append((beyond @ (sizes * h[e]), p))
+        at_ends -= at_nodes[:, :, None] * p
+        lever = np.where(element[:, None] == e, np.clip(xi[:, None] - within, 0.0, None), 0.0) @ (sizes * h[e])
+        beside.append(lever[:, None] * p)
 
-    moment = -force[element, 1] + force[element, 0] * (xi * h[element])[:, None]
+    moment = -at_ends[element, 1] + at_ends[element, 0] * (xi * h[element])[:, None]
     moment += np.einsum("xd,xdn->xn", double_integral(xi, h[element]), a[element])
-    for lever, p in levers:
-        moment += lever[:, None] * p
+    for part in beside:
+        moment += part
     # At the right-hand end use the nodal moment itself, without the round-off of the integration.
-    moment[np.isclose(x, 1.0, rtol=0, atol=1e-12)] = force[-1, 3]
+    moment[np.isclose(x, 1.0, rtol=0, atol=1e-12)] = at_ends[-1, 3]
     return np.asarray(moment)
 
 
-def _resolved(model: BeamStructure, member: MemberBody, basis: ReducedBasis) -> int:
+def _resolved(member: MemberBody, basis: ReducedBasis) -> int:
     """Number of modes that count as resolved by the meshes, so few that a beam has three quarters of the others left.
 
     A beam has of each mode its share of the energy. Round-off decides neither between shares nor between modes alike.
     """
     most = basis.size - 1 if member.whole.most_modes is None else member.whole.most_modes
-    strain = (model.factor @ member.field(basis.vectors))[:, basis.rigid :] / basis.omega[basis.rigid :]
+    model = member.body
+    assert model.most_modes is not None
+    strain = (model.factor @ (member.expansion @ basis.vectors))[:, basis.rigid :] / basis.omega[basis.rigid :]
     shares = np.cumsum(np.append(np.ones(basis.rigid), np.sum(strain**2, axis=0) * member.stiffness_ratio))
     last = min(int(np.searchsorted(shares, 0.75 * model.most_modes + 0.25 * shares[-1] - 1e-6)), basis.size - 1)
     return min(most, int(np.searchsorted(basis.omega, basis.omega[last] * (1 - 1e-9))))
 
 
-def _static_correction(
-    model: BeamStructure, member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats
-) -> Floats:
+def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
     """(nx, n) correction of the unresolved modes that makes the static moments of the load patterns exact."""
     whole = member.whole
-    u, exact = _static_moments(model, member, x, basis.patterns)
+    u, exact = _static_moments(member, x, basis.patterns)
     coordinates = basis.vectors.T @ (whole.mass @ u)
     coordinates[: basis.rigid] = 0.0
     missing = exact - moment @ coordinates
-    resolved = _resolved(model, member, basis)
+    resolved = _resolved(member, basis)
     # The part of a motion along the static deflections, by projection in the energy norm. Of more loads than such modes
     # it is a fit, in which each weighs the same, whatever its level and however often it is listed.
     strain = basis.omega[:, None] * coordinates
@@ -224,32 +183,8 @@ def _static_correction(
 
 
 _DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
-# What an end holds: deflection, 0, and slope, 1.
-_HELD: dict[str, tuple[int, ...]] = {"clamped": (0, 1), "pinned": (0,), "guided": (1,), "free": ()}
-
-
-def _place_row(mesh: Mesh, length: float, place: Place) -> Floats:
-    """(all dofs,) deflection at a place of a beam, or slope, 1/m."""
-    if place.direction not in _DERIVATIVE:
-        raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
-    derivative = _DERIVATIVE[place.direction]
-    return np.asarray(mesh.rows(place.coordinate / length, derivative).toarray()[0] / length**derivative)
-
-
-def supported_dofs(left: str, right: str, nodes: int) -> Ints:
-    """Degrees of freedom that the supports hold at zero (relative to the base).
-
-    Parameters
-    ----------
-    left, right : kinds of the supports: clamped, pinned, guided or free.
-    nodes : number of nodes of the mesh.
-
-    Returns
-    -------
-    (h,) array
-        Two dofs a node, deflection and slope.
-    """
-    return np.array([*_HELD[left], *(2 * (nodes - 1) + i for i in _HELD[right])], dtype=np.int64)
+HELD: dict[str, tuple[int, ...]] = {"clamped": (0, 1), "pinned": (0,), "guided": (1,), "free": ()}
+"""What supports hold of a node at the end of a beam or on the edge of a plate: deflection, 0, and slope, 1."""
 
 
 @dataclass(frozen=True)
@@ -277,23 +212,26 @@ class BeamStructure(MeshedBody):
         Recovery
             At nodes, element midpoints and the sites; for a unit of each coordinate, 1/sqrt(kg).
         """
-        beam, scale = self.section, 1 / np.sqrt(member.whole.mass_scale)
-        length = beam.length
-        x = stations(self.mesh, [place.coordinate / length for place in sites])
-        moment = moment_rows(self, member, basis, x)
-        remainder = np.zeros(x.size)
+        beam, length, scale = self.section, self.section.length, 1 / np.sqrt(member.whole.mass_scale)
+        x = np.concatenate([self.mesh.nodes, self.mesh.nodes[:-1] + self.mesh.lengths / 2])
+        at_sites = (place.coordinate / length for place in sites)
+        x = np.unique(np.append(x, [each for each in at_sites if np.min(np.abs(x - each)) > 1e-9]))
+        moment = moment_rows(member, basis, x)
+        remainder, sections = np.zeros(x.size), [stretch.bending for stretch in beam.stretches]
         if base is not None:
             inertia = member.whole.base_load(base)[0]
-            _, exact = _static_moments(self, member, x, [LoadPattern(inertia, base)])
+            _, exact = _static_moments(member, x, [LoadPattern(inertia, base)])
             remainder = basis.left_out(inertia, moment, exact[:, 0])
         return Recovery(
             body=self.name,
             axis=ALONG,
             position=x * length,
-            deflection=self.mesh.rows(x) @ self.whole_field(member.field(basis.vectors)) * scale,
+            deflection=self.mesh.rows(x) @ (self.on_all_dofs @ (member.expansion @ basis.vectors)) * scale,
             bending_moment=moment * (scale * beam.bending.bending_stiffness / length**2),
-            stress_per_moment=_per_moment(self, x, lambda bending: bending.stress_per_moment),
-            strain_per_moment=_per_moment(self, x, _strain_per_moment),
+            stress_per_moment=_largest_at(self, x, [bending.stress_per_moment for bending in sections]),
+            strain_per_moment=_largest_at(
+                self, x, [None if b.depth is None else float(b.depth / 2 / b.bending_stiffness) for b in sections]
+            ),
             base_moment=-remainder * (member.whole.mass_scale * length * member.stiffness_ratio),
         )
 
@@ -308,27 +246,32 @@ class BeamStructure(MeshedBody):
         # both rigid-body modes counted. Segments cut apart bound the beam in the same way, and so does the softest and
         # heaviest all along. A mass added lowers at most one more frequency past the limit, as does a rotary inertia.
         beam, squared = self.section, (omega * self.frequency_scale) ** 2
-
-        def count(line_mass: float, stiffness: float, length: float) -> int:
-            return int(np.ceil((squared * line_mass / stiffness) ** 0.25 / np.pi * length)) + 2
-
-        of_stretches = [(s.mass_per_length, s.bending_stiffness, s.length) for s in beam.stretches]
-        mass, stiffness, _ = zip(*of_stretches, strict=True)
-        apart, alike = sum(count(*each) for each in of_stretches), count(max(mass), min(stiffness), beam.length)
+        mass, stiffness, length = np.array(
+            [(stretch.mass_per_length, stretch.bending_stiffness, stretch.length) for stretch in beam.stretches]
+        ).T
+        apart, alike = (
+            int(np.sum(np.ceil((squared * per_length / bending) ** 0.25 / np.pi * long) + 2))
+            for per_length, bending, long in (
+                (mass, stiffness, length), (np.array([mass.max()]), stiffness.min(), beam.length)
+            )
+        )  # fmt: skip
         rotary = sum(mass.rotary_inertia > 0.0 for mass in beam.point_masses)
         return min(apart, alike) + len(beam.point_masses) + rotary
 
     def point_row(self, place: Place) -> Floats:
-        """(all dofs,) deflection or slope at a place."""
-        return _place_row(self.mesh, self.section.length, place)
+        """(all dofs,) deflection or slope, 1/m, at a place."""
+        if place.direction not in _DERIVATIVE:
+            raise ValueError(f"a beam has no motion {place.direction}; it has {' and '.join(_DERIVATIVE)}")
+        derivative, length = _DERIVATIVE[place.direction], self.section.length
+        return np.asarray(self.mesh.rows(place.coordinate / length, derivative).toarray()[0] / length**derivative)
 
-    def base_coefficients(self, motion: BaseDirection) -> Floats:
-        """(2,) the translation and the rotation of the mesh that make up a unit motion of the base."""
-        if motion.direction == "ry":  # z goes down with x
-            return np.array([motion.about[0], -self.section.length])
-        if motion.direction in ("", "z"):
-            return np.array([1.0, 0.0])
-        raise MethodError("direction", f"= {motion.direction} does not deflect a beam", "use z, or ry, a rotation")
+    def rigid_motion(self, motion: BaseDirection) -> Floats:
+        """(all dofs,) displacement when the base moves by one unit and nothing deforms."""
+        if motion.direction not in ("", "z", "ry"):
+            raise MethodError("direction", f"= {motion.direction} does not deflect a beam", "use z, or ry, a rotation")
+        turned = motion.direction == "ry"  # z goes down with x
+        shares = [motion.about[0], -self.section.length] if turned else [1.0, 0.0]
+        return np.asarray(self.mesh.rigid_motions @ np.array(shares))
 
     def unit_stiffness(self, site: Site) -> float:
         """E I / L^3, N/m, with the largest E I."""
@@ -352,14 +295,9 @@ class BeamStructure(MeshedBody):
         """(3,) position along the axis, m."""
         return np.array([place.coordinate, 0.0, 0.0])
 
-    @property
-    def springs_at_ends(self) -> Sequence[Coupling]:
-        """Springs and dashpots between the ends and the base."""
-        return end_springs(self.section, self.name) if self.section.elastic_supports else []
-
     def holds(self, base: BaseDirection) -> Sequence[Hold]:
         """Deflection and slope of each end that is held, or on springs."""
-        springs = {(each.name, each.site): each for each in self.springs_at_ends}
+        springs = {(each.name, each.site): each for each in self.end_springs}
         holds = []
         for name, x, first in (("left", 0.0, 0), ("right", self.section.length, self.mesh.size - 2)):
             for dof, direction, unit in ((first, DEFLECTION, 1.0), (first + 1, SLOPE, self.section.length)):
@@ -367,14 +305,14 @@ class BeamStructure(MeshedBody):
                 spring = springs.get((name, place))
                 motion = None if dof in self.free else np.where(np.arange(self.mesh.size) == dof, unit, 0.0)
                 if motion is not None or spring is not None:
-                    holds.append(Hold(name, direction, self.base_motion_of(place, base), motion, spring))
+                    holds.append(Hold(name, direction, self.base_motion_at(place, base), motion, spring))
         return holds
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,), also between the nodes."""
         from scipy.interpolate import CubicHermiteSpline
 
-        whole = self.whole_field(field)
+        whole = self.on_all_dofs @ field
         spline = CubicHermiteSpline(self.mesh.nodes, whole[0::2], whole[1::2])
         level = spline.derivative().roots(extrapolate=False)
         return float(np.abs(spline(np.append(self.mesh.nodes, level[np.isfinite(level)]))).max())
@@ -400,7 +338,7 @@ class BeamStructure(MeshedBody):
         return GivenField(kinetic, curved)
 
 
-def end_springs(beam: BeamBody, name: str) -> list[Coupling]:
+def _end_springs(beam: BeamBody, name: str) -> tuple[Coupling, ...]:
     """Springs and dashpots between the ends and the base."""
     springs = []
     for end, x, given in zip(("left", "right"), (0.0, beam.length), beam.supports.springs, strict=True):
@@ -408,7 +346,7 @@ def end_springs(beam: BeamBody, name: str) -> list[Coupling]:
             along, about = Place(name, x), Place(name, x, SLOPE)
             springs.append(Coupling(end, along, given.stiffness, given.dashpot))
             springs.append(Coupling(end, about, given.rotational_stiffness, given.rotational_dashpot))
-    return [each for each in springs if each.stiffness or each.dashpot]
+    return tuple(each for each in springs if each.stiffness or each.dashpot)
 
 
 def assemble_beam(
@@ -449,44 +387,50 @@ def assemble_beam(
     deflected, drag = mesh.square_rows(0, 4), None
     inertia = [deflected * np.repeat(np.sqrt(line_mass), 4)[:, None]]
     if beam.point_masses:
-        inertia.append(point_mass_rows(mesh, beam))
+        inertia += _point_mass_rows(mesh, beam)
     moving = vstack(inertia, format="csr")
-    mass = moving.T @ moving
 
     if beam.damping is not None and beam.damping.kind == "viscous":  # of which point masses are left out
         drag = beam.damping.coefficient * length * (deflected.T @ deflected)
     stretch = np.zeros((0, 2))  # of springs at the ends in rigid-body motions
-    if beam.elastic_supports:
-        springs, dashpots, stretch = _at_elastic_supports(beam, mesh)
-        factor = vstack([factor, springs / np.sqrt(stiffness_scale)], format="csr")
-        if dashpots.nnz:
-            drag = dashpots.T @ dashpots if drag is None else drag + dashpots.T @ dashpots
-    held = supported_dofs(*beam.supports.kinds, mesh.nodes.size)
+    springs = _end_springs(beam, name) if beam.elastic_supports else ()
+    if springs:
+        pulling, dragging, stretch = _at_elastic_supports(springs, length, mesh)
+        factor = vstack([factor, pulling / np.sqrt(stiffness_scale)], format="csr")
+        if dragging.nnz:
+            drag = dragging.T @ dragging if drag is None else drag + dragging.T @ dragging
+    held = [
+        2 * node + dof for node, kind in zip((0, mesh.elements), beam.supports.kinds, strict=True) for dof in HELD[kind]
+    ]
     return BeamStructure(
         name=name,
         section=beam,
+        stated_damping=beam.damping,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         stretch_of=stretch_of,
         bending=bending,
         line_mass=line_mass,
-        **on_supports(mesh, (mass, factor, drag), held, stretch),
+        end_springs=springs,
+        **on_supports(mesh, (moving.T @ moving, factor, drag), np.array(held, dtype=np.int64), stretch),
     )
 
 
-def _at_elastic_supports(beam: BeamBody, mesh: Mesh) -> tuple[Any, Any, Floats]:
+def _at_elastic_supports(springs: Sequence[Coupling], length: float, mesh: Mesh) -> tuple[Any, Any, Floats]:
     """Rows (s, all dofs) whose products are springs and dashpots at the ends; (k, 2) stretch in rigid-body motions."""
-    ends = end_springs(beam, "")
-    rows = np.array([_place_row(mesh, beam.length, each.ends[0]) for each in ends]).reshape(-1, mesh.size)
-    pulling, dragging = np.array([(each.stiffness, each.dashpot) for each in ends], dtype=float).reshape(-1, 2).T
-    springs, dashpots = (csr_array(rows * np.sqrt(of)[:, None]) for of in (pulling, dragging))
-    return springs, dashpots, rows[pulling > 0.0] @ mesh.rigid_motions
+    rows = np.zeros((len(springs), mesh.size))
+    for row, spring in zip(rows, springs, strict=True):
+        order = _DERIVATIVE[spring.ends[0].direction]
+        row[:] = mesh.rows(spring.ends[0].coordinate / length, order).toarray()[0] / length**order
+    pulling, dragging = np.array([(each.stiffness, each.dashpot) for each in springs], dtype=float).reshape(-1, 2).T
+    pulled, dragged = (csr_array(rows * np.sqrt(of)[:, None]) for of in (pulling, dragging))
+    return pulled, dragged, rows[pulling > 0.0] @ mesh.rigid_motions
 
 
-def point_mass_rows(mesh: Mesh, beam: BeamBody) -> Any:
-    """(c, all dofs) sparse rows whose products are the scaled point masses and their rotary inertias."""
+def _point_mass_rows(mesh: Mesh, beam: BeamBody) -> list[Any]:
+    """Sparse rows (c, all dofs) whose products are the scaled point masses, and those of their rotary inertias."""
     mass_scale = beam.bending.mass_per_length * beam.length
     at = np.array(beam.mass_points) / beam.length
     mass, rotary = (np.array([getattr(m, of) for m in beam.point_masses]) for of in ("mass", "rotary_inertia"))
     turning = mesh.rows(at, 1) * (np.sqrt(rotary / mass_scale) / beam.length)[:, None]
-    return vstack([mesh.rows(at) * np.sqrt(mass / mass_scale)[:, None], turning], format="csr")
+    return [mesh.rows(at) * np.sqrt(mass / mass_scale)[:, None], turning]

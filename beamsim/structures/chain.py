@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csc_array, csr_array, eye_array
 
 from beamsim.scenario.chain import Chain
 from beamsim.structures.places import DEFLECTION, BaseDirection, Distributed, Place, Site
@@ -80,7 +80,7 @@ class ChainStructure(BodyStructure):
         Recovery
             At the masses.
         """
-        shapes = member.field(basis.vectors) * (1 / np.sqrt(member.whole.mass_scale))
+        shapes = (member.expansion @ basis.vectors) * (1 / np.sqrt(member.whole.mass_scale))
         return Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes)
 
     def holds(self, base: BaseDirection) -> Sequence[Hold]:
@@ -156,11 +156,16 @@ def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = (
     for j, group in enumerate(groups):
         rigid[group, j] = 1.0 / np.sqrt(masses[group].sum() / mass_scale)
 
+    mass = csc_array(np.diag(masses / mass_scale))
+    factor = csr_array(rows * np.sqrt(stiffness / stiffness_scale)[:, None])
     return ChainStructure(
         name=name,
-        mass=csc_array(np.diag(masses / mass_scale)),
-        factor=csr_array(rows * np.sqrt(stiffness / stiffness_scale)[:, None]),
+        mass=mass,
+        factor=factor,
         damping=damping,
+        stated_damping=chain.damping,
+        on_all_dofs=eye_array(count, format="csr"),
+        unsupported=(mass, factor, damping),
         rigid=rigid,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,

@@ -49,8 +49,7 @@ def stated_damping(model: Structure, basis: ReducedBasis) -> StatedDamping:
             mass, stiffness = member.body.mass * member.mass_ratio, member.body.factor.T @ member.body.factor
             of_mass, of_stiffness = stated.factors
             matrix = mass * (of_mass / frequency) + stiffness * (member.stiffness_ratio * of_stiffness * frequency)
-            if member.expansion is not None:
-                matrix = member.expansion.T @ matrix @ member.expansion
+            matrix = member.expansion.T @ matrix @ member.expansion
             known = matrix if known is None else known + matrix
     left_out = [ratio[min(basis.modes, ratio.size - 1) :] for ratio in ratios]
     equal = all(np.array_equal(ratio, ratios[0]) for ratio in ratios)
@@ -103,8 +102,8 @@ def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) ->
     for member, ratio in zip(structure.members, ratios, strict=True):
         # mass and stiffness, 1/s^2, of the body in the coordinates, which are modes of a body alone
         moving, energy = np.eye(omega.size), np.diag(omega**2)
-        if member.expansion is not None:
-            fields = member.field(basis.vectors)
+        if member.body is not structure:
+            fields = member.expansion @ basis.vectors
             bent = np.asarray(member.body.factor @ fields)
             moving = member.mass_ratio * (fields.T @ (member.body.mass @ fields))
             energy = (bent.T @ bent) * (member.stiffness_ratio * structure.frequency_scale**2)

@@ -148,7 +148,7 @@ def row_at(structure: Structure, to_named: Any, place: Place) -> int | None:
     int or None
         Number of the row.
     """
-    row = np.asarray(to_named @ structure.place_row(place))
+    row = np.asarray(to_named @ structure.row(place))
     largest = int(np.argmax(np.abs(row)))
     row[largest] -= 1.0
     return largest if np.abs(row).sum() <= 1e-9 else None

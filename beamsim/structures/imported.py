@@ -29,7 +29,7 @@ from beamsim.structures.named_matrices import (
     moves_freely,
     read_dof_table,
 )
-from beamsim.structures.places import BaseDirection
+from beamsim.structures.places import ROTATIONS, BaseDirection
 from beamsim.structures.symmetric_lu import blocks_of, symmetric_lu
 from beamsim.typing import Floats, Ints
 
@@ -366,7 +366,7 @@ def rigid_rows(table: DofTable, motion: BaseDirection, held: Ints) -> Floats:
     MethodError
         About ``dofs``: a rotation needs the coordinates of all nodes, unless a single one is held.
     """
-    if not motion.rotates or (table.coordinates is None and np.unique(table.nodes[held]).size == 1):
+    if motion.direction not in ROTATIONS or (table.coordinates is None and np.unique(table.nodes[held]).size == 1):
         return table.of_direction(motion.direction)
     placed = np.array([direction in TRANSLATIONS for _, direction in table.dofs])
     if table.coordinates is None or not np.all(np.isfinite(table.coordinates[placed])):

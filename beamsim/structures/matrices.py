@@ -54,7 +54,6 @@ _SOFT = "check the model that wrote it: loads that soften it, negative springs, 
 class MatricesStructure(BodyStructure):
     """Matrices of another program; places are nodes with a direction."""
 
-    whole_damping: Any  # modal or Rayleigh, that of the body; None without
     given: NamedMatrices  # matrices of all rows
     table: DofTable  # of the rows of `expansion`
     expansion: Any  # (rows, N) sparse: rows of the files that do not move with the base, from the degrees of freedom
@@ -138,16 +137,6 @@ class MatricesStructure(BodyStructure):
             for row, motion in zip(held, unit, strict=True)
         ]
 
-    def whole_field(self, vectors: Floats) -> Floats:
-        """Fields (N,) or (N, k) on all rows of the files."""
-        field = np.zeros((len(self.given.table.dofs), *vectors.shape[1:]))
-        field[self._rows[1]] = self.expansion @ vectors
-        return field
-
-    def on_free(self, rows: Floats) -> Floats:
-        """(k, N) of rows (k, rows of the files)."""
-        return np.asarray(rows[:, self._rows[1]] @ self.expansion)
-
     def unsupported_row(self, place: Place | Distributed) -> Floats:
         """(rows of the files,) row of a place."""
         assert isinstance(place, Place)  # the scenario refuses the others
@@ -227,11 +216,6 @@ class MatricesStructure(BodyStructure):
         """Itself."""
         return self
 
-    @property
-    def stated_damping(self) -> Any:
-        """That of the body."""
-        return self.whole_damping
-
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
@@ -251,7 +235,7 @@ class MatricesStructure(BodyStructure):
         chosen = {numbers[k] for k in np.linspace(0, len(numbers) - 1, min(len(numbers), 200)).astype(int)}
         at = {self.row_number(place) for place in sites if place.direction == direction} - {None}
         rows = np.array(sorted(chosen | at, key=lambda i: int(self.table.nodes[i])), dtype=np.int64)
-        shapes = self.expansion[rows] @ member.field(basis.vectors) / np.sqrt(member.whole.mass_scale)
+        shapes = self.expansion[rows] @ (member.expansion @ basis.vectors) / np.sqrt(member.whole.mass_scale)
         points = None if self.table.coordinates is None else self.table.coordinates[rows]
         nodes = self.table.nodes[rows].astype(float)
         if not rows.size:  # the modes of a model on its interface alone have no place
@@ -410,7 +394,8 @@ def structure_of(given: NamedMatrices, damping: Any = None, name: str = "") -> M
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         section=None,
-        whole_damping=damping,
+        stated_damping=damping,
+        on_all_dofs=csr_array(eye_array(len(given.table.dofs), format="csr")[:, free] @ expansion),
         given=given,
         table=table,
         expansion=expansion.tocsr(),

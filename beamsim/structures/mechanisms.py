@@ -95,7 +95,7 @@ def floating_motions(structure: Structure, basis: ReducedBasis) -> str:
     for motion in field.T:
         for name in _bodies(structure, motion):
             member = structure.member(name)
-            largest.setdefault(name, {})[member.body.largest_at(member.field(motion))] = None
+            largest.setdefault(name, {})[member.body.largest_at(member.expansion @ motion)] = None
     return "; ".join(f"{name} moves freely, most at {' and '.join(places)}" for name, places in largest.items())
 
 
@@ -171,9 +171,9 @@ def _turning(structure: Structure, couplings: Sequence[Coupling], motions: Float
             body = structure.member(turning.body)
             still = fields
             if resting is not None:
-                _, s, vt = np.linalg.svd(structure.member(resting.body).field(fields))
+                _, s, vt = np.linalg.svd(structure.member(resting.body).expansion @ fields)
                 still = fields @ vt[int(np.sum(s > NOTHING)) :].T
-            moved = body.field(still)
+            moved = body.expansion @ still
             if moved.size and np.abs(moved).max() > NOTHING:
                 k = int(np.argmax(np.abs(moved).max(axis=0)))
                 yield coupling.name, turning.body, body.body.largest_at(moved[:, k])
@@ -187,5 +187,5 @@ def _opening(structure: Structure, basis: ReducedBasis, coupling: Coupling) -> F
 
 def _bodies(structure: Structure, field: Floats) -> list[str]:
     """Names of the bodies that a field (N,) moves."""
-    reach = [member.body.largest_deflection(member.field(field)) for member in structure.members]
+    reach = [member.body.largest_deflection(member.expansion @ field) for member in structure.members]
     return [m.body.name for m, x in zip(structure.members, reach, strict=True) if x > NOTHING * max(reach)]

@@ -21,16 +21,15 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 
 from beamsim.structures.modes import mode_of_unit_deflection, orthonormal_in_mass, unstretched
-from beamsim.structures.places import BaseDirection, Distributed, LoadSite, Place, separated
+from beamsim.structures.places import Distributed, Place
 from beamsim.structures.structure import BodyStructure
 from beamsim.typing import Floats, Ints
 
@@ -43,13 +42,7 @@ _CUBIC = np.array(
         [2.0, 1.0, -2.0, 1.0],
     ]
 )
-
-
-def _per_dof(h: ArrayLike) -> Floats:
-    """(..., 4) factors 1, h, 1, h of the four degrees of freedom."""
-    h = np.asarray(h, dtype=float)
-    one = np.ones_like(h)
-    return np.stack([one, h, one, h], axis=-1)
+_PER_DOF = np.array([0, 1, 0, 1])  # powers of h that multiply the four degrees of freedom
 
 
 def shape_functions(xi: ArrayLike, h: ArrayLike, derivative: int = 0) -> Floats:
@@ -70,14 +63,14 @@ def shape_functions(xi: ArrayLike, h: ArrayLike, derivative: int = 0) -> Floats:
     for p in range(derivative, 4):
         factor = float(math.prod(range(p - derivative + 1, p + 1)))
         powers[..., p] = factor * xi ** (p - derivative)
-    return np.asarray(powers @ _CUBIC * _per_dof(h) / h[..., None] ** derivative)
+    return np.asarray(powers @ _CUBIC * h[..., None] ** _PER_DOF / h[..., None] ** derivative)
 
 
 def double_integral(xi: ArrayLike, h: ArrayLike) -> Floats:
     """(..., 4) values of h^2 * int_0^xi (xi - s) N_i(s) ds: moments at xi of the loads N_i to its left."""
     xi, h = np.broadcast_arrays(np.asarray(xi, dtype=float), np.asarray(h, dtype=float))
     powers = np.stack([xi ** (p + 2) / ((p + 1) * (p + 2)) for p in range(4)], axis=-1)
-    return np.asarray(powers @ _CUBIC * _per_dof(h) * h[..., None] ** 2)
+    return np.asarray(powers @ _CUBIC * h[..., None] ** _PER_DOF * h[..., None] ** 2)
 
 
 def element_rows(h: ArrayLike, derivative: int, points: int) -> Floats:
@@ -98,49 +91,30 @@ def element_rows(h: ArrayLike, derivative: int, points: int) -> Floats:
     return np.asarray(shape_functions((place + 1) / 2, h, derivative) * np.sqrt(h * weight / 2)[..., None])
 
 
-@dataclass(frozen=True)
 class Mesh:
-    """Nodes of a beam on the nondimensional axis x / L, from 0 to 1; node i has dofs 2 i and 2 i + 1."""
+    """Nodes of a beam on the nondimensional axis x / L, from 0 to 1; node i has dofs 2 i and 2 i + 1.
 
-    nodes: Floats  # (elements + 1,) increasing
+    Parameters
+    ----------
+    nodes : (elements + 1,) increasing.
+    """
 
-    @property
-    def elements(self) -> int:
-        """Number of elements."""
-        return int(self.nodes.size) - 1
-
-    @cached_property
-    def lengths(self) -> Floats:
-        """(elements,) nondimensional element lengths."""
-        return np.diff(self.nodes)
-
-    @cached_property
-    def dofs(self) -> Ints:
-        """(elements, 4) degrees of freedom of each element."""
-        return 2 * np.arange(self.elements)[:, None] + np.arange(4)
-
-    @property
-    def size(self) -> int:
-        """Number of degrees of freedom without supports."""
-        return 2 * int(self.nodes.size)
+    def __init__(self, nodes: Floats) -> None:
+        self.nodes = nodes
+        self.elements = int(nodes.size) - 1
+        self.size = 2 * int(nodes.size)  # degrees of freedom without supports
+        self.lengths: Floats = np.diff(nodes)  # (elements,) nondimensional
+        self.dofs: Ints = 2 * np.arange(self.elements)[:, None] + np.arange(4)  # (elements, 4)
+        self.deflections: Ints = 2 * np.arange(nodes.size)  # (elements + 1,) dofs that are deflections of the nodes
+        # (size, 2) translation, and rotation about the left end, w = x / L
+        self.rigid_motions: Floats = np.zeros((self.size, 2))
+        self.rigid_motions[::2, 0] = self.rigid_motions[1::2, 1] = 1.0
+        self.rigid_motions[::2, 1] = nodes
 
     @property
     def lines(self) -> tuple[Floats]:
         """(elements + 1,) nodes along the one direction."""
         return (self.nodes,)
-
-    @property
-    def deflections(self) -> Ints:
-        """(elements + 1,) degrees of freedom that are deflections of the nodes."""
-        return 2 * np.arange(self.nodes.size)
-
-    @property
-    def rigid_motions(self) -> Floats:
-        """(size, 2) translation, and rotation about the left end, w = x / L."""
-        motions = np.zeros((self.nodes.size, 2, 2))  # of each node its deflection and slope, in either motion
-        motions[:, 0, 0] = motions[:, 1, 1] = 1.0
-        motions[:, 0, 1] = self.nodes
-        return motions.reshape(self.size, 2)
 
     def locate(self, x: ArrayLike) -> tuple[Ints, Floats]:
         """Element that contains x / L and the position within it, 0 to 1 (a node belongs to its right-hand element)."""
@@ -297,6 +271,7 @@ def on_supports(mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], held: In
     return {
         "mesh": mesh,
         "free": free,
+        "on_all_dofs": eye_array(mesh.size, format="csr")[:, free],
         "unsupported": matrices,
         "mass": mass[free][:, free].tocsc(),
         "factor": factor[:, free].tocsr(),
@@ -311,16 +286,7 @@ class MeshedBody(BodyStructure, ABC):
 
     mesh: Mesh | PlateMesh
     free: Ints  # (N,) which of the unsupported body's dofs are left
-    unsupported: tuple[Any, Any, Any]  # mass and factor of all dofs, scaled, and their damping, N s/m, or None
-
-    @property
-    def whole_matrices(self) -> tuple[Any, Any, Any]:
-        """Scaled mass and factor of all dofs, and their damping, N s/m, or None."""
-        return self.unsupported
-
-    def on_free(self, rows: Floats) -> Floats:
-        """(k, N) of rows (k, all dofs)."""
-        return rows[:, self.free]
+    recovers_moments: ClassVar[bool] = True
 
     def deflections(self, vectors: Floats) -> Floats:
         """Those of the values (N,) or (N, k) that are deflections of nodes."""
@@ -334,14 +300,6 @@ class MeshedBody(BodyStructure, ABC):
     @abstractmethod
     def point_row(self, place: Place) -> Floats:
         """(all dofs,) motion at a place in its direction."""
-
-    @abstractmethod
-    def base_coefficients(self, motion: BaseDirection) -> Floats:
-        """(1 + d,) shares of the mesh's rigid motions in a unit motion of the base."""
-
-    def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
-        """Single places: moments are recovered from one point force at a time."""
-        return separated(sites)
 
     def unsupported_row(self, place: Place | Distributed) -> Floats:
         """(all dofs,) row of a place or load vector, those that the supports hold included."""
@@ -361,15 +319,5 @@ class MeshedBody(BodyStructure, ABC):
         return points / self.extent, np.asarray(weights * load.intensity(points, self.extent, self._mode_at))
 
     def _mode_at(self, mode: int, points: Floats) -> Floats:
-        field = self.whole_field(mode_of_unit_deflection(self, mode))
+        field = self.on_all_dofs @ mode_of_unit_deflection(self, mode)
         return np.asarray(self.mesh.rows(points / self.extent) @ field)
-
-    def whole_field(self, vectors: Floats) -> Floats:
-        """Fields (N,) or (N, k) on all dofs, those that the supports hold included."""
-        field = np.zeros((self.mesh.size, *vectors.shape[1:]))
-        field[self.free] = vectors
-        return field
-
-    def rigid_motion(self, motion: BaseDirection) -> Floats:
-        """(all dofs,) displacement when the base moves by one unit and nothing deforms."""
-        return self.mesh.rigid_motions @ self.base_coefficients(motion)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,21 +25,11 @@ class BaseDirection:
     direction: str = ""  # x, y, z, rx, ry or rz; empty: that of each body, z where it has none
     about: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, a point on the axis of a rotation
 
-    @property
-    def rotates(self) -> bool:
-        """Whether it is a rotation."""
-        return self.direction in ROTATIONS
-
-    def moved(self, by: float) -> BaseDirection:
-        """The same in coordinates of a body that begins at x = ``by``, m."""
-        return replace(self, about=(self.about[0] - by, *self.about[1:])) if self.rotates else self
-
     def displacements(self, points: Floats) -> Floats:
         """(k, 3) displacements x, y, z of points (k, 3), m."""
-        axis = np.eye(3)[(ROTATIONS if self.rotates else TRANSLATIONS).index(self.direction or "z")]
-        if not self.rotates:
-            return np.tile(axis, (points.shape[0], 1))
-        return np.cross(axis, points - np.array(self.about))
+        if self.direction in ROTATIONS:
+            return np.cross(np.eye(3)[ROTATIONS.index(self.direction)], points - np.array(self.about))
+        return np.tile(np.eye(3)[TRANSLATIONS.index(self.direction or "z")], (points.shape[0], 1))
 
 
 UPWARDS = BaseDirection()
@@ -202,21 +192,6 @@ def ends_of(site: LoadSite) -> tuple[Place, ...]:
     if isinstance(site, Distributed):
         return ()
     return (site.first, site.second) if isinstance(site, Link) else (site,)
-
-
-def bodies_at(site: LoadSite) -> tuple[str, ...]:
-    """Names of the bodies that something there acts on, one or two."""
-    if isinstance(site, Distributed):
-        return (site.body,)
-    return tuple(dict.fromkeys(end.body for end in ends_of(site)))
-
-
-def separated(sites: Sequence[LoadSite]) -> list[LoadSite]:
-    """The same with the places of a link apart, each once."""
-    apart: dict[LoadSite, None] = {}
-    for site in sites:
-        apart |= dict.fromkeys(ends_of(site) if isinstance(site, Link) else (site,))
-    return list(apart)
 
 
 def signed_ends(site: Site) -> list[tuple[float, Place]]:

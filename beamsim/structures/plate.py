@@ -26,7 +26,7 @@ from scipy.sparse import csr_array, kron, vstack
 from beamsim.dofs import MODAL
 from beamsim.errors import MethodError, ScenarioError
 from beamsim.scenario.plate import PlateBody, Stiffener
-from beamsim.structures.beam import supported_dofs
+from beamsim.structures.beam import HELD
 from beamsim.structures.mesh import Mesh, MeshedBody, PlateMesh, graded_mesh, on_supports
 from beamsim.structures.named_matrices import DofTable, NamedDofs
 from beamsim.structures.places import DEFLECTION, SLOPE, UPWARDS, BaseDirection, Place, Site
@@ -48,7 +48,7 @@ def _strains_per_moments(plate: PlateBody) -> Floats | None:
 def _moved(structure: PlateStructure, basis: ReducedBasis) -> Floats:
     """(size, n) what supports that move displace themselves, for a unit of each coordinate."""
     field = np.zeros((structure.mesh.size, basis.size))
-    if not basis.static_vectors and any(isinstance(pattern.site, UnitMotion) for pattern in basis.patterns):
+    if basis.size == basis.modes and any(isinstance(pattern.site, UnitMotion) for pattern in basis.patterns):
         raise ScenarioError.at(
                 "reduction", "keeps all modes, and with them no static vector that the moments of a plate need where a "
                 "support moves", "keep fewer modes (reduction: {modes: 40}), or leave reduction out",
@@ -115,7 +115,7 @@ class PlateStructure(MeshedBody):
         operator = moment_operator(self)
 
         def moments(vectors: Floats) -> Floats:
-            return np.asarray(operator @ self.whole_field(member.field(vectors)))
+            return np.asarray(operator @ (self.on_all_dofs @ (member.expansion @ vectors)))
 
         moment = moments(basis.vectors) + operator @ _moved(self, basis)
         moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
@@ -130,7 +130,7 @@ class PlateStructure(MeshedBody):
             axis=IN_PLANE,
             position=points[:, 0],
             across=points[:, 1],
-            deflection=self.whole_field(member.field(basis.vectors))[self.mesh.deflections] * scale,
+            deflection=(self.on_all_dofs @ (member.expansion @ basis.vectors))[self.mesh.deflections] * scale,
             bending_moment=moment * scale,
             stress_per_moment=None if per_moment is None else np.full(moment.shape[0], per_moment),
             strains_per_moments=_strains_per_moments(plate),
@@ -190,18 +190,18 @@ class PlateStructure(MeshedBody):
         point = np.array([[place.coordinate, place.across]]) / self.extent
         return np.asarray(self.mesh.rows(point).toarray()[0])
 
-    def base_coefficients(self, motion: BaseDirection) -> Floats:
-        """(3,) the translation and the rotations w = x / length, w = y / width of a unit motion of the base."""
+    def rigid_motion(self, motion: BaseDirection) -> Floats:
+        """(all dofs,) displacement when the base moves by one unit and nothing deforms."""
         x, y, _ = motion.about
-        if motion.direction == "rx":
-            return np.array([-y, 0.0, self.section.width])
-        if motion.direction == "ry":  # z goes down with x
-            return np.array([x, -self.section.length, 0.0])
-        if motion.direction in ("", "z"):
-            return np.array([1.0, 0.0, 0.0])
-        raise MethodError(
-            "direction", f"= {motion.direction} does not deflect a plate", "use z, or a rotation, rx or ry"
-        )
+        shares = {  # of the translation, and of the rotations w = x / length and w = y / width
+            "rx": (-y, 0.0, self.section.width),
+            "ry": (x, -self.section.length, 0.0),  # z goes down with x
+            "z": (1.0, 0.0, 0.0),
+        }.get(motion.direction or "z")
+        if shares is None:
+            message = f"= {motion.direction} does not deflect a plate"
+            raise MethodError("direction", message, "use z, or a rotation, rx or ry")
+        return np.asarray(self.mesh.rigid_motions @ np.array(shares))
 
     def unit_stiffness(self, site: Site) -> float:
         """sqrt(Dx Dy) / (L W), N/m."""
@@ -216,7 +216,7 @@ class PlateStructure(MeshedBody):
         ]
         x, y = np.meshgrid(*lines, indexing="ij")
         rows = self.mesh.rows(np.column_stack([x.ravel(), y.ravel()]))
-        return float(np.abs(rows @ self.whole_field(field)).max())
+        return float(np.abs(rows @ (self.on_all_dofs @ field)).max())
 
     def reassembled(self, section: PlateBody) -> PlateStructure:
         """The plate with other numbers on the same mesh."""
@@ -302,6 +302,7 @@ def assemble_plate(
     return PlateStructure(
         name=name,
         section=plate,
+        stated_damping=plate.damping,
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         **on_supports(mesh, (mass, vstack(factor, format="csr"), None), held, np.zeros((0, 3))),
@@ -344,10 +345,8 @@ def _held_by(plate: PlateBody, mesh: PlateMesh) -> dict[str, Bools]:
         (("left", "right"), dofs // along_y, mesh.x.nodes.size),
         (("bottom", "top"), dofs % along_y, mesh.y.nodes.size),
     ):
-        for free in (1, 0):
-            kinds = [getattr(supports, edge) for edge in edges]
-            kinds[free] = "free"
-            held[edges[1 - free]] = np.isin(along, supported_dofs(kinds[0], kinds[1], nodes))
+        for edge, first in zip(edges, (0, 2 * (nodes - 1)), strict=True):
+            held[edge] = np.isin(along, [first + each for each in HELD[getattr(supports, edge)]])
     for number, (x, y) in enumerate(plate.supported_points, start=1):
         i = int(np.abs(mesh.x.nodes - x / plate.length).argmin())
         j = int(np.abs(mesh.y.nodes - y / plate.width).argmin())

@@ -89,7 +89,7 @@ class _LoadedPart:
         """Solve for the motion."""
         mode, scaled = _mode(part, part.own_row(site), (omega / part.frequency_scale) ** 2)
         stiffness, bodies = scaled * part.stiffness_scale, assemble_side_by_side([m.body for m in part.members])
-        field = np.concatenate([member.field(mode) for member in part.members])
+        field = np.concatenate([member.expansion @ mode for member in part.members])
         left = stiffness * bodies.own_row(site) + omega**2 * bodies.mass_scale * (bodies.mass @ field)
         left -= bodies.stiffness_scale * (bodies.factor.T @ (bodies.factor @ field))
         for spring in part.couplings:

@@ -160,7 +160,7 @@ def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis
     """The bases of several bodies as one: rigid-body modes, then modes, then static vectors, by frequency."""
     scale = [part.structure.frequency_scale / model.frequency_scale for part in model.parts]
     omega = np.concatenate([basis.omega * s for basis, s in zip(bases, scale, strict=True)])
-    rank = np.concatenate([np.repeat([0, 1, 2], [b.rigid, b.modes - b.rigid, b.static_vectors]) for b in bases])
+    rank = np.concatenate([np.repeat([0, 1, 2], [b.rigid, b.modes - b.rigid, b.size - b.modes]) for b in bases])
     order = np.lexsort((omega, rank))  # stable: equal bodies keep their order
     place = np.empty(order.size, dtype=np.int64)
     place[order] = np.arange(order.size)

@@ -19,7 +19,7 @@ from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array, vstack
 
 from beamsim.structures.modes import orthonormal_in_mass, unstretched
-from beamsim.structures.places import BaseDirection, Distributed, LoadSite, Place, Site, bodies_at, ends_of, separated
+from beamsim.structures.places import BaseDirection, LoadSite, Site, ends_of
 from beamsim.structures.stations import Recovery
 from beamsim.structures.structure import BodyStructure, Coupling, MemberBody, Part, ReducedBasis, Structure
 from beamsim.structures.symmetric_lu import blocks_of
@@ -35,7 +35,12 @@ class SeveralBodies(Structure):
     @cached_property
     def members(self) -> tuple[MemberBody, ...]:
         """The bodies."""
-        return tuple(MemberBody(body, self, expansion) for body, expansion in self.expansions)
+        return tuple(
+            MemberBody(
+                body, self, expansion, body.mass_scale / self.mass_scale, body.stiffness_scale / self.stiffness_scale
+            )
+            for body, expansion in self.expansions
+        )
 
     @cached_property
     def most_modes(self) -> int | None:
@@ -51,37 +56,24 @@ class SeveralBodies(Structure):
 
     def deflections(self, vectors: Floats) -> Floats:
         """Deflections (d,) or (d, k) of all bodies, in order of the stations."""
-        return np.concatenate([member.body.deflections(member.field(vectors)) for member in self.members])
+        return np.concatenate([member.body.deflections(member.expansion @ vectors) for member in self.members])
 
     def frequency_count(self, omega: float) -> int:
         """A bound on the number of modes below the scaled angular frequency omega: what joins bodies raises all."""
         physical = omega * self.frequency_scale
         return sum(m.body.frequency_count(physical / m.body.frequency_scale) for m in self.members)
 
-    def place_row(self, place: Place | Distributed) -> Floats:
-        """(N,) motion at a place in its direction for a unit of each degree of freedom; or load vector."""
-        member = self.member(place.body)
-        return member.on_whole(member.body.place_row(place))
-
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
         inertia, ground = np.zeros(self.size), np.zeros(self.size)
         for member in self.members:
             of_body = member.body.base_load(self.seen_from(member.body.name, motion))
-            inertia += member.on_whole(of_body[0]) * member.mass_ratio
-            ground += member.on_whole(of_body[1])
+            inertia += (of_body[0] @ member.expansion) * member.mass_ratio
+            ground += of_body[1] @ member.expansion
         for spring in self.couplings:
             if spring.to_ground and spring.stiffness:
                 ground -= spring.stiffness * self.base_motion_at(spring.ends[0], motion) * self.row(spring.site)
         return inertia, ground
-
-    def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
-        """Both ends of a link between two bodies; within a body what that body asks for."""
-        loaded: list[LoadSite] = []
-        for site in sites:
-            bodies = bodies_at(site)
-            loaded += separated([site]) if len(bodies) > 1 else self.member(bodies[0]).body.loaded_sites([site])
-        return list(dict.fromkeys(loaded))
 
     def unit_stiffness(self, site: Site) -> float:
         """That of the body, of a link that of the softer of its two."""
@@ -89,7 +81,7 @@ class SeveralBodies(Structure):
 
     def largest_deflection(self, field: Floats) -> float:
         """Largest absolute deflection of a field (N,)."""
-        return max(member.body.largest_deflection(member.field(field)) for member in self.members)
+        return max(member.body.largest_deflection(member.expansion @ field) for member in self.members)
 
     def recoveries(
         self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
@@ -163,7 +155,7 @@ def assemble_side_by_side(parts: Sequence[Structure]) -> SeveralBodies:
         mass_scale=mass_scale,
         stiffness_scale=stiffness_scale,
         expansions=tuple(
-            (member.body, identity[columns] if member.expansion is None else member.expansion @ identity[columns])
+            (member.body, member.expansion @ identity[columns])
             for part, columns in zip(parts, dofs, strict=True)
             for member in part.members
         ),

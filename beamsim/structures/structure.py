@@ -7,15 +7,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy.sparse import eye_array
 
 from beamsim.structures.named_matrices import DofTable, FileSummary, NamedDofs, NamedMatrices, with_base_node
 from beamsim.structures.places import (
     DEFLECTION,
+    ROTATIONS,
     UPWARDS,
     BaseDirection,
     Distributed,
@@ -99,11 +101,6 @@ class ReducedBasis:
         """Number of coordinates n."""
         return int(self.omega.size)
 
-    @property
-    def static_vectors(self) -> int:
-        """Number of static vectors among them."""
-        return self.size - self.modes
-
     def left_out(self, load: Floats, rows: Floats, exact: Floats) -> Floats:
         """What the coordinates leave out of static values under a load, to which the modes left out respond statically.
 
@@ -172,25 +169,9 @@ class MemberBody:
 
     body: BodyStructure
     whole: Structure
-    expansion: Any = None  # (N of the body, N of the whole) sparse; None where the body is the whole structure
-
-    def field(self, vectors: Floats) -> Floats:
-        """Fields (N,) or (N, k) of the whole structure on the dofs of the body."""
-        return vectors if self.expansion is None else np.asarray(self.expansion @ vectors)
-
-    def on_whole(self, row: Floats) -> Floats:
-        """A row (N of the body,) on the dofs of the whole structure."""
-        return row if self.expansion is None else np.asarray(self.expansion.T @ row)
-
-    @property
-    def mass_ratio(self) -> float:
-        """Unit of mass of the body over that of the whole structure."""
-        return self.body.mass_scale / self.whole.mass_scale
-
-    @property
-    def stiffness_ratio(self) -> float:
-        """Unit of stiffness of the body over that of the whole structure."""
-        return self.body.stiffness_scale / self.whole.stiffness_scale
+    expansion: Any  # (N of the body, N of the whole) sparse: fields of the body from those of the whole structure
+    mass_ratio: float = 1.0  # unit of mass of the body over that of the whole structure
+    stiffness_ratio: float = 1.0  # of stiffness
 
 
 @dataclass(frozen=True)
@@ -240,7 +221,7 @@ class Structure(ABC):
     @property
     def dashpots(self) -> tuple[Coupling, ...]:
         """Dashpots that act at places of bodies with stations: in joints, and at the ends of beams."""
-        at_ends = (spring for member in self.members for spring in member.body.springs_at_ends)
+        at_ends = (spring for member in self.members for spring in member.body.end_springs)
         return tuple(each for each in (*self.couplings, *at_ends) if each.dashpot)
 
     @cached_property
@@ -266,15 +247,21 @@ class Structure(ABC):
         """(N,) motion there for a unit of each degree of freedom; of a link how far its ends draw apart.
 
         Of a distributed load what the work of its unit level is: the load vector, as it is of a unit point force.
+
+        Raises
+        ------
+        ValueError
+            Where a place of the body does not move in that direction, or no load can be spread over it.
         """
         if isinstance(site, Link):
-            return np.asarray(self.place_row(site.second) - self.place_row(site.first))
-        return self.place_row(site)
+            return np.asarray(self.row(site.second) - self.row(site.first))
+        member = self.member(site.body)
+        return np.asarray((member.body.unsupported_row(site) @ member.body.on_all_dofs) @ member.expansion)
 
     def own_row(self, site: Site) -> Floats:
         """(N,) how far those ends of a site that are on the structure draw apart for a unit of each dof."""
         names = {member.body.name for member in self.members}
-        ends = [sign * self.place_row(end) for sign, end in signed_ends(site) if end.body in names]
+        ends = [sign * self.row(end) for sign, end in signed_ends(site) if end.body in names]
         return np.asarray(sum(ends, np.zeros(self.size)))
 
     def rows(self, sites: Sequence[LoadSite]) -> Floats:
@@ -282,8 +269,17 @@ class Structure(ABC):
         return np.array([self.row(site) for site in sites]).reshape(len(sites), self.size)
 
     def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
-        """Sites of the unit forces whose static deflections a reduced model needs, each once."""
-        return list(dict.fromkeys(sites))
+        """Sites of the unit forces whose static deflections a reduced model needs, each once.
+
+        The ends of a link are loaded one at a time where it joins two bodies, or moments are recovered.
+        """
+        loaded: dict[LoadSite, None] = {}
+        for site in sites:
+            apart = isinstance(site, Link) and (
+                site.first.body != site.second.body or self.member(site.first.body).body.recovers_moments
+            )
+            loaded |= dict.fromkeys(ends_of(site) if apart else (site,))
+        return list(loaded)
 
     @property
     def most_modes(self) -> int | None:
@@ -293,16 +289,6 @@ class Structure(ABC):
     @abstractmethod
     def frequency_count(self, omega: float) -> int:
         """A bound on the number of modes below the scaled angular frequency omega."""
-
-    @abstractmethod
-    def place_row(self, place: Place | Distributed) -> Floats:
-        """(N,) motion at a place in its direction, m or rad, for a unit of each degree of freedom; or load vector.
-
-        Raises
-        ------
-        ValueError
-            Where a place of the body does not move in that direction, or no load can be spread over it.
-        """
 
     @abstractmethod
     def unit_stiffness(self, site: Site) -> float:
@@ -323,11 +309,15 @@ class Structure(ABC):
 
     def seen_from(self, body: str, motion: BaseDirection) -> BaseDirection:
         """A motion of the base in the coordinates of a body."""
-        return motion.moved(dict(self.origins).get(body, 0.0))
+        if motion.direction not in ROTATIONS:
+            return motion
+        x, y, z = motion.about
+        return replace(motion, about=(x - dict(self.origins).get(body, 0.0), y, z))
 
     def base_motion_at(self, place: Place, motion: BaseDirection) -> float:
         """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
-        return self.member(place.body).body.base_motion_of(place, self.seen_from(place.body, motion))
+        body = self.member(place.body).body
+        return float(body.unsupported_row(place) @ body.rigid_motion(self.seen_from(place.body, motion)))
 
     def recoveries(
         self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
@@ -376,7 +366,7 @@ class Structure(ABC):
             Coordinates, and the relative error on every body that is named.
         """
         fields = [
-            (member, member.field(basis.vectors), member.body.given_field(given[member.body.name]))
+            (member, member.expansion @ basis.vectors, member.body.given_field(given[member.body.name]))
             for member in self.members
             if any(given.get(member.body.name, ()))
         ]
@@ -391,30 +381,30 @@ class BodyStructure(Structure, ABC):
     """One body; a kind of body is a subclass."""
 
     section: Any  # what describes the body in the scenario; None where that has no number of its matrices
+    stated_damping: Any  # what the scenario gives the body; None without
+    # (all dofs, N) sparse: values of all dofs, those that supports hold included, from those of the free ones
+    on_all_dofs: Any
+    # mass and factor of all dofs, scaled, and their damping, N s/m, or None; of imported matrices see `forces_of`
+    unsupported: tuple[Any, Any, Any] | None = field(default=None, kw_only=True)
+    # springs and dashpots between the ends and the base
+    end_springs: tuple[Coupling, ...] = field(default=(), kw_only=True)
     notes: tuple[str, ...] = field(default=(), kw_only=True)  # what was done to its data
     file_summary: FileSummary | None = field(default=None, kw_only=True)  # of the files that it was read from
-
-    @property
-    def members(self) -> tuple[MemberBody, ...]:
-        """Itself."""
-        return (MemberBody(self, self),)
 
     sides: ClassVar[tuple[str, ...]] = ()
     """Keys of the section that are the extent of the body along each axis."""
 
-    @property
-    def springs_at_ends(self) -> Sequence[Coupling]:
-        """Springs and dashpots between the ends and the base; none where the body has no ends."""
-        return ()
+    recovers_moments: ClassVar[bool] = False
+    """Whether moments are recovered, from one point force at a time."""
+
+    @cached_property
+    def members(self) -> tuple[MemberBody, ...]:
+        """Itself."""
+        return (MemberBody(self, self, eye_array(self.size, format="csr")),)
 
     @abstractmethod
     def reassembled(self, section: Any) -> BodyStructure:
         """The body with other numbers on the same mesh."""
-
-    @property
-    def stated_damping(self) -> Any:
-        """The damping that the scenario gives the body; None without."""
-        return self.section.damping
 
     @property
     def total_mass(self) -> float:
@@ -440,26 +430,9 @@ class BodyStructure(Structure, ABC):
         """What holds the body, direction by direction, and how far it moves with the base; none where it is free."""
         return ()
 
-    @property
-    def whole_matrices(self) -> tuple[Any, Any, Any]:
-        """Scaled mass and factor of all dofs, those that supports hold included, and their damping, N s/m, or None."""
-        return self.mass, self.factor, self.damping
-
-    def whole_field(self, vectors: Floats) -> Floats:
-        """Fields (N,) or (N, k) on all dofs."""
-        return vectors
-
-    def on_free(self, rows: Floats) -> Floats:
-        """(k, N) of rows (k, all dofs)."""
-        return rows
-
     @abstractmethod
     def unsupported_row(self, place: Place | Distributed) -> Floats:
         """(all dofs,) row of a place, or load vector."""
-
-    def place_row(self, place: Place | Distributed) -> Floats:
-        """(N,) motion at a place in its direction for a unit of each degree of freedom; or load vector."""
-        return np.asarray(self.on_free(self.unsupported_row(place)[None])[0])
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
         """(all dofs,) displacement when the base moves by one unit and nothing deforms: here upwards alone."""
@@ -467,7 +440,8 @@ class BodyStructure(Structure, ABC):
 
     def forces_of(self, motion: Floats) -> Floats:
         """(3, all dofs) forces of a displacement, N, acceleration and velocity of all dofs (all dofs,)."""
-        mass, factor, damping = self.whole_matrices
+        assert self.unsupported is not None
+        mass, factor, damping = self.unsupported
         dragged = np.zeros(motion.size) if damping is None else damping @ motion
         return np.array(
             [self.stiffness_scale * (factor.T @ (factor @ motion)), self.mass_scale * (mass @ motion), dragged]
@@ -499,11 +473,9 @@ class BodyStructure(Structure, ABC):
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
-        return self.on_free((self.whole_matrices[0] @ self.rigid_motion(motion))[None])[0], np.zeros(self.size)
-
-    def base_motion_of(self, place: Place, motion: BaseDirection) -> float:
-        """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
-        return float(self.unsupported_row(place) @ self.rigid_motion(motion))
+        assert self.unsupported is not None
+        inertia = (self.unsupported[0] @ self.rigid_motion(motion)) @ self.on_all_dofs
+        return np.asarray(inertia), np.zeros(self.size)
 
     def recovery_row(self, number: int, order: int = 0) -> Floats:
         """(all dofs,) another quantity that the body gives, by its number from 0, for a unit of each of its dofs.

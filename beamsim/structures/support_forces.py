@@ -69,7 +69,7 @@ class Support:
     @cached_property
     def motion(self) -> UnitMotion:
         """The unit motion on all degrees of freedom of the bodies."""
-        moved = {name: self._member(name).body.whole_field(u) for name, u in self.free.items()}
+        moved = {name: self._member(name).body.on_all_dofs @ u for name, u in self.free.items()}
         return UnitMotion({**self.held, **moved})
 
     @cached_property
@@ -86,14 +86,14 @@ class Support:
     @cached_property
     def forces(self) -> dict[str, Floats]:
         """By body (3, N of the body): what holds its degrees of freedom."""
-        return {name: self._member(name).body.on_free(of) for name, of in self._whole_forces.items()}
+        return {name: of @ self._member(name).body.on_all_dofs for name, of in self._whole_forces.items()}
 
     @cached_property
     def on_dofs(self) -> Floats:
         """(3, N) force per displacement, acceleration and velocity that holds the structure's degrees of freedom."""
         total = np.zeros((3, self.structure.size))
         for name, of_body in self.forces.items():
-            total += [self._member(name).on_whole(each) for each in of_body]
+            total += of_body @ self._member(name).expansion
         if not self.body:
             for spring, stretch in self.stretches.items():
                 total += np.outer(_of_spring(spring), stretch * self.structure.row(spring.site))

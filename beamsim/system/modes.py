@@ -147,7 +147,7 @@ class Assessment:
             shapes=self.deflection.T,
             stations=self.stations,
             kept_modes=basis.modes,
-            static_vectors=basis.static_vectors,
+            static_vectors=basis.size - basis.modes,
             highest_frequency_hz=basis.highest_frequency * structure.frequency_scale / (2 * np.pi),
             reduction_bound=bound.loads,
             probe_bound=bound.probes,
@@ -177,7 +177,7 @@ def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Any]:
     kinetic, strain = {}, {}
     squared = np.where(basis.omega > 0, basis.omega, np.nan) ** 2
     for member in structure.members:
-        fields = member.field(basis.vectors)
+        fields = member.expansion @ basis.vectors
         moving = np.einsum("ij,ij->j", fields, member.body.mass @ fields)
         kinetic[member.body.name] = moving * member.mass_ratio
         bent = np.asarray(member.body.factor @ fields)

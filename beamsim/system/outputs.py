@@ -13,7 +13,7 @@ from beamsim.contacts.contacts import Contacts
 from beamsim.errors import ScenarioError
 from beamsim.scenario.base import Path, problem
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
-from beamsim.structures.places import DEFLECTION, SLOPE, UPWARDS, LoadSite, Place, Site
+from beamsim.structures.places import DEFLECTION, ROTATIONS, SLOPE, UPWARDS, LoadSite, Place, Site
 from beamsim.structures.stations import Recovery
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.equations import Channel, Forcing, Sizes
@@ -144,7 +144,7 @@ class _Asked:
         structure, names = self.parts.structure, self.parts.scenario.all_bodies[name].recovered_rows
         member, motion = structure.member(name), base_direction(self.parts.scenario) or UPWARDS
         row = member.body.recovery_row(names.index(output.row), _SIGNALS[::-1].index(output.motion))
-        on_dofs = member.on_whole(member.body.on_free(row[None])[0])
+        on_dofs = (row @ member.body.on_all_dofs) @ member.expansion
         shape = on_dofs @ self.parts.basis.vectors / np.sqrt(structure.mass_scale)
         of_base = row @ member.body.rigid_motion(motion)
         base = np.array([of_base if output.motion == "acceleration" else 0.0])
@@ -201,7 +201,7 @@ class _Asked:
         base = output_direction(self.parts.scenario, output)
         supports = self.supports if base == UPWARDS else supports_of(structure, base)
         holding = [(each.base_motion, each) for each in supports if each.on_base and each.base_motion]
-        about = f"base about {output.axis_point[:2]} m" if base.rotates else "base"
+        about = f"base about {output.axis_point[:2]} m" if base.direction in ROTATIONS else "base"
         channel = self._summed(output, about, holding)
         levers = [
             0.0 if ground or not isinstance(site, Place) else structure.base_motion_at(site, base)
@@ -254,7 +254,7 @@ class _Asked:
         """Half the sum of squares of rows: the form of the coordinates and of supports that move the body."""
         member = self.parts.structure.member(output.body or self.parts.scenario.default_body)
         body, whole, kinetic = member.body, member.whole, output.kind == "kinetic_energy"
-        fields = member.field(self.parts.basis.vectors) / np.sqrt(whole.mass_scale)
+        fields = (member.expansion @ self.parts.basis.vectors) / np.sqrt(whole.mass_scale)
         moved = [each.support for _, each in self.moved_signals]
         part = 1 if kinetic else 0  # of the forces of a support: by mass or stiffness
         n = fields.shape[1]

@@ -23,7 +23,7 @@ FEATURES = {  # functions, and a change of the case that needs them
     "resolve_preloads": {"snubbers": [{**{k: v for k, v in STOP.items() if k != "gap"}, "preload": "5 N"}]},
     "_table_of": {"snubbers": [{**{k: v for k, v in STOP.items() if k != "stiffness"},
                                 "force_deflection": [["0 mm", "0 N"], ["1 mm", "5 N"]]}]},
-    "end_springs": {"beam": {**BEAM, "supports": {"right": {"stiffness": "1 kN/m"}}}},
+    "_end_springs": {"beam": {**BEAM, "supports": {"right": {"stiffness": "1 kN/m"}}}},
     "output_channels": {"outputs": [{"name": "m", "kind": "bending_moment", "position": "10 mm"}]},
     "_start_on_supports": {"excitation": {**CASE["excitation"], "applied_to": {"support": "left"}}},
     "_influence_of_mountings": {"excitation": {**CASE["excitation"], "applied_to": {"snubber": "tip"}}},
