@@ -30,10 +30,11 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from types import GenericAlias
-from typing import Annotated, Any, NamedTuple, NotRequired, TypeVar, dataclass_transform
+from typing import Annotated, Any, NamedTuple, NotRequired, TypeVar, cast, dataclass_transform
 
 import numpy as np
 from pydantic import Field, JsonValue, TypeAdapter, ValidationError
@@ -321,7 +322,7 @@ class Folded(NamedTuple):
 Along = tuple[str | Counter, ...] | Folded  # names of axes, axes that only count, or the axes of a design
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ArrayField:
     """An array, a dimension scale, or a column of a table; with ``per`` a mapping of arrays or numbers by name."""
 
@@ -338,7 +339,7 @@ class ArrayField:
     imaginary: str = ""  # meaning of the imaginary part where it is not that of the real part
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Attribute:
     """A number or text that belongs to a whole dataclass: an attribute, or a value along the dimension of members."""
 
@@ -348,14 +349,14 @@ class Attribute:
     codec: Codec | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Key:
     """What a member is called by: its value of the coordinate."""
 
     meaning: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Group:
     """A dataclass in a dataset of its own; in that around it where the path is empty."""
 
@@ -364,7 +365,7 @@ class Group:
     prefix: str = ""  # of the names of its variables
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Members:
     """Dataclasses of a mapping or a tuple, stacked along a dimension whose coordinate has their keys or numbers.
 
@@ -380,13 +381,13 @@ class Members:
     split: str = ""  # the one of these that ends the names of the variables, while the first is the coordinate
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Table:
     """Dataclasses as the rows of a table, their fields as columns; a table without rows is not stored."""
 
     path: str
     of: Any  # the class of a row
-    rows: Counter | None = None  # None where a column is the axis
+    rows: Counter | None = None  # the axis along which rows are counted; None where a column, an `axis`, is that
 
 
 Declaration = ArrayField | Attribute | Key | Group | Members | Table
@@ -394,158 +395,47 @@ _Class = TypeVar("_Class", bound=type)
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def _field(declaration: Declaration, default: Any = _REQUIRED, default_factory: Any = _REQUIRED) -> Any:
-    return dataclasses.field(default=default, default_factory=default_factory, metadata={_DECLARED: declaration})
-
-
-def dataset(
-    unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
+def _field(
+    kind: Any, *declared: Any, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
 ) -> Any:
-    """An array along axes, with the options of `ArrayField`.
-
-    Complex numbers are two variables, ``…_real`` and ``…_imag``. Truth values have `flags`, the meanings of false and
-    true.
+    """A field of a dataclass with its declaration.
 
     Parameters
     ----------
-    unit, meaning : SI unit ("1" without one) and what the values are.
+    kind : class of the declaration.
+    declared : its fields, in order.
     default, default_factory : as of `dataclasses.field`.
-    options : fields of `ArrayField`.
+    options : its fields by name.
 
     Returns
     -------
     dataclasses.Field
     """
-    return _field(ArrayField(unit=unit, meaning=meaning, **options), default, default_factory)
+    metadata = {_DECLARED: kind(*declared, **options)}
+    return dataclasses.field(default=default, default_factory=default_factory, metadata=metadata)
 
 
-def axis(unit: str, meaning: str, *, default: Any = _REQUIRED, **options: Any) -> Any:
-    """An array that other datasets are along: a dimension scale.
-
-    Parameters
-    ----------
-    unit, meaning : SI unit ("1" without one) and what the values are.
-    default : as of `dataclasses.field`.
-    options : fields of `ArrayField`.
-
-    Returns
-    -------
-    dataclasses.Field
-    """
-    return _field(ArrayField(unit=unit, meaning=meaning, scale=True, **options), default)
-
-
-def per_probe(unit: str, meaning: str, **options: Any) -> Any:
-    """An array or a number for each probe: along the dimension ``probe``."""
-    return _field(ArrayField(unit=unit, meaning=meaning, per="probe", **options))
-
-
-def per_snubber(unit: str, meaning: str, *, default_factory: Any = _REQUIRED, **options: Any) -> Any:
-    """An array or a number for each snubber: along the dimension ``snubber``.
-
-    Parameters
-    ----------
-    unit, meaning : SI unit ("1" without one) and what the values are.
-    default_factory : as of `dataclasses.field`.
-    options : fields of `ArrayField`.
-
-    Returns
-    -------
-    dataclasses.Field
-    """
-    return _field(ArrayField(unit=unit, meaning=meaning, per="snubber", **options), default_factory=default_factory)
-
-
-def attribute(
-    unit: str, meaning: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
-) -> Any:
-    """A number or text that belongs to the group, with the options of `Attribute`.
-
-    Parameters
-    ----------
-    unit, meaning : SI unit (empty for text) and what the value is.
-    default, default_factory : as of `dataclasses.field`.
-    options : fields of `Attribute`.
-
-    Returns
-    -------
-    dataclasses.Field
-    """
-    return _field(Attribute(unit=unit, meaning=meaning, **options), default, default_factory)
-
-
-def key(meaning: str) -> Any:
-    """The name or number that a member is called by."""
-    return _field(Key(meaning=meaning))
-
-
-def group(path: str, of: Any, *, prefix: str = "", default: Any = _REQUIRED) -> Any:
-    """A dataclass in a dataset of its own; see `Group`.
-
-    Parameters
-    ----------
-    path : of the dataset, after that of the dataclass around it; empty for the same one.
-    of : class of the dataclass.
-    prefix : of the names of its variables.
-    default : as of `dataclasses.field`.
-
-    Returns
-    -------
-    dataclasses.Field
-    """
-    return _field(Group(path=path, of=of, prefix=prefix), default)
-
-
-def members(
-    path: str, of: Any, dim: str, *, default: Any = _REQUIRED, default_factory: Any = _REQUIRED, **options: Any
-) -> Any:
-    """Dataclasses of a mapping or a tuple along a dimension; see `Members`.
-
-    Parameters
-    ----------
-    path : of the dataset that has them, after that of the dataclass around them; empty for the same one.
-    of : class of the dataclasses.
-    dim : the dimension.
-    default, default_factory : as of `dataclasses.field`.
-    options : fields of `Members`.
-
-    Returns
-    -------
-    dataclasses.Field
-    """
-    return _field(Members(path=path, of=of, dim=dim, **options), default, default_factory)
-
-
-def table(path: str, of: Any, rows: Counter | None = None, *, default: Any = _REQUIRED) -> Any:
-    """A tuple of dataclasses as a table: counted by ``rows``, or by the field of a row that is an `axis`.
-
-    Parameters
-    ----------
-    path : of the table's dataset, after that of the dataclass around it.
-    of : class of a row.
-    rows : the axis along which rows are counted; None where a column is the axis.
-    default : as of `dataclasses.field`.
-
-    Returns
-    -------
-    dataclasses.Field
-    """
-    return _field(Table(path=path, of=of, rows=rows), default)
-
-
-def ending(meaning: str, *, default: Any = _REQUIRED) -> Any:
-    """An `Outcome`: ``status`` (text), ``outcome`` (code) and ``outcome_numbers`` (JSON).
-
-    Parameters
-    ----------
-    meaning : what ended.
-    default : as of `dataclasses.field`.
-
-    Returns
-    -------
-    dataclasses.Field
-    """
-    return _field(Attribute(unit="", meaning=meaning, name="status", codec=OUTCOME), default)
+# Each takes the fields of its declaration, the first of them in order, and `default` or `default_factory`.
+dataset = partial(_field, ArrayField)
+"""An array along axes; complex numbers are two variables, ``…_real`` and ``…_imag``."""
+axis = partial(_field, ArrayField, scale=True)
+"""An array that others are along: a dimension scale."""
+per_probe = partial(_field, ArrayField, per="probe")
+"""An array or a number for each probe: along the dimension ``probe``."""
+per_snubber = partial(_field, ArrayField, per="snubber")
+"""The same for each snubber."""
+attribute = partial(_field, Attribute)
+"""A number or text that belongs to the group."""
+ending = partial(_field, Attribute, "", name="status", codec=OUTCOME)
+"""An `Outcome`, of which the meaning says what ended: ``status`` (text), ``outcome`` (code), ``outcome_numbers``."""
+key = partial(_field, Key)
+"""The name or number that a member is called by."""
+group = partial(_field, Group)
+"""A dataclass in a dataset of its own."""
+members = partial(_field, Members)
+"""Dataclasses of a mapping or a tuple along a dimension."""
+table = partial(_field, Table)
+"""A tuple of dataclasses as a table."""
 
 
 @dataclass_transform(
@@ -631,54 +521,43 @@ class Member(NamedTuple):
 
     name: str
     declaration: Any  # one of `Declaration`
-    type: str  # as it is written in the class, without None
-    derived: bool  # whether it is a property, which is not read
-    default: Callable[[], Any] | None
-
-    @property
-    def stored_name(self) -> str:
-        """Name in the file, without a prefix."""
-        return getattr(self.declaration, "name", "") or self.name
-
-    @property
-    def scalar(self) -> Callable[[Any], Any] | None:
-        """The type of a number or text, or of each of a mapping of them; None of anything else."""
-        return _SCALARS.get(re.sub(r"dict\[str, (.*)\]", r"\1", self.type))
-
-    @property
-    def may_be_text(self) -> bool:
-        """Whether an array of it may hold text."""
-        return self.type in ("str", "tuple[str, ...]", "NDArray[Any]")
-
-
-def members_of(cls: Any) -> tuple[Member, ...]:
-    """The declared fields of a dataclass and its declared properties, in order."""
-    return _members_of(cls)
+    stored_name: str  # name in the file, without a prefix
+    type: str = ""  # as it is written in the class, without None
+    scalar: Callable[[Any], Any] | None = None  # type of a number or text, or of each of a mapping of them
+    default: Callable[[], Any] | None = None
+    derived: bool = False  # whether it is a property, which is not read
 
 
 @cache
-def _members_of(cls: Any) -> tuple[Member, ...]:
-    members = []
+def members_of(cls: Any) -> tuple[Member, ...]:
+    """The declared fields of a dataclass and its declared properties, in order; arrays that name no axes have those
+    of the class."""
     along = next((given for base in cls.__mro__ if (given := vars(base).get("__along__"))), ())
-    for field in dataclasses.fields(cls):
-        if _DECLARED in field.metadata:
-            written = field.type if isinstance(field.type, str) else getattr(field.type, "__name__", str(field.type))
-            placed = _placed(field.metadata[_DECLARED], along)
-            members.append(Member(field.name, placed, written.removesuffix(" | None"), False, _default(field)))
+    found = {each.name: each for each in dataclasses.fields(cls) if _DECLARED in each.metadata}
+    declarations = {name: each.metadata[_DECLARED] for name, each in found.items()}
     for base in reversed(cls.__mro__):
         for name, value in vars(base).items():
-            declaration = getattr(getattr(value, "fget", None), "__declared__", None)
-            if declaration is not None:
-                members = [member for member in members if member.name != name]
-                members.append(Member(name, _placed(declaration, along), "", True, None))
+            if hasattr(getattr(value, "fget", None), "__declared__"):
+                declarations.pop(name, None)
+                declarations[name] = value.fget.__declared__
+    members = []
+    for name, declaration in declarations.items():
+        if isinstance(declaration, ArrayField) and declaration.along is None:
+            declaration = dataclasses.replace(declaration, along=() if declaration.scale else along)
+        stored_name = getattr(declaration, "name", "") or name
+        if name not in found:
+            members.append(Member(name, declaration, stored_name, derived=True))
+            continue
+        each, default = found[name], cast(Any, None)
+        written = each.type if isinstance(each.type, str) else getattr(each.type, "__name__", str(each.type))
+        written = written.removesuffix(" | None")
+        if each.default_factory is not _REQUIRED:
+            default = each.default_factory
+        elif each.default is not _REQUIRED:
+            default = partial(copy, each.default)
+        scalar = _SCALARS.get(re.sub(r"dict\[str, (.*)\]", r"\1", written))
+        members.append(Member(name, declaration, stored_name, written, scalar, default))
     return tuple(members)
-
-
-def _placed(declaration: Declaration, along: Along) -> Declaration:
-    """A declaration with its axes: of an array that names none, those of the class."""
-    if isinstance(declaration, ArrayField) and declaration.along is None:
-        return dataclasses.replace(declaration, along=() if declaration.scale else along)
-    return declaration
 
 
 def key_of(cls: Any) -> str:
@@ -686,36 +565,8 @@ def key_of(cls: Any) -> str:
     return next((member.name for member in members_of(cls) if isinstance(member.declaration, Key)), "")
 
 
-def _default(field: Any) -> Callable[[], Any] | None:
-    if field.default_factory is not _REQUIRED:
-        return field.default_factory  # type: ignore[no-any-return]
-    return None if field.default is _REQUIRED else lambda: field.default
-
-
 def filled(text: str, owners: Sequence[Any]) -> str:
-    """A text with each ``{field}`` replaced by that of the first of ``owners`` (objects or mappings) that has it."""
-    return text.format_map(_Named(owners)) if "{" in text else text
-
-
-class _Named(dict[str, Any]):
-    """Fields of several owners by name, for `str.format_map`."""
-
-    def __init__(self, owners: Sequence[Any]) -> None:
-        self._owners = owners
-
-    def __missing__(self, name: str) -> Any:
-        for owner in self._owners:
-            if isinstance(owner, Mapping) and name in owner:
-                return _Text(owner[name])
-            if hasattr(owner, name):
-                return _Text(getattr(owner, name))
-        raise KeyError(f"no field {name}")
-
-
-class _Text(str):
-    """A text that ``{field:words}`` gives spaces for underscores."""
-
-    __slots__ = ()
-
-    def __format__(self, how: str) -> str:
-        return self.replace("_", " ") if how == "words" else str(self)
+    """A text with each ``{field}`` replaced by that of the first of ``owners`` that has it."""
+    for name in re.findall(r"\{(\w+)\}", text):
+        text = text.replace(f"{{{name}}}", str(next(getattr(each, name) for each in owners if hasattr(each, name))))
+    return text

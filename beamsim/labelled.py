@@ -341,13 +341,21 @@ class Layout:
                 continue
             if name not in values:
                 raise TypeError(f"{self.name} lacks {name}")
-            array = _array(values[name], declared.type)
+            given, kind = values[name], object if declared.type is str else declared.type
+            known = isinstance(given, np.ndarray) and kind is not object  # text as objects
+            array = given if known else np.asarray(given, dtype=kind)
             if array.shape != tuple(sizes[dim] for dim in declared.dims):
                 raise TypeError(f"{name} is along {', '.join(declared.dims)}, not of the shape {array.shape}")
             each = (of_members or {}).get(declared.dims[0] if declared.dims else "", ())
-            texts = {"units": _texts(declared.unit or "1", each, words)}
-            texts["long_name"] = _texts(declared.meaning, each, words)
-            items[f"/{self.name}/{name}"] = self._item(name, array, texts)
+            units, meanings = (_texts(text, each, words) for text in (declared.unit or "1", declared.meaning))
+            attributes = {"units": " | ".join(dict.fromkeys(units)), "long_name": " | ".join(dict.fromkeys(meanings))}
+            if len(set(units)) > 1:
+                attributes |= {"units": MIXED, OF_EACH: json.dumps(units, ensure_ascii=False)}
+            attributes |= flagged(declared.flags) if declared.flags else {}
+            attributes |= {NAMES: declared.names} if declared.names else {}
+            scale = declared.dims == (name,)
+            axes = () if scale else tuple(f"/{self.name}/{dim}" for dim in declared.dims)
+            items[f"/{self.name}/{name}"] = Item(attributes, array, axes, scale)
         return Dataset(self.name, items)
 
     def _dimensions(self, known: Mapping[str, Any]) -> list[str]:
@@ -357,17 +365,6 @@ class Layout:
             for name, declared in self.variables.items()
             if declared.dims == (name,) and name in known and (declared.type is not str or len(known[name]))
         ]
-
-    def _item(self, name: str, array: Any, texts: Mapping[str, Sequence[str]]) -> Item:
-        declared = self.variables[name]
-        attributes: dict[str, Any] = {key: " | ".join(dict.fromkeys(each)) for key, each in texts.items()}
-        if len(set(texts["units"])) > 1:
-            attributes |= {"units": MIXED, OF_EACH: json.dumps(texts["units"], ensure_ascii=False)}
-        attributes |= flagged(declared.flags) if declared.flags else {}
-        attributes |= {NAMES: declared.names} if declared.names else {}
-        scale = declared.dims == (name,)
-        axes = () if scale else tuple(f"/{self.name}/{dim}" for dim in declared.dims)
-        return Item(attributes, array, axes, scale)
 
     def read(self, items: Items) -> Dataset:
         """The dataset among the items of a file.
@@ -412,8 +409,3 @@ def _texts(text: str, each: Sequence[Words], words: Words) -> list[str]:
     if "{" not in text:
         return [text]
     return [text.format_map({**words, **of}) for of in each or ({},)]
-
-
-def _array(values: Any, kind: type) -> Any:
-    """An array of a type; text as objects. What is already one is not copied."""
-    return np.asarray(values, dtype=object if kind is str else None if isinstance(values, np.ndarray) else kind)

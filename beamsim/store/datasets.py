@@ -391,7 +391,9 @@ class _Writer:
         tail: list[int] = []
         parts, units = [], np.full((sizes.size, *kept), "", dtype=object)  # none where a member has no part
         for (labels, own), unit in zip(variable.parts, variable.units, strict=True):
-            array = self._in_all_values(at, labels, own, fill)
+            array = own
+            if any(f"{axis.path}_known" in self.items for axis in at.axes):
+                array = self._in_all_values(at, labels, own, fill)
             tail = list(array.shape)
             absorbed, of_rows, rows = len(labels) - len(kept), 0, [slice(None)] * array.ndim
             if whose is not None and at.ragged is not None:
@@ -404,9 +406,13 @@ class _Writer:
                 raise TypeError(f"two fields are called {at.path}")
             units[(of_rows, *of_members)] = unit
             parts.append(((*of_members, *rows, ...), array))
-        whole: Any = InParts((*kept, *tail), dtype, tuple(parts), fill)
-        if whole.nbytes <= ASSEMBLED or dtype.kind == "O":
-            whole = np.asarray(whole)
+        shape = (*kept, *tail)
+        if dtype.kind != "O" and math.prod(shape) * dtype.itemsize > ASSEMBLED:
+            whole: Any = InParts(shape, dtype, tuple(parts), fill)
+        else:
+            whole = np.full(shape, fill, dtype=dtype)
+            for index, values in parts:
+                whole[index] = values
         attributes: dict[str, Any] = {"units": variable.units[0], "long_name": variable.meanings[0]}
         if len(set(variable.units)) > 1:
             attributes |= {"units": MIXED, OF_EACH: json.dumps(units.ravel().tolist(), ensure_ascii=False)}
@@ -659,7 +665,7 @@ class Reader:
     def _made(self, member: Member, at: Spot, parts: list[Any], shape: tuple[int, ...] | None) -> Any:
         """The value of a field that is stored as an array, or as two of them."""
         if parts[0].dtype == object:
-            if not member.may_be_text:
+            if member.type not in ("str", "tuple[str, ...]", "NDArray[Any]"):
                 raise ValueError(f"{at.path} holds text instead of numbers")
             words = [str(word) for word in np.ravel(np.asarray(parts[0]))]
             if member.scalar is str:

@@ -131,8 +131,15 @@ def checksum(items: Items) -> str:
     """
     digest = hashlib.sha256()
     for place, item in sorted(items.items()):
-        named_values = sorted(item.attributes.items())
-        attributes = {name: _comparable(value) for name, value in named_values if (place, name) != ("/", CHECKSUM)}
+        attributes: dict[str, tuple[str, Any]] = {}  # kind and values, equal for Python's and NumPy's types
+        for name, value in sorted(item.attributes.items()):
+            values = np.asarray(value)
+            if (place, name) == ("/", CHECKSUM):
+                continue
+            if values.dtype.kind in "OUS" and values.size:
+                attributes[name] = "text", np.vectorize(str, otypes="O")(values).tolist()
+            else:
+                attributes[name] = values.dtype.kind, values.tolist()
         digest.update(repr((place, attributes)).encode())
         array = item.array
         if array is None:
@@ -145,14 +152,6 @@ def checksum(items: Items) -> str:
         elif array.nbytes <= CHUNK_BYTES:
             digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
-
-
-def _comparable(value: Any) -> tuple[str, Any]:
-    """Kind and values of an attribute, equal for Python's and NumPy's types."""
-    values = np.asarray(value)
-    return ("text", np.vectorize(str, otypes="O")(values).tolist()) if values.dtype.kind in "OUS" and values.size else (
-        values.dtype.kind, values.tolist()
-    )  # fmt: skip
 
 
 def keep_result(result: Result, path: Path | str, *, resumed: bool = False) -> Path:
@@ -368,7 +367,9 @@ def write_items(
         If it cannot be written (no permission, disk full, a folder of that name).
     """
     with temporary_file(path) as temporary:
-        _reserve(temporary, sum(map(_size, items.values())))
+        texts = sum(len(each) for item in items.values() for each in item.attributes.values() if isinstance(each, str))
+        arrays = sum(item.array.nbytes for item in items.values() if item.array is not None)
+        _reserve(temporary, arrays + 4 * texts + _ITEM_BYTES * len(items))
         with h5py.File(temporary, "w") as file:
             for place, item in items.items():
                 _create(file, place, item)
@@ -379,12 +380,6 @@ def write_items(
         decided = destination(path, new, examine)
         put_in_place(temporary, decided)
     return decided.path
-
-
-def _size(item: Item) -> int:
-    texts = sum(len(value) for value in item.attributes.values() if isinstance(value, str))
-    values = 0 if item.array is None else item.array.nbytes
-    return values + 4 * texts + _ITEM_BYTES
 
 
 def _reserve(path: Path, size: int) -> None:
@@ -421,21 +416,16 @@ def _create(file: h5py.File, place: str, item: Item) -> None:
             array = array.astype(TEXT)
         array = array.view(np.uint8) if array.dtype == np.bool_ else array
         owner = file.create_dataset(place, array.shape, array.dtype, **_checksum(array))
-        for rows in _blocks(array):
-            owner[rows] = array[rows]
+        if array.flags.c_contiguous or not array.size:
+            owner[...] = array
+        else:  # HDF5 copies what is not in one piece in memory
+            count = max(CHUNK_BYTES * array.shape[0] // array.nbytes, 1)
+            for first in range(0, array.shape[0], count):
+                owner[first : first + count] = array[first : first + count]
     for name, value in item.attributes.items():
         owner.attrs[name] = value
     if item.scale:
         owner.make_scale(last(place))
-
-
-def _blocks(array: Any) -> Iterator[Any]:
-    """Parts of an array that are written together: HDF5 copies what is not in one piece in memory."""
-    if array.flags.c_contiguous or not array.size:
-        yield ...
-        return
-    count = max(CHUNK_BYTES * array.shape[0] // array.nbytes, 1)
-    yield from (slice(first, first + count) for first in range(0, array.shape[0], count))
 
 
 def _checksum(array: Any) -> dict[str, Any]:
