@@ -84,14 +84,17 @@ class Observed:
 
     def extrema(self, motion: Trajectory) -> Extrema:
         """(C,) extreme values of the continuous motion and their times, s; see `Trajectory.extrema`."""
-        found, squares = motion.extrema(self.linear, rivals=self._rivals), self.channels.squares
-        if squares.size:
-            found = found.beside(motion.extrema(self.squared, squares=squares))
-        return found.some(self.channels.order)
+        found, order = motion.extrema(self.linear, rivals=self._rivals), self.channels.order
+        values, evaluations = np.array(found[:4]), found.evaluations
+        if self.channels.squares.size:
+            squares = motion.extrema(self.squared, squares=self.channels.squares)
+            values, evaluations = np.hstack([values, squares[:4]]), evaluations + squares.evaluations
+        low, when_low, high, when_high = values[:, order]
+        return Extrema(low, when_low, high, when_high, evaluations)
 
     def extremes(self, motion: Trajectory) -> dict[Key, Floats]:
         """By section and quantity (4, k): lowest values of the continuous motion, their times, highest ones, theirs."""
-        return self.channels.split(np.array(self.extrema(motion).extremes))
+        return self.channels.split(np.array(self.extrema(motion)[:4]))
 
 
 @dataclass(frozen=True)

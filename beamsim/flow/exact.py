@@ -201,6 +201,13 @@ class ExactFlow:
         """Numbers, among all states visited, of states that are kept and were used in this order."""
         return self._tables.visits(states)
 
+    def visited_state(self, number: int) -> ContactState:
+        """A state by its number among all visited; one that was dropped is built again, and not kept."""
+        if not self.dropped:
+            return self.states[number]
+        kept = self._tables.index(self.visited[number])
+        return self._new_state(self.visited[number]) if kept is None else self.states[kept]
+
     def holding(self, visited: Ints) -> ExactFlow:
         """The same flow with some of the visited states alone, in their order."""
         flow = copy(self)

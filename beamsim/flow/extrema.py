@@ -21,178 +21,92 @@ of u it is a sum of terms as those of closed-form motions, and the search of :mo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from beamsim.flow.contact_state import GROWTH
-from beamsim.flow.extrema_kernels import TOLERANCE, Known, Sums, search, variation
+from beamsim.flow.extrema_kernels import Known, Sums, search
 from beamsim.flow.kernels import EPS
 from beamsim.outcomes import check_stop
-from beamsim.typing import Complexes, Floats, Ints
+from beamsim.typing import Floats, Ints
 
-PARTS_AT_ONCE = 256  # which bounds the memory
-
-
-@dataclass(frozen=True)
-class Waves:
-    """K outputs on n parts of segments, as sums of T terms ``Re amplitude table t^power exp(exponent t)``.
-
-    The time t is that since the segment began, or since its middle where parts begin before. There are Z amplitudes and
-    B functions of time.
-    """
-
-    exponent: Complexes  # (B,) 1/s
-    power: Ints  # (B,)
-    basis: Ints  # (T,) function of each term
-    source: Ints  # (T,) amplitude of each term
-    table: Complexes  # (T, K) coefficients of the outputs, or (n, T, K)
-    amplitudes: Callable[[Ints], tuple[Complexes, Floats]]  # (m, Z) on some of the n parts, and their round-off
-    time: Floats  # (n,) s, of the segments
-    length: Floats  # (n,) s, of the segments
-    begin: Floats  # (n,) of the parts, as a share of the segments
-    end: Floats  # (n,)
-    window: Ints  # (n,) numbers of the windows that the parts belong to
-
-    def sums(self, rows: Ints) -> Sums:
-        """The outputs on some parts, in times that are shares of the segments."""
-        rate = self.exponent * self.length[rows, None]
-        rate = np.where(rate.real < GROWTH, rate, 0.0)  # what rests may grow beyond all numbers
-        scale = (self.length[rows, None] ** self.power)[:, self.basis]
-        amplitude, noise = (x[:, self.source] * scale for x in self.amplitudes(rows))
-        table = self.table[rows] if self.table.ndim == 3 else self.table[None]
-        table = np.stack([table.real, table.imag, np.abs(table)], axis=1)
-        place = np.stack([self.begin[rows], self.end[rows], self.time[rows], self.length[rows]])
-        return Sums(rate, self.power, self.basis, amplitude, noise, table, place, self.window[rows])
-
-    def at(self, rows: Ints, u: Floats) -> Floats:
-        """(m,) the only output on some parts, at one time (m,) each, a share of the segment."""
-        sums = self.sums(rows)
-        functions = np.exp(sums.rate * u[:, None]) * u[:, None] ** sums.power
-        terms = functions[:, sums.basis] * sums.amplitude
-        return np.asarray((terms.real * sums.table[:, 0, :, 0] - terms.imag * sums.table[:, 1, :, 0]).sum(axis=1))
-
-    def at_ends(self) -> Floats:
-        """(n, 2) the only output where the parts begin and end, limits from within."""
-        rows = np.arange(self.time.size)
-        return np.stack([self.at(rows, self.begin), self.at(rows, self.end)], axis=1)
-
-    def variations(self) -> tuple[Floats, Floats]:
-        """(n, K) bounds on the total variation of the outputs on the parts, and their values (2, n, K) at the ends."""
-        found = [variation(sums) for _, sums in self.batches()]
-        return np.concatenate([bound for bound, _ in found]), np.concatenate([value for _, value in found], axis=1)
-
-    def batches(self) -> Iterator[tuple[Ints, Sums]]:
-        """The parts, some after the other: their numbers (m,), and the outputs on them."""
-        for first in range(0, self.time.size, PARTS_AT_ONCE):
-            check_stop()
-            rows = np.arange(first, min(first + PARTS_AT_ONCE, self.time.size))
-            yield rows, self.sums(rows)
+PARTS_AT_ONCE = 256  # of segments in a batch, which bounds the memory
 
 
-@dataclass(frozen=True)
-class Extrema:
+class Extrema(NamedTuple):
     """Extreme values of K outputs in W windows and their times, s."""
 
-    evaluations: int  # of an output at one time
     low: Floats  # (W, K)
     when_low: Floats
     high: Floats
     when_high: Floats
-
-    def some(self, outputs: Ints) -> Extrema:
-        """Those of some of the outputs."""
-        return Extrema(self.evaluations, *(x[..., outputs] for x in self.extremes))
-
-    def window(self, number: int) -> Extrema:
-        """Those of one window (K,)."""
-        return Extrema(self.evaluations, *(x[number] for x in self.extremes))
-
-    def beside(self, other: Extrema) -> Extrema:
-        """These outputs and then the others."""
-        pairs = zip(self.extremes, other.extremes, strict=True)
-        return Extrema(self.evaluations + other.evaluations, *(np.concatenate(x, axis=-1) for x in pairs))
-
-    @property
-    def extremes(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Lowest values, their times, highest values, their times."""
-        return self.low, self.when_low, self.high, self.when_high
+    evaluations: int  # of an output at one time
 
 
-@dataclass
-class Search:
-    """The largest and smallest values of K outputs that are known in W windows.
+def search_extrema(
+    batches: Iterable[Sums], outputs: int, windows: int = 1, squares: Ints | None = None, rivals: Ints | None = None
+) -> Extrema:
+    """The largest and smallest values of outputs in windows.
 
     They are values that are reached, and no other is beyond them by more than `TOLERANCE` of their size; of sums of
     squares of that of their largest value. Of rivals this holds of the largest magnitude of all.
-    """
 
-    known: Known
-    evaluations: int = 0
-
-    @classmethod
-    def of(cls, outputs: int, windows: int = 1, squares: Ints | None = None, rivals: Ints | None = None) -> Search:
-        """A search in which nothing is known.
-
-        Parameters
-        ----------
-        outputs : number of the outputs of `Waves`.
-        windows : number W.
-        squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
-        rivals : those of the K of which only the largest magnitude of all is asked for.
-
-        Returns
-        -------
-        Search
-            Of the K groups; without groups K is the number of outputs.
-        """
-        first = np.append(np.arange(outputs) if squares is None else squares, outputs)
-        shape, least = (2, windows, first.size - 1), np.finfo(float).min
-        rank = np.arange(2 * shape[2]).reshape(2, -1)
-        if rivals is not None:
-            rank[:, rivals] = rank[0, rivals[:1]]
-        best = np.full((windows, rank.size), least)
-        return cls(Known(np.full(shape, least), np.full(shape, np.nan), first, squares is not None, rank, best))
-
-    def add(self, waves: Sequence[Waves]) -> None:
-        """Look at parts of a motion together: the outputs on the parts."""
-        if not self.known.rank.size:
-            return
-        for wave in waves:
-            for _, sums in wave.batches():
-                self.evaluations += search(sums, self.known, -1.0)[1]
-
-    def extrema(self) -> Extrema:
-        """What is known; infinite in windows of which nothing is."""
-        high, low = np.where(np.isnan(self.known.when), -np.inf, self.known.value)
-        when_high, when_low = self.known.when
-        return Extrema(self.evaluations, -low, when_low, high, when_high)
-
-
-def turning_points(waves: Sequence[Waves]) -> tuple[Ints, Ints, Floats, Floats]:
-    """All maxima and minima of one output inside parts of segments.
-
-    Those that are left out differ from what is beside them by less than `TOLERANCE` of the largest value.
+    Parameters
+    ----------
+    batches : the outputs on all parts of a motion, in seconds.
+    outputs : number of them.
+    windows : number W.
+    squares : (K,) first of each group of consecutive outputs, where half the sums of their squares are asked for.
+    rivals : those of the K of which only the largest magnitude of all is asked for.
 
     Returns
     -------
-    wave, row : (m,) numbers of the waves and of their parts, in no order.
-    time : (m,) s.
-    value : (m,)
+    Extrema
+        Of the K groups; without groups K is the number of outputs. Infinite in windows of which nothing is known.
     """
-    largest = Search.of(1)
-    largest.add(waves)
-    known, found = largest.known, [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), *np.zeros((2, 0)))]
-    resolution = TOLERANCE * float(np.abs(known.value).max())
-    for number, wave in enumerate(waves):
-        for rows, sums in wave.batches():
-            turns, _ = search(sums, known, resolution)
-            row, u = rows[turns[:, 0].astype(np.int64)], turns[:, 1]
-            found.append((np.full_like(row, number), row, wave.time[row] + u * wave.length[row], wave.at(row, u)))
-    wave_of, row, time, value = (np.concatenate(part) for part in zip(*found, strict=True))
-    return wave_of, row, time, value
+    known, evaluations = nothing_known(outputs, windows, squares, rivals), 0
+    for sums in batches if known.rank.size else ():
+        check_stop()
+        evaluations += search(in_shares(sums), known, -1.0)[1]
+    high, low = np.where(np.isnan(known.when), -np.inf, known.value)
+    when_high, when_low = known.when
+    return Extrema(-low, when_low, high, when_high, evaluations)
+
+
+def nothing_known(outputs: int, windows: int = 1, squares: Ints | None = None, rivals: Ints | None = None) -> Known:
+    """What a search knows at its beginning; see `search_extrema` for the parameters."""
+    first = np.append(np.arange(outputs) if squares is None else squares, outputs)
+    shape, least = (2, windows, first.size - 1), np.finfo(float).min
+    rank = np.arange(2 * shape[2]).reshape(2, -1)
+    if rivals is not None:
+        rank[:, rivals] = rank[0, rivals[:1]]
+    best = np.full((windows, rank.size), least)
+    return Known(np.full(shape, least), np.full(shape, np.nan), first, squares is not None, rank, best)
+
+
+def in_shares(sums: Sums) -> Sums:
+    """Sums of functions of time in s, with complex coefficients (T, K) or (n, T, K), as the kernels take them.
+
+    The time is counted from where `Sums.place` has the segment begin, in their lengths.
+    """
+    length, table = sums.place[3, :, None], sums.table if sums.table.ndim == 3 else sums.table[None]
+    rate = sums.rate * length
+    scale = (length**sums.power)[:, sums.basis]
+    return sums._replace(
+        rate=np.where(rate.real < GROWTH, rate, 0.0),  # what rests may grow beyond all numbers
+        amplitude=sums.amplitude * scale, noise=sums.noise * scale,
+        table=np.stack([table.real, table.imag, np.abs(table)], axis=1),
+    )  # fmt: skip
+
+
+def values_in_shares(sums: Sums, rows: Ints, u: Floats) -> Floats:
+    """(m,) the only output on some parts, at one time (m,) each, a share of the segment."""
+    functions = np.exp(sums.rate[rows] * u[:, None]) * u[:, None] ** sums.power
+    terms, table = functions[:, sums.basis] * sums.amplitude[rows], sums.table[rows if sums.table.shape[0] > 1 else 0]
+    return np.asarray((terms.real * table[..., 0, :, 0] - terms.imag * table[..., 1, :, 0]).sum(axis=1))
 
 
 NODES = 16  # degree of the polynomials, above that of any integrator's dense output (12)
@@ -201,28 +115,33 @@ _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_POINTS, NODES))
 _POWERS = np.array([np.pad(chebyshev.cheb2poly(row), (0, NODES - k)) for k, row in enumerate(np.eye(NODES + 1))])
 
 
-def polynomials(values: Floats, start: Floats, length: Floats) -> Waves:
+def polynomials(values: Floats, start: Floats, length: Floats, window: Ints | None = None) -> Iterator[Sums]:
     """Outputs on S steps, from their values (S, NODES + 1, k) at the Chebyshev points, the earliest first.
 
     Parameters
     ----------
     values : (S, NODES + 1, k) in the units of the outputs.
     start, length : (S,) of the steps, s.
+    window : (S,) numbers of the windows that the steps belong to; one by default.
 
-    Returns
-    -------
-    Waves
-        A piece a step.
+    Yields
+    ------
+    Sums
+        In seconds since the middle of each step.
     """
-    steps = values.shape[0]
     coefficient = _COEFFICIENTS @ values
     round_off = NODES * EPS * np.abs(values).max(axis=1, keepdims=True)
     coefficient = np.where(np.abs(coefficient) > round_off, coefficient, 0.0)
     number, half = np.arange(NODES + 1), 0.5 * length
     table = (_POWERS.T @ coefficient) * half[:, None, None] ** -number[:, None]
-    return Waves(
-        np.zeros(NODES + 1, dtype=complex), number, number, np.zeros_like(number), table.astype(complex),
-        lambda rows: (np.ones((rows.size, 1), dtype=complex), np.zeros((rows.size, 1))), start + half, half,
-        -np.ones(steps), np.ones(steps),
-        np.zeros(steps, dtype=np.int64),
-    )  # fmt: skip
+    place, window = (
+        np.stack([-np.ones(half.size), np.ones(half.size), start + half, half]),
+        np.zeros(half.size, dtype=np.int64) if window is None else window,
+    )
+    for first in range(0, half.size, PARTS_AT_ONCE):
+        rows = slice(first, first + PARTS_AT_ONCE)
+        one = np.ones((place[0, rows].size, NODES + 1), dtype=complex)
+        yield Sums(
+            np.zeros(NODES + 1, dtype=complex), number, number, one, np.zeros(one.shape), table[rows].astype(complex),
+            place[:, rows], window[rows],
+        )  # fmt: skip

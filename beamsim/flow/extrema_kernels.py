@@ -18,7 +18,10 @@ VALUE, SLOPE = 1.0 / 384.0, math.sqrt(3.0) / 216.0  # errors of a cubic and of i
 
 
 class Sums(NamedTuple):
-    """K outputs on n parts of segments: sums of T terms of B functions of the time u, a share of the segment."""
+    """K outputs on n parts of segments: sums of T terms of B functions of the time u, a share of the segment.
+
+    Before `beamsim.flow.extrema.in_shares` the time is in s, rates are (B,), 1/s, and the table is complex.
+    """
 
     rate: Any  # (n, B) of the functions u^power exp(rate u)
     power: Any  # (B,)

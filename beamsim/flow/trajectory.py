@@ -11,7 +11,8 @@ import numpy as np
 
 from beamsim.flow.contact_state import ContactState
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import Extrema, Search, Waves, turning_points
+from beamsim.flow.extrema import PARTS_AT_ONCE, Extrema, in_shares, nothing_known, search_extrema, values_in_shares
+from beamsim.flow.extrema_kernels import TOLERANCE, Sums, search, variation
 from beamsim.flow.moments import (
     VALUES_AT_ONCE,
     SegmentOutputs,
@@ -306,14 +307,11 @@ class Trajectory:
         total = float(self.length.sum())
         return np.asarray(self.length @ flags[self.state] / total) if total > 0 else np.zeros(flags.shape[1])
 
-    @property
-    def lasting(self) -> Trajectory:
-        """The segments that last where contacts may hold, all where none does. In the others a face would have to stick
-        with more than it can: it lets go at the same instant, and that force is not reached."""
-        lasts = self.length > 0.0
-        if not self.flow.system.contacts.ever_hold or lasts.all() or not lasts.any():
-            return self
-        return self.only(np.flatnonzero(lasts))
+    def by_state(self, segments: Ints) -> Iterator[tuple[ContactState, Ints]]:
+        """Each contact state of segments (n,), with the places of these segments among them, in order."""
+        states = self.state[segments]
+        for number in visited_states(states):
+            yield self.flow.visited_state(number), np.flatnonzero(states == number)
 
     def extrema(
         self, output_of: RowsOf, edges: Floats | None = None, squares: Ints | None = None, rivals: Ints | None = None
@@ -321,6 +319,8 @@ class Trajectory:
         """Smallest and largest values of K outputs over the continuous motion, with their times.
 
         They are reached, limits from within at both ends of a segment included, and certified to 1e-10 of their size.
+        Segments that do not last are left out where contacts may hold: a face would have to stick with more than it
+        can there, it lets go at the same instant, and that force is not reached.
 
         Parameters
         ----------
@@ -335,44 +335,78 @@ class Trajectory:
         -------
         Values in the units of the outputs (K,) or (W, K), and times, s.
         """
-        outputs = output_of(self.flow.system.contacts.start).shape[0]
         largest = max(float(np.abs(self.y).max(initial=0.0)), float(np.abs(self.final_y).max(initial=0.0)))
         scale = 2.0 ** max(0.0, np.ceil(np.log2(largest / LARGEST))) if largest > LARGEST else 1.0
-        search = Search.of(outputs, 1 if edges is None else edges.size - 1, squares, rivals)
-        for part in self.lasting.parts():
-            search.add(part._waves(output_of, edges, scale))
-        found = search.extrema()
+        lasts = (self.length > 0.0) | (not self.flow.system.contacts.ever_hold)
+        sums = (sums for _, sums in self.sums(output_of, lasts if lasts.any() else ~lasts, edges, scale))
+        outputs = output_of(self.flow.system.contacts.start).shape[0]
+        found = search_extrema(sums, outputs, 1 if edges is None else edges.size - 1, squares, rivals)
+        low, when_low, high, when_high = (x if edges is not None else x[0] for x in found[:4])
         unit = scale if squares is None else scale**2
-        found = replace(found, low=unit * found.low, high=unit * found.high)
-        return found.window(0) if edges is None else found
+        return Extrema(unit * low, when_low, unit * high, when_high, found.evaluations)
+
+    def sums(
+        self, output_of: RowsOf, which: Bools, edges: Floats | None = None, scale: float = 1.0
+    ) -> Iterator[tuple[Ints, Sums]]:
+        """Outputs on segments as the search for extremes takes them, in seconds.
+
+        Parameters
+        ----------
+        output_of : K outputs, by the phases of the contacts.
+        which : (S,) whether each segment is looked at.
+        edges : (W + 1,) s, between which they are cut, see `cut`.
+        scale : that the outputs are divided by.
+
+        Yields
+        ------
+        The segment of each of some parts (n,), no more than `PARTS_AT_ONCE`, and the outputs on them.
+        """
+        segment = np.flatnonzero(which)
+        begin, end, window = np.zeros(segment.size), np.ones(segment.size), np.zeros_like(segment)
+        if edges is not None:
+            segment, begin, end, window = self.cut(edges)
+            kept = which[segment]
+            segment, begin, end, window = segment[kept], begin[kept], end[kept], window[kept]
+        for state, parts in self.by_state(segment):
+            table = state.coefficients(output_of(state.phases), self.flow.sources)
+            for first in range(0, parts.size, PARTS_AT_ONCE):
+                rows = parts[first : first + PARTS_AT_ONCE]
+                of = segment[rows]
+                given, y = self.flow.sources.amplitudes_at(self.time[of], self.piece[of]), self.y[of]
+                amplitude, noise = (
+                    x[:, state.term_source] / scale
+                    for x in (state.amplitudes(given, y), state.amplitude_noise(given, y))
+                )
+                place = np.stack([begin[rows], end[rows], self.time[of], self.equal_lengths[of]])
+                yield of, Sums(
+                    state.exponent, state.power, state.term_basis, amplitude, noise, table, place, window[rows]
+                )  # fmt: skip
 
     def turning_points(self, output_of: RowsOf, segments: Ints) -> TurningPoints:
         """All maxima and minima of one output, certified to 1e-10 of its largest value, and its values at the ends.
+
+        Those that are left out differ from what is beside them by less than `TOLERANCE` of the largest value.
 
         Parameters
         ----------
         output_of : the output, by the phases of the contacts.
         segments : increasing numbers of those that are looked at.
         """
+        which = np.isin(np.arange(self.time.size), segments)
+        largest = search_extrema((sums for _, sums in self.sums(output_of, which)), 1)
+        known, resolution = nothing_known(1), TOLERANCE * float(np.abs([largest.low, largest.high]).max())
         found = [(segments[:0], segments[:0], np.zeros(0), np.zeros(0))]  # segment, order in it, time, value
-        first = 0
-        for part in self.parts():
-            last = first + part.time.size
-            inside = segments[(segments >= first) & (segments < last)]
-            if inside.size:
-                some = part.only(inside - first)
-                waves = some._waves(output_of, None, 1.0)
-                of_wave = [inside[some.state == number] for number in visited_states(some.state)]
-                wave, row, time, value = turning_points(waves)
-                starts = np.cumsum([0, *(each.size for each in of_wave)])[:-1]
-                found.append((np.concatenate(of_wave)[starts[wave] + row], np.ones_like(row), time, value))
-                for owner, of in zip(of_wave, waves, strict=True):
-                    begin, end = of.at_ends().T
-                    found.append((owner, np.zeros_like(owner), self.time[owner], begin))
-                    found.append((owner, np.full_like(owner, 2), self.time[owner] + self.length[owner], end))
-            first = last
-        segment, place, time, value = (np.concatenate([part[k] for part in found]) for k in range(4))
-        order = np.lexsort((time, place, segment))
+        for segment, sums in self.sums(output_of, which):
+            check_stop()
+            scaled, every = in_shares(sums), np.arange(segment.size)
+            turns, _ = search(scaled, known, resolution)
+            inside = turns[:, 0].astype(np.int64)
+            for place, rows, u in ((0, every, sums.place[0]), (1, inside, turns[:, 1]), (2, every, sums.place[1])):
+                of = segment[rows]
+                time, value = self.time[of] + u * self.length[of], values_in_shares(scaled, rows, u)
+                found.append((of, np.full_like(of, place), time, value))
+        segment, places, time, value = (np.concatenate([part[k] for part in found]) for k in range(4))
+        order = np.lexsort((time, places, segment))
         return TurningPoints(segment[order], time[order], value[order])
 
     def variation(self, output_of: RowsOf) -> Floats:
@@ -386,38 +420,18 @@ class Trajectory:
         """
         total: Floats = np.zeros(output_of(self.flow.system.contacts.start).shape[0])
         before: Floats | None = None  # where the segment before ends
-        for part in self.parts():
-            for first in range(0, part.time.size, SEGMENTS_AT_ONCE):
-                some = part.only(slice(first, first + SEGMENTS_AT_ONCE))
-                found = [wave.variations() for wave in some._waves(output_of, None, 1.0)]
-                order = np.argsort(np.concatenate([
-                    np.flatnonzero(some.state == number) for number in visited_states(some.state)
-                ]))  # fmt: skip
-                begin, end = np.concatenate([ends for _, ends in found], axis=1)[:, order]
-                total += sum(bound.sum(axis=0) for bound, _ in found)
-                total += np.abs(begin - np.vstack([begin[:1] if before is None else before, end[:-1]])).sum(axis=0)
-                before = end[-1:]
+        for first in range(0, self.time.size, SEGMENTS_AT_ONCE):
+            which = np.zeros(self.time.size, dtype=bool)
+            which[first : first + SEGMENTS_AT_ONCE] = True
+            ends = np.empty((2, np.count_nonzero(which), total.size))
+            for segment, sums in self.sums(output_of, which):
+                check_stop()
+                bound, ends[:, segment - first] = variation(in_shares(sums))
+                total += bound.sum(axis=0)
+            begin, end = ends
+            total += np.abs(begin - np.vstack([begin[:1] if before is None else before, end[:-1]])).sum(axis=0)
+            before = end[-1:]
         return total
-
-    def _waves(self, output_of: RowsOf, edges: Floats | None, scale: float) -> list[Waves]:
-        """What is searched, by contact state."""
-        segment, begin, end, window = self.cut(edges)
-        of_state, waves = self.state[segment], []
-        for number in visited_states(of_state):
-            state, parts = self.flow.states[number], np.flatnonzero(of_state == number)
-
-            def amplitudes(
-                rows: Ints, of: Ints = segment[parts], state: ContactState = state
-            ) -> tuple[Complexes, Floats]:
-                given, y = self.flow.sources.amplitudes_at(self.time[of[rows]], self.piece[of[rows]]), self.y[of[rows]]
-                return state.amplitudes(given, y) / scale, state.amplitude_noise(given, y) / scale
-
-            table = state.coefficients(output_of(state.phases), self.flow.sources)
-            waves.append(Waves(
-                state.exponent, state.power, state.term_basis, state.term_source, table, amplitudes,
-                self.time[segment[parts]], self.equal_lengths[segment[parts]], begin[parts], end[parts], window[parts],
-            ))  # fmt: skip
-        return waves
 
     def cut(self, edges: Floats | None) -> tuple[Ints, Floats, Floats, Ints]:
         """Parts (n,) of segments between edges: the segment, begin and end as shares of it, and between which edges."""

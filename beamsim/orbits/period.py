@@ -7,13 +7,12 @@ between events.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import NODES, Extrema, Search, polynomials
+from beamsim.flow.extrema import NODES, Extrema, polynomials, search_extrema
 from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.variational import VariationalFlow
 from beamsim.typing import Floats, Ints
@@ -95,10 +94,9 @@ def polynomial_extrema(
     length = np.diff(ends)
     times = ends[:-1, None] + 0.5 * length[:, None] * (1.0 + chebyshev.chebpts2(NODES + 1))
     at_points = values(times.ravel(), np.repeat(ends[:-1] + 0.5 * length, NODES + 1))
-    waves = polynomials(at_points.reshape(*times.shape, -1), ends[:-1], length)
-    search = Search.of(at_points.shape[1], edges.size - 1, squares=squares)
-    search.add([replace(waves, window=np.searchsorted(edges, ends[:-1], side="right") - 1)])
-    return search.extrema()
+    window = np.searchsorted(edges, ends[:-1], side="right") - 1
+    sums = polynomials(at_points.reshape(*times.shape, -1), ends[:-1], length, window)
+    return search_extrema(sums, at_points.shape[1], edges.size - 1, squares)
 
 
 def gauss_panels(edges: Floats, fastest: float) -> tuple[Floats, Floats]:

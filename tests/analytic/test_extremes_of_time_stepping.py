@@ -6,7 +6,7 @@ from independent import Stop, Structure, integrate
 
 import beamsim
 from beamsim.analyses.continuation.analysis import continuation
-from beamsim.flow.extrema import NODES, Search, polynomials
+from beamsim.flow.extrema import NODES, polynomials, search_extrema
 from beamsim.scenario import Scenario
 
 MASS, SPRING, CUBIC, DASHPOT = 1.0, 40.0, 300.0, 0.3
@@ -57,9 +57,7 @@ def test_highest_of_polynomials_is_exact():
     nodes = 0.5 * (1 - np.cos(np.pi * np.arange(NODES + 1) / NODES))
     coefficients = rng.normal(size=(40, 9))
     values = np.array([np.polynomial.chebyshev.chebval(2 * nodes - 1, c) for c in coefficients])[:, :, None]
-    search = Search.of(1)
-    search.add([polynomials(values, start, length)])
-    highest = search.extrema()
+    highest = search_extrema(polynomials(values, start, length), 1)
     tops = []
     for begin, c in zip(start, coefficients, strict=True):
         roots = np.polynomial.chebyshev.chebroots(np.polynomial.chebyshev.chebder(c))

@@ -6,7 +6,7 @@ import pytest
 import beamsim
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.channels import Observed
-from beamsim.flow.extrema import TOLERANCE
+from beamsim.flow.extrema_kernels import TOLERANCE
 from beamsim.flow.transient import simulate
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
@@ -76,7 +76,7 @@ def motion(excitation, **run):
 )
 def test_no_sample_lies_above_a_peak(excitation):
     trajectory, energies = motion(excitation)
-    low, _, high, when_high = energies.extrema(trajectory).extremes
+    low, _, high, when_high = energies.extrema(trajectory)[:4]
     times = np.linspace(0.0, trajectory.end, 200_001)
     samples = energies.values(trajectory, times)
     assert np.all(samples <= high * (1 + TOLERANCE))

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 import beamsim
 from beamsim.analyses.run.exact_motion import exact_flow
 from beamsim.flow.exact import ExactFlow
-from beamsim.flow.extrema import Search, Waves
+from beamsim.flow.extrema import search_extrema
+from beamsim.flow.extrema_kernels import Sums
 from beamsim.flow.transient import simulate
 from beamsim.inputs.signal import Signal
 from beamsim.system.build import build_system
@@ -114,7 +115,7 @@ def test_of_rivals_only_the_largest_is_searched_for(motion, edges):
     assert np.all(least <= size * (1.0 + 1e-10))
     np.testing.assert_allclose(least[..., alike].max(axis=-1), size[..., alike].max(axis=-1), rtol=1e-10)
     np.testing.assert_array_equal(least[..., alike].argmax(axis=-1), size[..., alike].argmax(axis=-1))
-    for one, other in zip(fewer.extremes, found.extremes, strict=True):
+    for one, other in zip(fewer[:4], found[:4], strict=True):
         np.testing.assert_array_equal(one[..., others], other[..., others])
     assert fewer.evaluations < found.evaluations
 
@@ -172,14 +173,12 @@ def test_sums_of_any_terms(seed, frequency, decay, ratio, squares):
     amplitude[:, 2:7] = amplitude[:, 2:7].real
     table, number = rng.normal(size=(8, outputs)) + 0j, np.arange(8)
     length, time = rng.uniform(0.2, 1.5, count), 10.0 * np.arange(count)
-    waves = Waves(
-        exponent, power, number, number, table, lambda rows: (amplitude[rows], np.zeros(amplitude[rows].shape)), time,
-        length, np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64),
-    )  # fmt: skip
+    place = np.stack([np.zeros(count), np.ones(count), time, length])
+    sums = Sums(
+        exponent, power, number, amplitude, np.zeros(amplitude.shape), table, place, np.zeros_like(number, shape=count)
+    )
     first = np.array([0, 1]) if squares else None
-    search = Search.of(outputs, squares=first)
-    search.add([waves])
-    found = search.extrema()
+    found = search_extrema([sums], outputs, squares=first)
 
     def at(segment, tau):
         terms = amplitude[segment] * tau[:, None] ** power * np.exp(tau[:, None] * exponent)
@@ -216,7 +215,7 @@ def no_contacts():
 def test_growing_motions_end_with_their_largest_value(growth):
     """``exp(growth t)`` up to 1e86, beside a term that would grow beyond all numbers but rests."""
     exponent, amplitude = np.array([growth + 0j, 2000.0]), np.array([[1.0 + 0j, 0.0]])
-    found = extrema_of(waves_of(exponent, amplitude, 1.0))
+    found = search_extrema([sums_of(exponent, amplitude, 1.0)], 1)
     assert found.high[0, 0] == pytest.approx(np.exp(growth), rel=1e-9)
     assert found.when_high[0, 0] == 1.0
     assert found.low[0, 0] == pytest.approx(1.0, rel=1e-12)
@@ -241,20 +240,11 @@ def test_a_parabola_and_its_flat_top():
     assert found.low[1] == pytest.approx(-7.0, rel=1e-12)
 
 
-def waves_of(exponent, amplitude, length):
+def sums_of(exponent, amplitude, length):
     """One output on one segment."""
-    number, one = np.arange(exponent.size), np.ones(1)
-    return Waves(
-        exponent, np.zeros_like(number), number, number, np.ones((exponent.size, 1), dtype=complex),
-        lambda rows: (amplitude[rows], np.zeros(amplitude[rows].shape)), np.zeros(1), length * one, np.zeros(1), one,
-        np.zeros(1, dtype=np.int64),
-    )  # fmt: skip
-
-
-def extrema_of(waves):
-    search = Search.of(1)
-    search.add([waves])
-    return search.extrema()
+    number, table = np.arange(exponent.size), np.ones((exponent.size, 1), dtype=complex)
+    place, noise = np.array([[0.0], [1.0], [0.0], [length]]), np.zeros(amplitude.shape)
+    return Sums(exponent, np.zeros_like(number), number, amplitude, noise, table, place, np.zeros_like(number, shape=1))
 
 
 def test_a_peak_between_samples_is_found_to_round_off():
@@ -262,7 +252,7 @@ def test_a_peak_between_samples_is_found_to_round_off():
     w, first = 40.0, 0.123456789
     exponent = np.array([1j * w, 3j * w, -1e-6 + 1j * w])
     amplitude = np.array([[np.exp(-1j * w * first), 0.5 * np.exp(-3j * w * first), 0.0]])
-    found = extrema_of(waves_of(exponent, amplitude, 2.0))
+    found = search_extrema([sums_of(exponent, amplitude, 2.0)], 1)
     assert found.high[0, 0] == pytest.approx(1.5, rel=2e-15)
     turns = (found.when_high[0, 0] - first) * w / (2.0 * np.pi)
     assert turns == pytest.approx(round(turns), abs=1e-7)

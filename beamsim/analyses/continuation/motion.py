@@ -165,7 +165,7 @@ class Measurement:
             segment = np.clip(np.searchsorted(edges, inside, side="right") - 1, 0, phases.shape[0] - 1)
             return known.of_states(times, states(times), phases[segment])
 
-        found = polynomial_extrema(values, edges[[0, -1]], edges, pieces).window(0)
+        found = polynomial_extrema(values, edges[[0, -1]], edges, pieces)
         even = np.arange(SAMPLES) * (edges[-1] / SAMPLES)
         samples = values(even, even)[:, self.channels.places[DISPLACEMENT]]
         lines = self.harmonics + 1
@@ -173,4 +173,4 @@ class Measurement:
         touching = flow.system.contacts.touching(phases)
         by_snubber = [touching[:, owner == j].any(axis=1) for j in range(len(self.system.snubbers))]
         share = np.array([np.diff(edges) @ touches / edges[-1] for touches in by_snubber])
-        return MeasuredMotion(found.high, found.low, spectrum, share)
+        return MeasuredMotion(found.high[0], found.low[0], spectrum, share)

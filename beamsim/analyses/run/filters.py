@@ -24,6 +24,7 @@ from copy import copy as copied
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -32,8 +33,8 @@ from beamsim.analyses.run.observers import Histories, reached
 from beamsim.analyses.run.result import MAIN_QUANTITY, MatchedSpectrum, ShockResponse, ShockSpectrum
 from beamsim.errors import Problem, ScenarioError
 from beamsim.flow.channels import Observed
-from beamsim.flow.contact_state import ContactState
-from beamsim.flow.extrema import Search, Waves
+from beamsim.flow.extrema import search_extrema
+from beamsim.flow.extrema_kernels import Sums
 from beamsim.flow.state_tables import visited_states
 from beamsim.flow.trajectory import Trajectory
 from beamsim.inputs.measured import limit_curve, on_curve, target_curve
@@ -427,32 +428,24 @@ class _Part(NamedTuple):
         fading = np.einsum("nj,njk->nk", turned, self.free[segment]).real
         return np.asarray(self.motion.sample_table(times, self.forced) + fading)
 
-    def waves(self, edges: Floats, poles: Complexes) -> Iterator[Waves]:
+    def sums(self, edges: Floats, poles: Complexes) -> Iterator[Sums]:
         """The outputs between two times, s, for the search for extremes: the filter's own motions are more terms."""
-        motion, outputs = self.motion, self.free.shape[2]
-        segment, begin, end, window = motion.cut(edges)
+        outputs = self.free.shape[2]
         own = np.tile(np.eye(outputs), (poles.size, 1))  # each pole moves each output with an amplitude of its own
-        for number in visited_states(motion.state[segment]):
-            state, rows = motion.flow.states[number], np.flatnonzero(motion.state[segment] == number)
-            functions, sources = state.exponent.size, state.amplitude_count
-
-            def amplitudes(
-                part: Ints, of: Ints = segment[rows], state: ContactState = state
-            ) -> tuple[Complexes, Floats]:
-                segments = of[part]
-                given = motion.flow.sources.amplitudes_at(motion.time[segments], motion.piece[segments])
-                fading, y = self.free[segments].reshape(part.size, -1), motion.y[segments]
-                noise = state.amplitude_noise(given, y), np.finfo(float).eps * np.abs(fading)
-                return np.hstack([state.amplitudes(given, y), fading]), np.hstack(noise)
-
-            yield Waves(
-                np.concatenate([state.exponent, poles]),
-                np.concatenate([state.power, np.zeros_like(state.power, shape=poles.size)]),
-                np.concatenate([state.term_basis, functions + np.repeat(np.arange(poles.size), outputs)]),
-                np.concatenate([state.term_source, sources + np.arange(own.shape[0])]),
-                np.concatenate([self.forced[number, : state.term_basis.size], own]),
-                amplitudes, motion.time[segment[rows]], motion.equal_lengths[segment[rows]],
-                begin[rows], end[rows], window[rows],
+        pole = np.repeat(np.arange(poles.size), outputs)
+        unfiltered = self.motion.sums(
+            lambda _: np.zeros((0, self.motion.flow.equations.width)), np.ones(self.motion.segments, dtype=bool), edges
+        )
+        for segment, sums in unfiltered:
+            fading = self.free[segment].reshape(segment.size, -1)
+            forced = self.forced[self.motion.state[segment[0]], : sums.basis.size]
+            yield sums._replace(
+                rate=np.concatenate([sums.rate, poles]),
+                power=np.concatenate([sums.power, np.zeros_like(sums.power, shape=poles.size)]),
+                basis=np.concatenate([sums.basis, sums.rate.size + pole]),
+                amplitude=np.hstack([sums.amplitude, fading]),
+                noise=np.hstack([sums.noise, np.finfo(float).eps * np.abs(fading)]),
+                table=np.concatenate([forced, own]),
             )  # fmt: skip
 
 
@@ -505,10 +498,9 @@ class FilteredSegments:
 
     def extremes(self, begin: float, end: float) -> Extreme:
         """Lowest and highest values between two times, and when."""
-        search = Search.of(self.parts[0].free.shape[2])
-        for part in self.parts:
-            search.add(list(part.waves(np.array([begin, end]), self.poles)))
-        return search.extrema().window(0).extremes
+        sums = chain.from_iterable(part.sums(np.array([begin, end]), self.poles) for part in self.parts)
+        low, when_low, high, when_high, _ = search_extrema(sums, self.parts[0].free.shape[2])
+        return low[0], when_low[0], high[0], when_high[0]
 
 
 FilteredMotion = FilteredPanels | FilteredSegments

@@ -276,7 +276,7 @@ class _Along:
     def __init__(self, motion: Trajectory, channels: ChannelSet) -> None:
         self.motion, self.channels, self.outputs = motion, channels, FlowOutputs(motion.flow)
         self.output_of = outputs_of(motion.flow, channels.linear)
-        low, when_low, high, when_high = motion.extrema(self.output_of).extremes
+        low, when_low, high, when_high = motion.extrema(self.output_of)[:4]
         self.extremes, self.when = np.array([low, when_low, high, when_high]), (when_low, when_high)
 
     def told(self, chosen: Iterable[Value]) -> dict[str, tuple[float, str, dict[tuple[int, int], float]]]:
