@@ -5,23 +5,89 @@ What they do is imported when they run, so that ``beamsim --help`` is instant.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import StrEnum
+from functools import partial
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
-from beamsim.cli.failures import guarded
-from beamsim.cli.options import OPTIONS, Case, Given, Stored
-from beamsim.errors import allowing_hours
+from beamsim.cli.session import Given, with_exit_code
+from beamsim.errors import MOST_HOURS, allowing_hours
 from beamsim.files import protecting
 from beamsim.kinds import TemplateKind
 from beamsim.version import __version__
 
 COMPUTING = ("overrides", "output", "json", "no_plots", "quiet", "verbose", "allow_hours")
 ABOUT_A_RESULT = ("output", "json", "quiet")
+
+
+Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file.")]
+Stored = Annotated[Path, typer.Argument(metavar="CASE.H5", help="Result file.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Override a value, e.g. beam.thickness='4 mm'; repeatable."),
+]
+
+
+def _not_empty(text: str) -> Path:
+    if not text.strip():
+        raise typer.BadParameter("it is empty; give a file or a folder, or leave it out for the current one")
+    return Path(text)
+
+
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="PATH",
+        parser=_not_empty,
+        help="File or folder for the results (default: current folder).",
+    ),
+]
+OPTIONS: dict[str, tuple[Any, Any]] = {
+    "overrides": (Overrides, None),
+    "output": (Output, None),
+    "json": (Annotated[bool, typer.Option("--json", help="Print only one JSON object on standard output.")], False),
+    "no_plots": (Annotated[bool, typer.Option("--no-plots", help="Write the result file only.")], False),
+    "quiet": (Annotated[bool, typer.Option("--quiet", "-q", help="No progress report and no summary.")], False),
+    "verbose": (
+        Annotated[bool, typer.Option("--verbose", "-v", help="Print everything: the whole table and all notes.")],
+        False,
+    ),
+    "allow_hours": (
+        Annotated[
+            float,
+            typer.Option(
+                "--allow-hours",
+                metavar="HOURS",
+                min=0.0,
+                help="End with exit code 2 if it would take longer, as estimated before the start or soon after it.",
+            ),
+        ],
+        MOST_HOURS,
+    ),
+    "check": (
+        Annotated[bool, typer.Option("--check", help="Exit with code 4 if a limit is exceeded, 3 if it may be.")],
+        False,
+    ),
+    "resume": (
+        Annotated[
+            bool,
+            typer.Option("--resume", help="Go on from what an interrupted command has kept; else begin again."),
+        ],
+        False,
+    ),
+    "open_files": (
+        Annotated[bool, typer.Option("--open-files", help="Open the matrices and records that the result names.")],
+        False,
+    ),
+    "debug": (Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")], False),
+}  # fmt: skip
+"""By name of a field of `Given`, and ``debug``: what Typer reads, and the default."""
 
 app = typer.Typer(
     name="beamsim",
@@ -33,48 +99,41 @@ app = typer.Typer(
 )
 
 
-def command(first: Any, *names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A command that is given its file and the options that commands share as one `Given`, then those of its own.
+def command(function: Callable[..., None], *, file: Any, options: Sequence[str]) -> Callable[..., None]:
+    """Make a command of a function, which is given its file and the options that commands share as one `Given`.
 
     Parameters
     ----------
-    first : the argument that names its file; None without one.
-    names : of `OPTIONS` that it has beside ``--debug``.
+    function : of a `Given`, and of arguments and options of its own.
+    file : the argument that names the file of the command; None without one.
+    options : names of `OPTIONS` that it has besides ``--debug``.
 
     Returns
     -------
-    Makes a command of a function of a `Given`.
+    The function.
     """
     keyword = Parameter.POSITIONAL_OR_KEYWORD
-    file = [] if first is None else [Parameter("case", keyword, annotation=first)]
-    shared = {name: Parameter(name, keyword, default=OPTIONS[name][1], annotation=OPTIONS[name][0]) for name in names}
-    debug = Parameter("debug", keyword, default=False, annotation=OPTIONS["debug"][0])
+    own = list(signature(function, eval_str=True).parameters.values())[1:]
+    parameters = [Parameter("case", keyword, annotation=file)] if file is not None else []
+    parameters += sorted(own, key=lambda parameter: parameter.default is not Parameter.empty)  # arguments first
+    for name in (*options, "debug"):
+        annotation, default = OPTIONS[name]
+        parameters.append(Parameter(name, keyword, default=default, annotation=annotation))
 
-    def registered(function: Callable[..., None]) -> Callable[..., None]:
-        own = list(signature(function, eval_str=True).parameters.values())[1:]
-        options = [option for option in own if option.default is not Parameter.empty]
-        arguments = [*file, *(argument for argument in own if argument not in options)]
+    def called(debug: bool, **values: Any) -> None:
+        given = Given(**{name: values.pop(name) for name in Given._fields if name in values})
+        read = [given.case]
+        for name, value in values.items():
+            if name != "file":  # which is written
+                read += value if isinstance(value, list) else [value]
+        paths = (path for path in read if isinstance(path, Path) and path != Path())
+        with with_exit_code(debug=debug), allowing_hours(given.allow_hours), protecting(paths):
+            function(given, **values)
 
-        def called(**values: Any) -> None:
-            values.pop("debug")
-            given = Given(**{name: values.pop(name) for name in Given._fields if name in values})
-            read = [given.case, *(item for name, value in values.items() if name != "file" for item in _paths(value))]
-            protected = (path for path in read if path != Path())
-            with allowing_hours(given.allow_hours), protecting(protected):
-                function(given, **values)
-
-        called.__name__, called.__doc__ = function.__name__, function.__doc__
-        parameters = Signature([*arguments, *options, *shared.values(), debug])
-        vars(called).update(__signature__=parameters)  # which Typer reads
-        app.command()(guarded(called))
-        return function
-
-    return registered
-
-
-def _paths(value: Any) -> list[Path]:
-    """The files among the values of an option."""
-    return [item for item in (value if isinstance(value, list) else [value]) if isinstance(item, Path)]
+    called.__name__, called.__doc__ = function.__name__, function.__doc__
+    vars(called).update(__signature__=Signature(parameters))  # which Typer reads
+    app.command()(called)
+    return function
 
 
 DecimalOption = Annotated[
@@ -90,7 +149,7 @@ class ComparedMethod(StrEnum):
     relaxed_minimisation = "relaxed_minimisation"
 
 
-@command(Case, *COMPUTING, "check")
+@partial(command, file=Case, options=(*COMPUTING, "check"))
 def run(
     given: Given,
     against: Annotated[
@@ -103,12 +162,18 @@ def run(
     ] = None,
 ) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
-    from beamsim.cli import conclusion
+    from beamsim.cli.conclusion import analysed
 
-    conclusion.run(given, against)
+    if against is None:
+        analysed("run", given, "simulating")
+        return
+    from beamsim.trust import reference  # which runs without it do not load
+
+    rtol = reference.tolerance_of(against)
+    analysed("run", given, "simulating", lambda result, stop: reference.against(result, rtol, stop))
 
 
-@command(Case, *COMPUTING, "check", "resume")
+@partial(command, file=Case, options=(*COMPUTING, "check", "resume"))
 def sweep(
     given: Given,
     workers: Annotated[
@@ -149,7 +214,7 @@ def sweep(
     swept(given, options)
 
 
-@command(Case, *COMPUTING)
+@partial(command, file=Case, options=COMPUTING)
 def nnm(
     given: Given,
     compare_with: Annotated[
@@ -164,7 +229,7 @@ def nnm(
     analysed("nnm", given, "following the mode of", compare=methods)
 
 
-@command(Case, *COMPUTING)
+@partial(command, file=Case, options=COMPUTING)
 def identify_stiffness(
     given: Given,
 ) -> None:
@@ -174,7 +239,7 @@ def identify_stiffness(
     identify(given)
 
 
-@command(Stored, *COMPUTING[1:])
+@partial(command, file=Stored, options=COMPUTING[1:])
 def compare(
     given: Given,
     measured: Annotated[
@@ -234,7 +299,7 @@ def compare(
     compare_signals(given, measured, pairing, prepared, of_runs, of_sweeps)
 
 
-@command(Case, *COMPUTING)
+@partial(command, file=Case, options=COMPUTING)
 def compare_modes(
     given: Given,
     measured: Annotated[Path, typer.Argument(metavar="SHAPES", help="Measured mode shapes: .csv, or .uff dataset 55.")],
@@ -256,7 +321,7 @@ def compare_modes(
     compare_shapes(given, measured, "closed" if closed else "open", limits, decimal)
 
 
-@command(Stored, "json")
+@partial(command, file=Stored, options=("json",))
 def info(given: Given) -> None:
     """Print the contents of a result file."""
     from beamsim.cli import stored
@@ -264,7 +329,7 @@ def info(given: Given) -> None:
     stored.info(given)
 
 
-@command(Stored, *ABOUT_A_RESULT)
+@partial(command, file=Stored, options=ABOUT_A_RESULT)
 def plot(
     given: Given,
     form: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Picture format.")] = "png",
@@ -275,7 +340,7 @@ def plot(
     stored.plot(given, form)
 
 
-@command(Stored, *ABOUT_A_RESULT)
+@partial(command, file=Stored, options=ABOUT_A_RESULT)
 def export(
     given: Given,
     form: Annotated[
@@ -289,7 +354,7 @@ def export(
     stored.export(given, form)
 
 
-@command(Stored, *ABOUT_A_RESULT, "open_files")
+@partial(command, file=Stored, options=(*ABOUT_A_RESULT, "open_files"))
 def report(
     given: Given,
 ) -> None:
@@ -299,7 +364,7 @@ def report(
     html_report.report(given)
 
 
-@command(Stored, *ABOUT_A_RESULT, "open_files")
+@partial(command, file=Stored, options=(*ABOUT_A_RESULT, "open_files"))
 def animate(
     given: Given,
 ) -> None:
@@ -309,7 +374,7 @@ def animate(
     html_report.animate(given)
 
 
-@command(Case, "overrides", "output", "json")
+@partial(command, file=Case, options=("overrides", "output", "json"))
 def validate(
     given: Given,
     sketch: Annotated[
@@ -322,7 +387,7 @@ def validate(
     cases.validate(given, sketch=sketch)
 
 
-@command(None, "output", "json")
+@partial(command, file=None, options=("output", "json"))
 def schema(given: Given) -> None:
     """Print the JSON Schema of scenario files. Editors complete and check them by it."""
     from beamsim.cli import cases
@@ -330,7 +395,7 @@ def schema(given: Given) -> None:
     cases.write_schema(given.output)
 
 
-@command(None, "json")
+@partial(command, file=None, options=("json",))
 def new(
     given: Given,
     file: Annotated[Path, typer.Argument(metavar="CASE.YAML", help="File to write.")] = Path("case.yaml"),
@@ -343,7 +408,7 @@ def new(
     cases.write_template(file, kind, force=force, as_json=given.json)
 
 
-@command(Case, "overrides", "json")
+@partial(command, file=Case, options=("overrides", "json"))
 def check(given: Given) -> None:
     """Check the matrices of each body. Mass, rigid motions, symmetry, frequencies. Exit code 3 if a check fails."""
     from beamsim.cli import structures
@@ -351,7 +416,7 @@ def check(given: Given) -> None:
     structures.check(given)
 
 
-@command(Case, "overrides", "output", "json")
+@partial(command, file=Case, options=("overrides", "output", "json"))
 def export_structure(
     given: Given,
     body: Annotated[str | None, typer.Option("--body", help="Write one body by itself, without its joints.")] = None,
@@ -374,7 +439,7 @@ def export_structure(
     structures.export(given, body, modes, units, binary=binary)
 
 
-@command(None, "quiet", "json")
+@partial(command, file=None, options=("quiet", "json"))
 def warmup(given: Given) -> None:
     """Compile the numerical kernels beforehand, for images and installers. Prints the folder where they are kept."""
     from beamsim.cli.warmup import compile_kernels
@@ -382,18 +447,18 @@ def warmup(given: Given) -> None:
     compile_kernels(shown=not (given.quiet or given.json), as_json=given.json)
 
 
-def _quantity(name: str, text: str) -> Any:
-    return typer.Option(name, metavar="QUANTITY", help=text)
+_quantity = partial(typer.Option, metavar="QUANTITY")
 
 
-@command(None, "json")
+@partial(command, file=None, options=("json",))
 def pad(
     given: Given,
-    modulus: Annotated[str | None, _quantity("--modulus", "Young's modulus of the pad, e.g. '5 MPa'.")] = None,
-    area: Annotated[str | None, _quantity("--area", "Loaded area, e.g. '4 cm^2'.")] = None,
-    height: Annotated[str | None, _quantity("--height", "Height, e.g. '6 mm'.")] = None,
+    modulus: Annotated[str | None, _quantity("--modulus", help="Young's modulus of the pad, e.g. '5 MPa'.")] = None,
+    area: Annotated[str | None, _quantity("--area", help="Loaded area, e.g. '4 cm^2'.")] = None,
+    height: Annotated[str | None, _quantity("--height", help="Height, e.g. '6 mm'.")] = None,
     shape_factor: Annotated[
-        str | None, _quantity("--shape-factor", "Loaded over free area of a pad whose faces are held; 0 by default.")
+        str | None,
+        _quantity("--shape-factor", help="Loaded over free area of a pad whose faces are held; 0 by default."),
     ] = None,
     curve: Annotated[Path | None, typer.Option("--curve", help="CSV file of force over deflection.")] = None,
     segments: Annotated[
@@ -404,8 +469,8 @@ def pad(
         typer.Option("--column", help="Column of the curve that is meant, if several have its dimension; repeatable."),
     ] = None,
     decimal: DecimalOption = None,
-    loss_factor: Annotated[str | None, _quantity("--loss-factor", "Loss factor at --frequency.")] = None,
-    frequency: Annotated[str | None, _quantity("--frequency", "Frequency of the dashpot, e.g. '65 Hz'.")] = None,
+    loss_factor: Annotated[str | None, _quantity("--loss-factor", help="Loss factor at --frequency.")] = None,
+    frequency: Annotated[str | None, _quantity("--frequency", help="Frequency of the dashpot, e.g. '65 Hz'.")] = None,
 ) -> None:
     """Find stiffness and dashpot of a snubber's pad. From its material or a measured curve; prints YAML."""
     from beamsim.cli import pad as pads

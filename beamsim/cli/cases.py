@@ -6,9 +6,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from beamsim.cli.failures import say, show
-from beamsim.cli.options import Given
-from beamsim.cli.printing import print_json
+from beamsim.cli.session import Given, print_json, say, show
 from beamsim.errors import ScenarioError
 from beamsim.files import output_file, output_folder, replacing
 from beamsim.kinds import TemplateKind

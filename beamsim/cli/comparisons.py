@@ -15,7 +15,7 @@ from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
 from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
 from beamsim.analyses.identify.analysis import identify_stiffness
 from beamsim.cli.conclusion import concluded, prepared
-from beamsim.cli.options import Given
+from beamsim.cli.session import Given
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.measurements.channels import history_named, read_tests

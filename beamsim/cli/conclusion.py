@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
 
-from beamsim.cli.failures import Interruption, interruptible, say, show
-from beamsim.cli.options import Given
-from beamsim.cli.printing import print_json, print_table
-from beamsim.cli.progress import Progress, progress_of
+from beamsim.cli.printing import print_table
+from beamsim.cli.session import Given, Interruption, Progress, interruptible, print_json, progress_of, say, show
 from beamsim.errors import Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
 from beamsim.kinds import KINDS, named
@@ -97,11 +95,25 @@ def conclude(
     VerdictError
         If the result is not complete or reliable, a signal left out its plots, or a limit that is checked is not met.
     """
+    first_screen = not (given.json or given.quiet or given.verbose)
     with shown_in(result.scenario.display_scales):
         files = [target, *others]
         if not given.no_plots and not interrupted():
-            files += _plots(kind, result, target, given, interrupted)
-        _print(kind, result, files, given)
+            with progress_of(f"plotting {target.name}", shown=not given.quiet):
+                pictures = named(KINDS[kind].figures)(result)
+                files += save_figures(pictures, target.parent, target.stem, stop=interrupted)
+        for warning in () if first_screen else result.warnings:
+            say(f"beamsim: warning: {warning}")
+        if given.json:
+            about = {"status": result.status, "warnings": list(result.warnings)}
+            more = {"wall_time_s": result.wall_time_s, "files": [str(path) for path in files]}
+            print_json({**about, **result.summary, **more})
+        elif first_screen:
+            show(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
+        elif not given.quiet:
+            table_rows = named("beamsim.cli.tables:all_rows")  # imported only where it is printed
+            written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
+            print_table(result.title, [*table_rows(kind, result), *written])
         left_out = not given.no_plots or result.outcome.interrupted
         signal = interrupted.signal if left_out else 0
         checked = result.summary.get("margins", {}) if given.check else {}
@@ -114,32 +126,6 @@ def conclude(
             what = "partial result" if result.outcome.cut_short else "result"
             ended = [] if result.complete else [f"{result.outcome.displayed(scale_for)}; the {what} is in {target}"]
             raise VerdictError("; ".join([*ended, *limits_not_met(result.scenario, checked)]), code)
-
-
-def _plots(kind: str, result: Result, target: Path, given: Given, interrupted: Interruption) -> Iterator[Path]:
-    """Save the plots, until a signal comes."""
-    with progress_of(f"plotting {target.name}", shown=not given.quiet):
-        for name, figure in named(KINDS[kind].figures)(result).items():
-            yield from save_figures({name: figure}, target.parent, target.stem)
-            if interrupted():
-                return
-
-
-def _print(kind: str, result: Result, files: Sequence[Path], given: Given) -> None:
-    """Print the result of a command as JSON, as its first screen or as a table, with the files written."""
-    first = not (given.json or given.quiet or given.verbose)
-    for warning in () if first else result.warnings:
-        say(f"beamsim: warning: {warning}")
-    if given.json:
-        about = {"status": result.status, "warnings": list(result.warnings)}
-        more = {"wall_time_s": result.wall_time_s, "files": [str(path) for path in files]}
-        print_json({**about, **result.summary, **more})
-    elif first:
-        show(named(KINDS[kind].screen)(result).text(result, [str(file) for file in files]))
-    elif not given.quiet:
-        table_rows = named("beamsim.cli.tables:all_rows")  # imported only where it is printed
-        written = (("files" if k == 0 else "", str(path)) for k, path in enumerate(files))
-        print_table(result.title, [*table_rows(kind, result), *written])
 
 
 def analysed(
@@ -169,14 +155,3 @@ def analysed(
 
     name = given.case.name
     concluded(kind, target, given, computed, f"{doing} {name}", f"evaluating the motion of {name}")
-
-
-def run(given: Given, against: str | None) -> None:
-    """Simulate a case, and compare it with the reference integrator where ``against`` says so, ``reference[:RTOL]``."""
-    if against is None:
-        analysed("run", given, "simulating")
-        return
-    from beamsim.trust import reference  # which runs without it do not load
-
-    rtol = reference.tolerance_of(against)
-    analysed("run", given, "simulating", lambda result, stop: reference.against(result, rtol, stop))

@@ -9,11 +9,8 @@ from beamsim.analyses.run.animation import frames_of_orbit, frames_of_run
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.sweep.animation import frames_of_sweep
 from beamsim.analyses.sweep.result import SweepResult
-from beamsim.cli.failures import say
-from beamsim.cli.options import Given
-from beamsim.cli.printing import print_files
-from beamsim.cli.progress import progress_of
 from beamsim.cli.screens import margins
+from beamsim.cli.session import Given, print_files, progress_of, say
 from beamsim.cli.tables import table_rows
 from beamsim.errors import BeamsimError, ResultFileError
 from beamsim.files import output_file, output_folder, replacing

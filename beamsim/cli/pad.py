@@ -8,8 +8,7 @@ from typing import Any
 
 from beamsim.analyses.pad.analysis import KnownPad, PadNumbers, option
 from beamsim.analyses.pad.analysis import pad as designed
-from beamsim.cli.failures import show
-from beamsim.cli.printing import print_json
+from beamsim.cli.session import print_json, show
 from beamsim.errors import Problem, ScenarioError
 from beamsim.plots.style import amount
 from beamsim.scenario import units

@@ -10,12 +10,10 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
-from json import dumps
-from pathlib import Path
 from typing import Any
 
-from beamsim.cli.failures import show
-from beamsim.fields import plain, unit_in
+from beamsim.cli.session import show
+from beamsim.fields import unit_in
 from beamsim.outcomes import MOST_LISTED
 from beamsim.plots.style import Scale, amount, is_known, scale_for
 
@@ -95,34 +93,6 @@ def under_headings(texts: Sequence[Mapping[str, str]]) -> list[list[str]]:
 def more_rows(count: int) -> list[dict[str, str]]:
     """What is below the first rows of a table of so many."""
     return [{"": f"and {count - MOST_ROWS} more in the file"}] if count > MOST_ROWS else []
-
-
-def print_json(values: Mapping[str, Any]) -> None:
-    """One JSON object on standard output; non-finite numbers are null.
-
-    Where the encoding of the output lacks a character, JSON's own escapes stand for all that are not ASCII.
-    """
-    text = dumps(plain(values), ensure_ascii=False, allow_nan=False)
-    try:
-        text.encode(sys.stdout.encoding or "utf-8")
-    except UnicodeEncodeError:
-        text = dumps(plain(values), allow_nan=False)
-    show(text)
-
-
-def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> None:
-    """Print the files written by a command, one per line; as JSON also where it is quiet.
-
-    Parameters
-    ----------
-    files : in the order of printing.
-    json : whether to print JSON.
-    quiet : whether to print no lines.
-    """
-    if json:
-        print_json({"files": [str(path) for path in files]})
-    elif not quiet:
-        show(*files)
 
 
 def print_table(title: str, rows: Sequence[tuple[str, str]]) -> None:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from beamsim.cli.failures import say
-from beamsim.cli.options import Given
-from beamsim.cli.printing import print_files, print_json, print_table
-from beamsim.cli.progress import progress_of
+from beamsim.cli.printing import print_table
+from beamsim.cli.session import Given, print_files, print_json, progress_of, say
 from beamsim.cli.tables import all_rows
 from beamsim.errors import Problem, ScenarioError
 from beamsim.files import output_file, output_folder

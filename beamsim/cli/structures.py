@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast
 
-from beamsim.cli.failures import show
-from beamsim.cli.options import Given
-from beamsim.cli.printing import print_json, print_table
-from beamsim.cli.progress import progress_of
+from beamsim.cli.printing import print_table
+from beamsim.cli.session import Given, print_json, progress_of, show
 from beamsim.errors import MethodError, Problem, ScenarioError, VerdictError
 from beamsim.files import output_file, replacing
 from beamsim.matrix_files import ENDINGS, FORMATS, write_matrices

@@ -16,9 +16,7 @@ from beamsim.analyses.designs.result import DesignsResult
 from beamsim.analyses.sweep.analysis import demand_consistent
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.cli.conclusion import conclude, concluded, prepared
-from beamsim.cli.failures import Interruption, interruptible, say
-from beamsim.cli.options import Given
-from beamsim.cli.progress import Progress, progress_of
+from beamsim.cli.session import Given, Interruption, Progress, interruptible, progress_of, say
 from beamsim.errors import NotWrittenError, Problem, ResultFileError, ScenarioError, VerdictError
 from beamsim.files import check_writable, partial_file, replacing
 from beamsim.kinds import KINDS

@@ -6,8 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from beamsim.cli.printing import print_json
-from beamsim.cli.progress import progress_of
+from beamsim.cli.session import print_json, progress_of
 from beamsim.flow.compiled import cache_folder
 from beamsim.kinds import KINDS, named
 from beamsim.scenario import load_scenario, template

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from beamsim.errors import visible
 from beamsim.files import replacing
+from beamsim.outcomes import Stop, never
 from beamsim.plots.style import Scale, scale_for
 from beamsim.scenario.reporting import Limits
 from beamsim.typing import Bools, Floats
@@ -422,7 +423,9 @@ def _name_beside(ax: Axes, places: Mapping[str, tuple[float, float]]) -> None:
         )  # fmt: skip
 
 
-def save_figures(figures: Mapping[str, Picture], folder: Path | str, stem: str, form: str = "png") -> list[Path]:
+def save_figures(
+    figures: Mapping[str, Picture], folder: Path | str, stem: str, form: str = "png", stop: Stop = never
+) -> list[Path]:
     """Draw and save every picture as ``<stem>_<name>.<form>``; slashes and spaces in names become underscores.
 
     Parameters
@@ -431,6 +434,7 @@ def save_figures(figures: Mapping[str, Picture], folder: Path | str, stem: str, 
     folder : that the files are written to; it is made if it is missing.
     stem : first part of the file names.
     form : png, pdf or svg.
+    stop : asked after each picture whether to leave out the others.
 
     Returns
     -------
@@ -447,6 +451,8 @@ def save_figures(figures: Mapping[str, Picture], folder: Path | str, stem: str, 
         with replacing(path) as temporary:
             write(figure, temporary, form)
         written.append(path)
+        if stop():
+            break
     return written
 
 

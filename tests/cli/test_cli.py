@@ -38,7 +38,7 @@ PLOTS = {
 
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
-    monkeypatch.setattr("beamsim.cli.progress.SHOWN_AFTER_S", 1e6)  # nothing but what the tests are about
+    monkeypatch.setattr("beamsim.cli.session.SHOWN_AFTER_S", 1e6)  # nothing but what the tests are about
     monkeypatch.chdir(tmp_path)
     (tmp_path / "case.yaml").write_text(CASE)
     return tmp_path

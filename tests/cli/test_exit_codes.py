@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from beamsim.cli.conclusion import conclude
-from beamsim.cli.failures import Interruption
-from beamsim.cli.options import Given
+from beamsim.cli.session import Given, Interruption
 from beamsim.errors import VerdictError
 from beamsim.kinds import KINDS, named
 from beamsim.outcomes import STANDINGS, OnLimit, Outcome, OutcomeKind, exit_code, on_limit
@@ -121,7 +120,7 @@ def test_a_reader_that_leaves_early_is_no_damage_of_the_file(tmp_path, monkeypat
 
     stored = Path(__file__).parents[1] / "data/results/sweep.h5.gz"
     (tmp_path / "sweep.h5").write_bytes(gzip.decompress(stored.read_bytes()))
-    monkeypatch.setattr("beamsim.cli.failures.discard_output", lambda: None)
+    monkeypatch.setattr("beamsim.cli.session.discard_output", lambda: None)
     for printer, more in (("print_table", []), ("print_json", ["--json"])):
         monkeypatch.setattr(f"beamsim.cli.stored.{printer}", closed)
         assert invoke("info", tmp_path / "sweep.h5", *more).exit_code == 141
@@ -136,5 +135,5 @@ def test_an_exception_has_its_code(raised, code, tmp_path, monkeypatch):
         raise raised
 
     monkeypatch.setattr("beamsim.cli.cases.schema_text", fail)
-    monkeypatch.setattr("beamsim.cli.failures.discard_output", lambda: None)
+    monkeypatch.setattr("beamsim.cli.session.discard_output", lambda: None)
     assert invoke("schema").exit_code == code

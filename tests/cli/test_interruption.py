@@ -14,7 +14,7 @@ from sampling import slow_after
 
 import beamsim
 from beamsim.analyses.nnm.analysis import nnm
-from beamsim.cli.failures import STOPPING, interruptible
+from beamsim.cli.session import STOPPING, interruptible
 from beamsim.measurements.channels import read_tests
 from beamsim.outcomes import COMPLETE, asked_by, exit_code
 from beamsim.scenario import load_scenario
@@ -130,7 +130,7 @@ import signal
 import sys
 from contextlib import contextmanager
 import beamsim.cli
-import beamsim.cli.progress
+import beamsim.cli.session
 
 @contextmanager
 def telling(label, *, shown, afterwards=""):
@@ -144,7 +144,7 @@ def telling(label, *, shown, afterwards=""):
     yield tell
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run where it is ignored
-beamsim.cli.progress.progress_of = telling
+beamsim.cli.session.progress_of = telling
 beamsim.cli.main()
 """
 

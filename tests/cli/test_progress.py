@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from beamsim.cli import progress as module
-from beamsim.cli.progress import Progress, duration, progress_of
+from beamsim.cli import session as module
+from beamsim.cli.session import Progress, duration, progress_of
 from beamsim.errors import TooLongError, allowing_hours
 
 pytestmark = pytest.mark.quick

@@ -11,7 +11,7 @@ import pytest
 from pydantic import TypeAdapter
 
 import beamsim
-from beamsim.cli.failures import say, show
+from beamsim.cli.session import say, show
 from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.hdf5 import seal
 from beamsim.kinds import KINDS, named

@@ -12,7 +12,7 @@ import pytest
 from beamsim import files
 from beamsim.analyses.designs.result import CaseOutcome
 from beamsim.cli import print_any_text
-from beamsim.cli.failures import broken_pipe, discard_output, interruptible
+from beamsim.cli.session import broken_pipe, discard_output, interruptible
 from beamsim.errors import ResultFileError
 from beamsim.parallel import default_workers
 from beamsim.store.studies import LOCKED_BYTE, opened_journal

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from beamsim.cli.printing import print_json
+from beamsim.cli.session import print_json
 from beamsim.errors import ResultFileError, ScenarioError
 from beamsim.files import check_writable
 from beamsim.plots.drawing import Chart, Curve, Picture, write

@@ -1,0 +1,386 @@
+"""What surrounds every command: what it is given, what it prints, how far it is, and how it ends.
+
+What it raises becomes a message and an exit code (`beamsim.outcomes.ExitCode`). The first Ctrl-C or SIGTERM sets a
+flag, the second ends the command at once. Progress is shown on standard error: a bar on terminals, elsewhere a line
+every few seconds.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import signal
+import sys
+import threading
+import time as clock
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from json import dumps
+from pathlib import Path
+from types import FrameType
+from typing import Any, NamedTuple
+
+import typer
+
+from beamsim.errors import MOST_HOURS, BeamsimError, ScenarioError, TooLongError, VerdictError, allowed_hours, visible
+from beamsim.fields import plain
+from beamsim.outcomes import ExitCode
+
+
+class Given(NamedTuple):
+    """What commands are given alike: a file, numbers to replace in it, where to write, and what to print."""
+
+    case: Path = Path()  # scenario or result
+    overrides: list[str] | None = None
+    output: Path | None = None
+    json: bool = False
+    no_plots: bool = False
+    quiet: bool = False
+    verbose: bool = False  # whether the whole table is printed
+    allow_hours: float = MOST_HOURS  # longest time that the computation may be estimated to take
+    check: bool = False  # whether exceeding a limit is an error
+    resume: bool = False  # whether to go on from what an interrupted command has kept
+    open_files: bool = False  # whether files that a result names may be opened to build its model again
+
+
+# --- What is printed -------------------------------------------------------------------------------------------------
+
+
+def say(text: str) -> None:
+    """Print a message on standard error."""
+    print(visible(text), file=sys.stderr, flush=True)
+
+
+def show(*texts: object) -> None:
+    """Print texts on standard output, a line each, with escapes in place of control characters from files."""
+    print(*(visible(str(text)) for text in texts), sep="\n")
+
+
+def print_json(values: Mapping[str, Any]) -> None:
+    """One JSON object on standard output; non-finite numbers are null.
+
+    Where the encoding of the output lacks a character, JSON's own escapes stand for all that are not ASCII.
+    """
+    text = dumps(plain(values), ensure_ascii=False, allow_nan=False)
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        text = dumps(plain(values), allow_nan=False)
+    show(text)
+
+
+def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> None:
+    """Print the files written by a command, one per line; as JSON also where it is quiet.
+
+    Parameters
+    ----------
+    files : in the order of printing.
+    json : whether to print JSON.
+    quiet : whether to print no lines.
+    """
+    if json:
+        print_json({"files": [str(path) for path in files]})
+    elif not quiet:
+        show(*files)
+
+
+# --- How a command ends ----------------------------------------------------------------------------------------------
+
+NOTHING_INCOMPLETE = "beamsim: interrupted; no incomplete file was left"
+
+# errors of print when the disk is full; not every system defines all of them
+OUTPUT_REFUSED = [getattr(errno, name) for name in ("ENOSPC", "EIO", "EFBIG", "EDQUOT") if hasattr(errno, name)]
+
+
+def verdict(error: BaseException) -> tuple[int, str]:
+    """Exit code and message for an exception."""
+    if isinstance(error, KeyboardInterrupt):
+        return ExitCode.INTERRUPTED, NOTHING_INCOMPLETE
+    if isinstance(error, ScenarioError):
+        return error.exit_code, "\n".join(
+            str(problem) if problem.file else f"beamsim: {problem}" for problem in error.problems
+        )
+    if isinstance(error, BeamsimError):
+        return error.exit_code, f"beamsim: {error}"
+    if isinstance(error, MemoryError):
+        reason = f" ({error})" if str(error) else ""
+        return ExitCode.USAGE, f"beamsim: not enough memory{reason}; reduce run.duration, run.sample_rate or the model"
+    if isinstance(error, OSError) and error.filename is not None:
+        return ExitCode.USAGE, f"beamsim: {error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.errno in OUTPUT_REFUSED:
+        return ExitCode.USAGE, f"beamsim: cannot write the output: {error.strerror}"
+    text = f"{type(error).__name__}: {error}".splitlines()[0]
+    return ExitCode.BUG, f"beamsim: internal error ({text}); use --debug for the traceback"
+
+
+def interruption_behind(error: BaseException) -> BaseException | None:
+    """What SIGINT or SIGTERM raised, where a library made an error of its own of it; None for other errors.
+
+    >>> try:
+    ...     try:
+    ...         raise KeyboardInterrupt
+    ...     except:
+    ...         raise ValueError("cannot write")
+    ... except ValueError as error:
+    ...     interruption_behind(error)
+    KeyboardInterrupt()
+    """
+    if isinstance(error, VerdictError):  # the partial result is kept
+        return None
+    behind = error.__context__
+    while behind is not None and not isinstance(behind, (KeyboardInterrupt, SystemExit)):
+        behind = behind.__context__
+    return behind
+
+
+def broken_pipe(error: BaseException) -> bool:
+    """Whether standard output was closed by its reader (``| head``); on Windows that is an invalid argument."""
+    invalid = sys.platform == "win32" and getattr(error, "errno", None) == errno.EINVAL
+    return isinstance(error, BrokenPipeError) or (isinstance(error, OSError) and invalid and error.filename is None)
+
+
+def discard_output() -> None:
+    """Discard buffered standard output, so that flushing it at exit does not fail."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (AttributeError, OSError, ValueError):  # no such function, or no file behind standard output
+        sys.stdout = io.StringIO()
+
+
+@contextmanager
+def with_exit_code(*, debug: bool) -> Iterator[None]:
+    """Let the block end the command with the message and exit code of what it raises.
+
+    Parameters
+    ----------
+    debug : whether to print the traceback of an error.
+
+    Raises
+    ------
+    typer.Exit
+        With the exit code.
+    """
+    try:
+        yield
+        if sys.stdout is not None:
+            sys.stdout.flush()  # here, where a full disk can be reported
+    except typer.Exit:
+        raise
+    except SystemExit as end:
+        if end.code == ExitCode.TERMINATED:
+            say(NOTHING_INCOMPLETE)
+        raise
+    except (Exception, KeyboardInterrupt) as raised:
+        error = interruption_behind(raised) or raised
+        if isinstance(error, SystemExit):
+            say(NOTHING_INCOMPLETE)
+            raise error from None
+        if broken_pipe(error):
+            discard_output()
+            raise typer.Exit(ExitCode.BROKEN_PIPE) from None
+        if debug:
+            traceback.print_exception(error)
+        code, message = verdict(error)
+        say(message)
+        raise typer.Exit(code) from None
+
+
+STOPPING = "beamsim: stopping, and saving what was found; press again to stop at once without saving"
+
+
+@dataclass(eq=False)
+class Interruption:
+    """Whether a signal asked the command to end: what analyses call ``stop``."""
+
+    signal: int = 0  # its number, or 0; of two that of the second
+    at_once: bool = False  # whether there was a second one
+
+    def __call__(self) -> bool:
+        """Whether one was received."""
+        return self.signal != 0
+
+
+@contextmanager
+def interruptible() -> Iterator[Interruption]:
+    """Yield a flag that the first SIGINT or SIGTERM in the block sets; the second ends the block at once.
+
+    Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
+    """
+    interruption = Interruption()
+    before = {
+        number: handler
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if callable(handler := signal.getsignal(number)) or handler == signal.SIG_DFL
+    }
+
+    def request(number: int, frame: FrameType | None) -> None:
+        interruption.at_once = interruption.signal != 0
+        interruption.signal = number
+        if interruption.at_once:
+            raise KeyboardInterrupt
+        say(STOPPING)
+
+    try:
+        for number in before:
+            signal.signal(number, request)
+        yield interruption
+    except VerdictError:  # what was found is kept
+        raise
+    except BaseException as error:
+        if not (interruption.at_once or isinstance(error, KeyboardInterrupt)):
+            raise
+        if interruption.signal == signal.SIGTERM:
+            sys.exit(ExitCode.TERMINATED)
+        raise KeyboardInterrupt from None  # libraries make errors of their own of it
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+# --- How far it is ---------------------------------------------------------------------------------------------------
+
+SHOWN_AFTER_S = 2.0  # what takes less needs no report
+INTERVAL_S = 1.0  # of time, at least, over which a rate is measured
+INTERVALS = 4  # before the fastest rate counts: the first ones include the compilation of kernels
+
+
+class Progress:
+    """How far one part of a command is; call it with the fraction that is done.
+
+    Parameters
+    ----------
+    label : what is done, "simulating case.yaml".
+    afterwards : what is done from fraction 1 on, of which no fraction is known; the label where nothing follows.
+    """
+
+    def __init__(self, label: str, afterwards: str = "") -> None:
+        self._label = visible(label)
+        self._afterwards = afterwards or label
+        self.begin = clock.monotonic()  # s
+        self._first: tuple[float, float] | None = None  # time and fraction of the first call: what was resumed is known
+        self._last = 0.0
+        self._allowed_hours = allowed_hours.get()
+        self._interval = (0.0, 0.0)  # time and fraction where the present one begins
+        self._paces: list[float] = []  # s for the whole, at the rate of each interval
+
+    def __call__(self, fraction: float) -> None:
+        """Set the fraction that is done.
+
+        Raises
+        ------
+        TooLongError
+            If the rest would take longer than is allowed at the fastest rate up to now.
+        """
+        now, self._last = clock.monotonic(), min(max(fraction, 0.0), 1.0)
+        if self._first is None:
+            self._first = self._interval = now, self._last
+        took, gained = now - self._interval[0], self._last - self._interval[1]
+        if took < INTERVAL_S or gained <= 0.0:
+            return
+        self._interval = now, self._last
+        self._paces.append(took / gained)
+        hours = min(self._paces) * (1.0 - self._last) / 3600.0
+        if len(self._paces) >= INTERVALS and hours > self._allowed_hours:
+            raise TooLongError(f"{self._label}: the rest would take about", hours)
+
+    def pause(self) -> None:
+        """Forget the rate: nothing is being done. No time is estimated before more is done."""
+        self._first = None
+        self._paces.clear()
+
+    def state(self) -> tuple[str, float | None, float | None]:
+        """What is being done, the fraction that is done, and the time left if it goes on as before, s.
+
+        Fraction and time are None where they are not known.
+        """
+        if self._first is None:
+            return self._label, None, None
+        if self._last >= 1.0:
+            return self._afterwards, None, None
+        since, begin = self._first
+        gained = self._last - begin
+        left = None if gained <= 0.0 else (clock.monotonic() - since) * (1.0 - self._last) / gained
+        return self._label, self._last, left
+
+    def __str__(self) -> str:
+        label, fraction, remaining = self.state()
+        left = f"{duration(clock.monotonic() - self.begin)} so far" if remaining is None else _left(remaining)
+        return f"{label}, {left}" if fraction is None else f"{label}: {100.0 * fraction:.0f} % done, {left}"
+
+
+@contextmanager
+def progress_of(label: str, *, shown: bool, afterwards: str = "") -> Iterator[Progress]:
+    """Report on standard error how far the block is, as soon as it takes more than two seconds.
+
+    Parameters
+    ----------
+    label, afterwards : as of `Progress`.
+    shown : whether to report at all.
+
+    Yields
+    ------
+    To be called with the fraction that is done.
+    """
+    progress = Progress(label, afterwards)
+    if not shown:
+        yield progress
+        return
+    ended = threading.Event()
+    report = _show_bar if sys.stderr.isatty() else _print_lines
+    reporter = threading.Thread(target=report, args=(progress, ended), daemon=True)
+    reporter.start()
+    try:
+        yield progress
+    finally:
+        ended.set()
+        reporter.join()
+
+
+def _print_lines(progress: Progress, ended: threading.Event) -> None:
+    interval = SHOWN_AFTER_S
+    while not ended.wait(interval):
+        with suppress(OSError, ValueError):  # standard error is closed: the command itself will see to it
+            say(f"beamsim: {progress}")
+        interval = min(max(5.0, 0.1 * (clock.monotonic() - progress.begin)), 30.0)  # rarer the longer it takes
+
+
+def _show_bar(progress: Progress, ended: threading.Event) -> None:
+    if ended.wait(SHOWN_AFTER_S):
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    label, left = TextColumn("{task.description}", markup=False), TextColumn("{task.fields[left]}")
+    columns = (label, BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), left)
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(progress.state()[0], total=None, left="")
+        while True:
+            what, fraction, remaining = progress.state()
+            bar.update(
+                task,
+                description=what,
+                total=None if fraction is None else 1.0,
+                completed=fraction or 0.0,
+                left="" if remaining is None else _left(remaining),
+            )
+            if ended.wait(0.2):
+                return
+
+
+def _left(seconds: float) -> str:
+    return f"about {duration(seconds)} remain" if seconds >= 1.0 else "less than 1 s remain"
+
+
+def duration(seconds: float) -> str:
+    """A time as people say it.
+
+    >>> duration(12.3), duration(600.0), duration(7200.0)
+    ('12 s', '10 min', '2.0 h')
+    """
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
